@@ -54,9 +54,9 @@ an effect, a schedule beside other effects, or an effect in another channel than
 the robot file by as much. Chosen: a smaller share lowers the held-out RMSE by less than 3 % (1 - sqrt(0.95))."""
 
 SMALLEST_GAIN_TO_NAME = 0.1
-"""Least share that a named effect must explain of the squared error beyond that expected from noise: less may come from
-a misspecified form of another. Chosen on seeds 2 and 3 of benchmarks/concealed, where all single effects found explain
-more. Of the whole squared error it must explain SMALLEST_GAIN."""
+"""Least share of the squared error that a named effect must explain: less may come from a misspecified form of another.
+Of the refit's error, it is a share of what exceeds that expected from noise, and of all of it SMALLEST_GAIN. Chosen on
+seeds 2 and 3 of benchmarks/concealed, where all single effects found explain more."""
 
 SMALLEST_SHARE = 0.005
 """Least share of the recorded rms that an effect or a dependence must explain, and of the energy that a schedule must

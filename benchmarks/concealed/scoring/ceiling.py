@@ -41,13 +41,13 @@ def provable(case: Case) -> dict[str, bool]:
         for effect, one in zip(case.hidden, others, strict=True)
     )
     residual = runs.observed - fit.predicted
-    bench = Bench(fit, terms, runs, residual, independent_blocks(fit, runs).channels)
+    block = independent_blocks(fit, runs).channels
+    bench = Bench(fit, terms, runs, residual, block, noise=expected_error(fit, runs))
     least, found = max(rules.SMALLEST_GAIN_BESIDE * float(residual @ residual), meter_error(runs)), {}
-    noise = expected_error(fit, runs)
     for index, effect in enumerate(case.hidden):
         beside = bench if len(terms) == 1 else bench.with_base(1 - index)
         share, squared_error = beside.share(index), beside.squared_error(index)
-        enough = least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, noise)
+        enough = least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, beside.noise)
         named = share >= enough and share * squared_error >= least
         elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance
         found[effect] = elsewhere or (named and beside.delta_bic(index) >= rules.STRONG_BIC)

@@ -119,7 +119,7 @@ def name_missing(
                 break
         else:
             break  # no candidate passes with a significant size in the joint replay
-        named, corrected = together, fitted
+        named, corrected, noise = together, fitted, 0.0  # a further effect may be misspecification of those named
         by_motion = cache(partial(largest_by_motion, fitted, runs, block, rng))
         setting = corrected.model.setting(runs, corrected.theta, corrected.values)
         setting = replace(setting, residual=runs.observed - corrected.predicted)

@@ -69,11 +69,11 @@ class Bench:
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
     refit_error: float = 0.0  # squared error that the refit leaves, without any effect
     channel_error: float = 0.0  # squared error expected from errors of the channels
-    noise: float = 0.0  # squared error expected from noise of power
+    noise: float = 0.0  # squared error that noise explains, where no effect is in the base
 
     def with_base(self, other: int) -> Bench:
-        """The same with a hypothesis in the base."""
-        extended = replace(self, beside=(*self.beside, other))
+        """The same with a hypothesis in the base, of which others may be misspecification."""
+        extended = replace(self, beside=(*self.beside, other), noise=0.0)
         for name in ("_whole", "_by_block", "_by_stretch"):
             if name in self.__dict__:  # cached values do not depend on the base
                 extended.__dict__[name] = self.__dict__[name]
