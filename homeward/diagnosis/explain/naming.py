@@ -189,7 +189,7 @@ def _rank(bench: Bench) -> tuple[Ranked, ...]:
 
 def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     """Validated hypotheses: that with the lowest BIC, alone or as the stronger half of the best pair; the pair, where
-    each half is significant only beside the other; the next best alone, by BIC, by their steps, or by innovations."""
+    each half is significant only beside the other; the next best alone, by BIC or by innovations."""
     if not bench.candidates:
         return
     shares = bench.shares

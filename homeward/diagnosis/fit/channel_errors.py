@@ -122,6 +122,10 @@ def times_noise(fit: Fitted, runs: Runs) -> float:
 
 
 def least_to_name(share: float, squared_error: float, noise: float) -> float:
-    """Least share of a squared error to be explained for a name: this share of what noise does not explain, and a
-    twentieth of all."""
+    """Least share of a squared error to be explained for a name: a share of what noise does not explain, and of all the
+    share of `SMALLEST_GAIN`.
+
+    >>> round(least_to_name(0.1, squared_error=100.0, noise=30.0), 9), least_to_name(0.1, 100.0, 100.0)
+    (0.07, 0.05)
+    """
     return max(rules.SMALLEST_GAIN, share * (1.0 - noise / max(squared_error, 1e-300)))

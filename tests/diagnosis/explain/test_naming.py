@@ -13,7 +13,7 @@ import pytest
 
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
-from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose
+from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose, rules
 from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
@@ -93,6 +93,16 @@ def test_an_effect_that_a_channel_shows_is_named_beside_a_load_that_drifts(short
     (found,) = diagnose(drifting, husky).missing_physics
     assert found.effect == "turning"
     assert found.parameters["scrub"].value == pytest.approx(0.3, rel=0.15)
+
+
+def test_a_noisy_meter_does_not_hide_an_effect(drive: Drive, husky: Robot) -> None:
+    """Its noise is most of the squared error, of which the effect explains less than a tenth."""
+    rng = np.random.default_rng(1)
+    runs = drive(husky, runs=4, minutes=4.0, effects={"compute": {"power_w": 29.0, "base_share": 1.0}})
+    noisy = with_power(runs, lambda of: of["power_w"] + 60.0 * rng.standard_normal(len(of["power_w"])))
+    (found,) = diagnose(noisy, husky).missing_physics
+    assert found.effect == "compute"
+    assert found.evidence.held_out_gain is not None and found.evidence.held_out_gain < rules.SMALLEST_GAIN_TO_NAME
 
 
 def test_a_load_from_one_day_on_is_named_beside_an_effect_though_the_weather_changed_too(
