@@ -81,8 +81,17 @@ class Model:
         return found
 
     def setting(self, runs: Runs, theta: Array, values: Array) -> Setting:
-        """Prediction of these parameters and values by the terms of the replay, and its residual."""
+        """Prediction of these parameters and values by a replay, and its residual.
+
+        Flexible forms are in their form in a robot file: a load on top, for example, also makes turning harder.
+        """
         within = self.within(runs, values)
+        for index, term in enumerate(self.terms):
+            if (plain := term.plain) is not None and plain.columns.shape[1] == 1:
+                column, added = plain.columns[:, 0], term.columns @ (values - self.given)[self.of(index)]
+                size = float(np.clip(column @ added / max(float(column @ column), 1e-300), plain.low[0], plain.high[0]))
+                numbers = {**plain.shape, plain.hypothesis.entry.switch.name: size}
+                within = plain.hypothesis.within(plain.hypothesis, within, numbers, runs)
         alone = self.parameters.predict(runs, theta, within)
         return Setting(runs, self.parameters, theta, within, alone, runs.observed - alone)
 
