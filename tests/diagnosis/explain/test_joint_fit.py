@@ -195,3 +195,21 @@ def test_in_correlated_noise_an_effect_is_rarely_significant(short_runs: Runs, h
         found = fitted(dataclasses.replace(short_runs, observed=plain + noise), husky, "turning")
         count += bool(found.p_values[0] <= rules.SIGNIFICANT)
     assert count <= 7  # of 40 at 5 %: 8 or more have a probability of 0.0007
+
+
+def test_a_load_on_top_also_makes_turning_harder_where_that_is_flexible(short_runs: Runs, husky: Robot) -> None:
+    turns = dataclasses.replace(husky, effects=TURNING)
+    recorded = as_recorded(short_runs, turns)
+    fit = refit(recorded, husky)
+    setting = Setting.of(fit, recorded)
+    (flexible,) = rising(CATALOGUE["turning"], setting)
+    (plain,) = responses(CATALOGUE["turning"], setting)
+    term = dataclasses.replace(flexible, plain=plain)
+    found = fit_model(fit, [term], recorded, cut_blocks(recorded.run))
+    beside = found.model.setting(recorded, found.theta, found.values)
+    payload = CATALOGUE["payload"]
+    load, load_alone = payload.load(payload, beside), payload.load(payload, setting)
+    with_it = dataclasses.replace(turns, effects={**TURNING, "payload": {"mass_kg": 1.0}})
+    true = predict(recorded, with_it) - predict(recorded, turns)
+    assert load is not None and load_alone is not None
+    assert np.std(load - true) < 0.5 * np.std(load_alone - true)
