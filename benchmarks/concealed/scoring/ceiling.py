@@ -50,7 +50,8 @@ def provable(case: Case) -> dict[str, bool]:
         enough = least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, beside.noise)
         named = share >= enough and share * squared_error >= least
         elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance
-        found[effect] = elsewhere or (named and beside.delta_bic(index) >= rules.STRONG_BIC)
+        delta_bic = max(beside.held_out_bic(index), beside.innovations_bic(index))
+        found[effect] = elsewhere or (named and delta_bic >= rules.STRONG_BIC)
     return found
 
 

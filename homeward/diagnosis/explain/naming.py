@@ -209,10 +209,10 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), alone)
     least = {False: 0.0, True: 0.0}  # of effects that change in steps, and of others
 
-    def proven(indices: Sequence[int]) -> Iterator[tuple[Named, ...]]:
+    def proven(indices: Sequence[int], whitened: bool = False) -> Iterator[tuple[Named, ...]]:
         """Each alone, but none that explains less than one that only the placebos refuse; steps stand beside drifts."""
         for index in dict.fromkeys(indices):
-            found = _supported(bench, index, alone, independent, rng)
+            found = _supported(bench, index, alone, independent, rng, whitened)
             if found and found.p_value > rules.FALSE_ALARM_RATE:
                 for sudden in {False, found.sudden}:
                     least[sudden] = max(least[sudden], rules.RIVAL_SHARE * found.held_out_gain)
@@ -224,8 +224,12 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
         halves = [_half(bench.with_base(other), one, independent, rng) for one, other in (pair, pair[::-1])]
         if all(halves):
             yield tuple(one for one in halves if one)
-    by_innovations = sorted(filter(bench.is_whitened, most), key=bench.innovations_bic, reverse=True)
-    yield from proven([*order[:_TRIED], *by_innovations[:_TRIED]])
+    likely_first = sorted(most, key=bench.innovations_bic, reverse=True)
+    in_steps = list(filter(bench.is_in_steps, likely_first))
+    yield from proven([*order[:_TRIED], *in_steps[:_TRIED]])
+    # A slow cause that is not found, or only beside this one, makes its residual correlated.
+    steady = [one for one in likely_first if bench.candidates[one].axis == "steady"]
+    yield from proven(steady[:_TRIED], whitened=True)
 
 
 def _alone(bench: Bench, independent: float) -> Array:
@@ -279,10 +283,12 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     return min([chosen, *equals], key=preference)
 
 
-def _supported(bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator) -> Named | None:
-    """A hypothesis with its evidence, where it passes every test but of its p-value."""
+def _supported(
+    bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator, whitened: bool = False
+) -> Named | None:
+    """A hypothesis with its evidence, if `whitened` by innovations, where it passes every test but of its p-value."""
     share = bench.share(chosen)
-    delta_bic = bench.delta_bic(chosen)
+    delta_bic = bench.innovations_bic(chosen) if whitened else bench.delta_bic(chosen)
     hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
     least = least_to_name(least, bench.squared_error(chosen), bench.noise)

@@ -195,17 +195,10 @@ class Bench:
         in_time = one.axis == "time" and one.schedule is not None
         return in_time and self.innovations_bic(chosen) >= rules.STRONG_BIC
 
-    def is_whitened(self, chosen: int) -> bool:
-        """Whether innovations are evidence for it: not for levels, which may follow a drift, unless they are steps."""
-        return self.candidates[chosen].axis == "steady" or self.is_in_steps(chosen)
-
     def delta_bic(self, chosen: int) -> float:
-        """Evidence for one hypothesis: from the held-out share, or from the innovations if that is more.
-
-        A slow cause that is not found makes its residual correlated, so that few windows of it are independent.
-        """
+        """Evidence for one hypothesis: from the held-out share or, of one in steps, from the innovations if more."""
         by_share = self.held_out_bic(chosen)
-        return max(by_share, self.innovations_bic(chosen)) if self.is_whitened(chosen) else by_share
+        return max(by_share, self.innovations_bic(chosen)) if self.is_in_steps(chosen) else by_share
 
     def _freedom(self, chosen: tuple[int, ...]) -> int:
         return sum(self.candidates[one].columns.shape[1] + self.candidates[one].hidden for one in chosen)
