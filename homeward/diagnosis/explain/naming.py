@@ -207,16 +207,15 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
             if both > best + rules.STRONG_BIC:
                 best, pair = both, (one, other)
     preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), alone)
-    least = {False: 0.0, True: 0.0}  # of effects that change in steps, and of others
+    refused: list[Named] = []  # by the placebos only
 
     def proven(indices: Sequence[int], whitened: bool = False) -> Iterator[tuple[Named, ...]]:
-        """Each alone, but none that explains less than one that only the placebos refuse; steps stand beside drifts."""
+        """Each alone, if those that only the placebos refuse do not explain more."""
         for index in dict.fromkeys(indices):
             found = _supported(bench, index, alone, independent, rng, whitened)
             if found and found.p_value > rules.FALSE_ALARM_RATE:
-                for sudden in {False, found.sudden}:
-                    least[sudden] = max(least[sudden], rules.RIVAL_SHARE * found.held_out_gain)
-            elif found and found.held_out_gain >= least[found.sudden]:
+                refused.append(found)
+            elif found and not any(_outdone(found, one) for one in refused):
                 yield (found,)
 
     yield from proven([preferred, pair[0]])
@@ -230,6 +229,14 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     # A slow cause that is not found, or only beside this one, makes its residual correlated.
     steady = [one for one in likely_first if bench.candidates[one].axis == "steady"]
     yield from proven(steady[:_TRIED], whitened=True)
+
+
+def _outdone(found: Named, refused: Named) -> bool:
+    """Whether a refused effect explains more: a schedule is less simple than a channel, and a drift does not refute
+    steps."""
+    simpler = found.term.axis == "steady" and refused.term.axis != "steady"
+    least = (rules.SIMPLER if simpler else rules.RIVAL_SHARE) * refused.held_out_gain
+    return found.held_out_gain < least and (refused.sudden or not found.sudden)
 
 
 def _alone(bench: Bench, independent: float) -> Array:

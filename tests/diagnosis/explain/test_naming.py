@@ -18,7 +18,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.naming import _beside, _half
+from homeward.diagnosis.explain.naming import _beside, _half, _outdone
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
@@ -511,3 +511,25 @@ def test_a_further_schedule_stands_out_from_the_first_and_from_motion(
         return SimpleNamespace(term=term, sudden=sudden, held_out_gain=0.5)
 
     assert _beside(named(axis), [named(first)], lambda: by_motion) == stands
+
+
+@pytest.mark.parametrize(
+    ("axis", "sudden", "gain", "refused_axis", "refused_sudden", "outdone"),
+    [
+        ("time", False, 0.36, "time", False, True),
+        ("steady", False, 0.36, "steady", False, True),
+        ("steady", False, 0.36, "time", False, False),  # a channel is simpler than a schedule
+        ("steady", False, 0.2, "time", False, True),
+        ("time", True, 0.2, "time", False, False),  # steps stand out of a drift
+        ("time", True, 0.2, "time", True, True),
+    ],
+)
+def test_what_placebos_refuse_bars_what_explains_less(
+    axis: str, sudden: bool, gain: float, refused_axis: str, refused_sudden: bool, outdone: bool
+) -> None:
+    """The refused effect explains 0.4."""
+
+    def named(axis: str, sudden: bool, gain: float) -> Any:
+        return SimpleNamespace(term=SimpleNamespace(axis=axis), sudden=sudden, held_out_gain=gain)
+
+    assert _outdone(named(axis, sudden, gain), named(refused_axis, refused_sudden, 0.4)) == outdone
