@@ -244,10 +244,12 @@ def relinearised(term: Term, fit: Refit, beside: Sequence[Term], runs: Runs, blo
     A fit without the effect may be far from the joint fit. Forces then change sign elsewhere, and the form linearised
     there explains little.
     """
+    if len(term.low) > 1:
+        return None
     fixed = dataclasses.replace(term, hypothesis=dataclasses.replace(term.hypothesis, searched=()))
     fitted = fit_model(fit, [*beside, fixed], runs, block)
-    added, contribution = fitted.sizes(len(beside)) - fitted.model.given[-len(term.low) :], fitted.contribution[-1]
-    if len(added) > 1 or added[0] == 0.0 or not contribution.any():
+    added, contribution = float(fitted.values[-1] - fitted.model.given[-1]), fitted.contribution[-1]
+    if added == 0.0 or not contribution.any():
         return None
     return dataclasses.replace(term, columns=contribution[:, None] / added)
 

@@ -223,11 +223,11 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
         halves = [_half(bench.with_base(other), one, independent, rng) for one, other in (pair, pair[::-1])]
         if all(halves):
             yield tuple(one for one in halves if one)
-    likely_first = sorted(most, key=bench.innovations_bic, reverse=True)
-    in_steps = list(filter(bench.is_in_steps, likely_first))
+    by_innovations = sorted(most, key=bench.innovations_bic, reverse=True)
+    in_steps = list(filter(bench.is_in_steps, by_innovations))
     yield from proven([*order[:_TRIED], *in_steps[:_TRIED]])
     # A slow cause that is not found, or only beside this one, makes its residual correlated.
-    steady = [one for one in likely_first if bench.candidates[one].axis == "steady"]
+    steady = [one for one in by_innovations if bench.candidates[one].axis == "steady"]
     yield from proven(steady[:_TRIED], whitened=True)
 
 
