@@ -90,7 +90,8 @@ class Model:
             if (plain := term.plain) is not None and plain.columns.shape[1] == 1:
                 column, added = plain.columns[:, 0], term.columns @ (values - self.given)[self.of(index)]
                 size = float(np.clip(column @ added / max(float(column @ column), 1e-300), plain.low[0], plain.high[0]))
-                numbers = {**plain.shape, plain.hypothesis.entry.switch.name: size}
+                given, _ = plain.hypothesis.in_file(self.parameters.nominal)
+                numbers = {**plain.shape, plain.hypothesis.entry.switch.name: given + size}
                 within = plain.hypothesis.within(plain.hypothesis, within, numbers, runs)
         alone = self.parameters.predict(runs, theta, within)
         return Setting(runs, self.parameters, theta, within, alone, runs.observed - alone)

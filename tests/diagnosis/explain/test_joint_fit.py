@@ -197,10 +197,14 @@ def test_in_correlated_noise_an_effect_is_rarely_significant(short_runs: Runs, h
     assert count <= 7  # of 40 at 5 %: 8 or more have a probability of 0.0007
 
 
-def test_a_load_on_top_also_makes_turning_harder_where_that_is_flexible(short_runs: Runs, husky: Robot) -> None:
+@pytest.mark.parametrize("in_file", [0.0, 0.15])
+def test_a_load_on_top_also_makes_turning_harder_where_that_is_flexible(
+    in_file: float, short_runs: Runs, husky: Robot
+) -> None:
     turns = dataclasses.replace(husky, effects=TURNING)
+    given = dataclasses.replace(husky, effects={"turning": {"scrub": in_file}}) if in_file else husky
     recorded = as_recorded(short_runs, turns)
-    fit = refit(recorded, husky)
+    fit = refit(recorded, given)
     setting = Setting.of(fit, recorded)
     (flexible,) = rising(CATALOGUE["turning"], setting)
     (plain,) = responses(CATALOGUE["turning"], setting)
@@ -213,3 +217,4 @@ def test_a_load_on_top_also_makes_turning_harder_where_that_is_flexible(short_ru
     true = predict(recorded, with_it) - predict(recorded, turns)
     assert load is not None and load_alone is not None
     assert np.std(load - true) < 0.5 * np.std(load_alone - true)
+    assert beside.present.effects["turning"]["scrub"] == pytest.approx(0.3, rel=0.25)
