@@ -15,14 +15,15 @@ from typing import Literal
 
 import numpy as np
 import ruptures
+from scipy.stats import mannwhitneyu
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import WINDOW_S
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import Array, Index, Mask
 
 Axis = Literal["time", "place"]
-Changes = Literal["standing", "moving", "between runs", "once", "repeatedly"]
+Changes = Literal["standing", "moving", "between runs", "once", "repeatedly", "in the cold"]
 
 _AROUND = 2 * rules.SHORTEST_LEVEL  # windows: as far as a change is refined, and the largest error of its moment
 _MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
@@ -76,6 +77,8 @@ def profiles(runs: Runs) -> list[Array]:
 
 def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     """Whether a schedule changes in the way that is typical for an effect."""
+    if how == "in the cold":
+        return may_change("repeatedly", schedule, runs) or _is_colder(schedule.level > 0, runs)
     per_run = [schedule.level[runs.run == run] for run in np.unique(runs.run)]
     within = [np.flatnonzero(np.diff(level)) for level in per_run]
     if how == "between runs":
@@ -93,6 +96,13 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
             near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND * WINDOW_S]
             at_standstill.append(bool((speeds[near] < rules.STOPS_MPS).any()))
     return all(at_standstill) if how == "standing" else not at_standstill or not all(at_standstill)
+
+
+def _is_colder(on: Mask, runs: Runs) -> bool:
+    """Whether the air is colder in windows where a load is on, shape (windows,), than in most others."""
+    temperature_c = runs.context["temperature_c"]
+    ranks = mannwhitneyu(temperature_c[~on], temperature_c[on], nan_policy="omit").statistic
+    return bool(ranks >= rules.COLDER * np.count_nonzero(on) * np.count_nonzero(~on))
 
 
 def place_of(runs: Runs) -> Array | None:

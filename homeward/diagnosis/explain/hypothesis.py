@@ -41,7 +41,8 @@ CHECKS: Mapping[str, str] = {
 
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _PIECES = 4  # of a rising function; chosen: three bends
-_SUDDEN = ("standing", "once", "repeatedly")
+_SWITCHED = ("repeatedly", "in the cold")
+_SUDDEN = ("standing", "once", *_SWITCHED)
 _PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
 
 Numbers = Mapping[str, float]
@@ -187,7 +188,7 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     all_windows = np.ones(len(load), np.bool_)
     for axis in axes:
         for schedule in one.search(axis, load, setting.residual, runs, all_windows, change_points.SHARES):
-            if one.changes == "repeatedly" and schedule.levels > 2:
+            if one.is_switched and schedule.levels > 2:
                 continue  # a switched load is on or off: more levels would fit a drift
             if axis == "time" and one.by_place and met_again and schedule.changes > one.most_changes:
                 continue  # the ground of a place does not change
@@ -314,6 +315,11 @@ class Hypothesis:
     def physical(self) -> bool:
         """Whether it is of the robot or its surroundings, and no fault of an instrument."""
         return self.entry.kind != "instrument"
+
+    @property
+    def is_switched(self) -> bool:
+        """Whether it is switched on and off where no channel shows it."""
+        return self.changes in _SWITCHED
 
     @property
     def is_sudden(self) -> bool:

@@ -300,7 +300,7 @@ class Bench:
         """Targets under the null hypothesis, (windows,) each; blocks of one sign outlast the residual's correlation."""
         block = cut_blocks(self.runs.run, self._residual((chosen,)))
         for _ in range(_MORE * _SEARCHES):
-            if self.candidates[chosen].hypothesis.changes == "repeatedly":
+            if self.candidates[chosen].hypothesis.is_switched:
                 yield _of_same_spectrum(self.target, rng)
             else:
                 yield self.target * rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]

@@ -73,7 +73,7 @@ HYPOTHESES = (
         heater.EFFECT,
         shapes=temperatures(_ON_BELOW_C),
         rises_with="-temperature_c",
-        changes="repeatedly",
+        changes="in the cold",
         load=_while_cold,
         searched=(_ON_BELOW_C,),
     ),
