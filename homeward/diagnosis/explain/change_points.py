@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, combinations, pairwise
 from typing import Literal
 
 import numpy as np
@@ -116,13 +116,15 @@ def place_of(runs: Runs) -> Array | None:
 
 
 def search(
-    axis: Axis, shape: Array, residual: Array, runs: Runs, signed: bool, shares: Sequence[float] = SHARES
-) -> list[Schedule]:
+    axis: Axis, shape: Array, residual: Array, runs: Runs, signed: bool, shares: Sequence[float] = SHARES,
+    several: bool = False,
+) -> list[Schedule]:  # fmt: skip
     """Find the change points of a load's size, in time or on the way from base: schedules of few changes to many.
 
     The `residual`, W or A, is modelled as the size times `shape`, (windows,) each. A change must explain such `shares`
     of its square, the largest first; their number is chosen later, by BIC with the autocorrelation of each residual.
-    Unless `signed`, the lowest size counts as none. By place nothing is found where no place is revisited.
+    Unless `signed`, the lowest size counts as none. By place nothing is found where no place is revisited. Of `several`
+    loads that are each on or off, each schedule of more levels is followed by those that one of them may have.
     """
     if axis == "time":
         parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
@@ -148,20 +150,33 @@ def search(
         if levels < 2:
             continue
         level = np.zeros(len(residual), dtype=np.intp)
-        changes, at = 0, 0
+        at = 0
         for part, cut in zip(parts, cuts, strict=True):
-            own = np.repeat(level_of_block[at : at + len(cut)], np.diff(np.append(cut, len(part))))
+            level[part] = np.repeat(level_of_block[at : at + len(cut)], np.diff(np.append(cut, len(part))))
             at += len(cut)
-            level[part] = own
-            changes += int(np.count_nonzero(np.diff(own))) + int(own[0] != 0)
         exact = _refined(level, shape, residual, parts)
         for at, one in enumerate(found):
-            if one.levels == levels and np.mean(one.level != exact) < rules.SAME_SCHEDULE:
+            rarest = np.bincount(one.level).min()  # a switch more may be of a few windows
+            if one.levels == levels and np.count_nonzero(one.level != exact) <= rules.SAME_SCHEDULE * rarest:
                 found[at] = replace(one, found_by=(*one.found_by, share))
                 break
         else:
-            found.append(Schedule(axis, exact, levels, changes, _apart(exact, shape, residual), (share,)))
-    return found
+            found.append(Schedule(axis, exact, levels, _changes(exact, parts), _apart(exact, shape, residual), (share,)))
+    return [part for one in found for part in _of_one_load(one, parts)] if several else found
+
+
+def _of_one_load(whole: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
+    """A schedule and, of more than two levels, those of a load that is on in some of its higher levels."""
+    yield whole
+    higher = range(1, whole.levels)
+    for chosen in chain.from_iterable(combinations(higher, count) for count in higher if whole.levels > 2):
+        on = np.isin(whole.level, chosen).astype(np.intp)
+        yield replace(whole, level=on, levels=2, changes=_changes(on, parts))
+
+
+def _changes(level: Index, parts: Sequence[Index]) -> int:
+    """Changes of a level within the parts, and parts that do not begin at the reference level."""
+    return sum(int(np.count_nonzero(np.diff(level[part]))) + int(level[part[0]] != 0) for part in parts)
 
 
 def _blocks(shape: Array, count: int) -> Index:

@@ -369,7 +369,8 @@ class Hypothesis:
         Other windows have the level of those before them. A unit of size adds `load`, shape (windows,), where the
         effect is at work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        found = change_points.search(axis, load * chosen, residual * chosen, runs, self.signed, shares)
+        several = self.entry.kind == "ancillary"  # devices, each on or off
+        found = change_points.search(axis, load * chosen, residual * chosen, runs, self.signed, shares, several)
         # An effect that begins once was absent before, however long it lasts.
         return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
 

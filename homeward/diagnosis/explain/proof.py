@@ -101,7 +101,7 @@ class Bench:
             if first.axis == axis and first.schedule is not None and first.load is not None:
                 found = first.hypothesis.search(first.schedule.axis, first.load, self.target, self.runs, ~held, shares)
                 for index in searched:
-                    columns[index] = _as_searched(self.candidates[index], found)
+                    columns[index] = _as_searched(self.candidates[index], found, ~held)
         return self._split(held, columns)
 
     @cached_property
@@ -228,6 +228,11 @@ class Bench:
         weights = self._weights(self._whole, columns, chosen)
         return np.asarray(self.target - self._whole.columns[:, columns] @ weights)
 
+    @cached_property
+    def _left(self) -> Array:
+        """What the base leaves to be explained, shape (windows,)."""
+        return self._residual(()) if self.beside else self.target
+
     def absorbed(self) -> dict[str, float]:
         """Share of each effect that the refit absorbs (R^2 of its columns on the refit's): the least of its forms."""
         gram, base = self._whole.fitted, np.arange(self.model.jacobian.shape[1])
@@ -257,7 +262,7 @@ class Bench:
         if term.schedule is None:
             reached = self.score(self.share(chosen), independent, chosen)
             return float((1 + np.sum(self._best_of_noise(independent, rng) >= reached)) / (DRAWS + 1))
-        reached = self._searched(term, self.target)
+        reached = self._searched(term, self._left)
         kinds = {(one.axis, one.hypothesis.changes) for one in self.candidates if one.schedule is not None}
         scores, p_value = list[float](), 1.0
         for placebo in self._placebos(chosen, rng):
@@ -273,7 +278,7 @@ class Bench:
     def _best_of_noise(self, independent: float, rng: np.random.Generator) -> Array:
         """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
         splits, everything = self._by_block, self._by_block[0].columns
-        moments = per_block(everything[:, :-1] * self.target[:, None], self.block)
+        moments = per_block(everything[:, :-1] * self._left[:, None], self.block)
         signs = rng.choice([-1.0, 1.0], (DRAWS, len(moments)))
         held = np.arange(len(moments)) % FOLDS == np.arange(FOLDS)[:, None]
         tested = [signs[:, one] @ moments[one] for one in held]
@@ -285,7 +290,7 @@ class Bench:
                 columns = self._chosen(split, chosen)
                 weights = _ridge(split.fitted[np.ix_(columns, columns)], to[:, columns].T)
                 quadratic = (weights * (split.tested[np.ix_(columns, columns)] @ weights)).sum(axis=0)
-                total += split.tested[-1, -1] - 2.0 * (weights * on[:, columns].T).sum(axis=0) + quadratic
+                total += float(np.sum(self._left[split.held] ** 2)) - 2.0 * (weights * on[:, columns].T).sum(axis=0) + quadratic
             return np.maximum(total, 1e-300)
 
         without = np.log(errors(()))
@@ -301,9 +306,9 @@ class Bench:
         block = cut_blocks(self.runs.run, self._residual((chosen,)))
         for _ in range(_MORE * _SEARCHES):
             if self.candidates[chosen].hypothesis.is_switched:
-                yield _of_same_spectrum(self.target, rng)
+                yield _of_same_spectrum(self._left, rng)
             else:
-                yield self.target * rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]
+                yield self._left * rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]
 
     def _searched(self, term: Term, target: Array) -> float:
         """Score of the best schedule of an effect that a search in this target finds, each fold searched by itself."""
@@ -327,15 +332,19 @@ def _tail(scores: Array, reached: float) -> float:
     return float(max(np.mean(scores >= reached), len(largest) / len(scores) * np.exp(-beyond), 1e-12))
 
 
-def _as_searched(term: Term, found: Sequence[Schedule]) -> Array:
-    """Columns of the same search in one fold: by its penalty or, where that adds nothing, by a larger one."""
+def _as_searched(term: Term, found: Sequence[Schedule], chosen: Mask) -> Array:
+    """Columns of the same search in the `chosen` windows: by its penalty or, where that adds nothing, a larger one.
+
+    Of the parts of a schedule that which agrees best there.
+    """
     assert term.schedule is not None and term.load is not None
-    columns: Array = np.zeros_like(term.columns)
-    for schedule in found:
-        if schedule.found_by[0] >= term.schedule.share:
-            level = schedule.at_work()[:, : columns.shape[1]]
-            columns = np.zeros_like(term.columns)
-            columns[:, : level.shape[1]] = term.load[:, None] * level
+    columns, level = np.zeros_like(term.columns), term.schedule.level
+    alike = [one for one in found if one.found_by[0] >= term.schedule.share]
+    if alike:
+        parts = [one for one in alike if one.found_by == alike[-1].found_by]
+        best = max(parts, key=lambda one: np.count_nonzero((one.level == level)[chosen]))
+        at_work = best.at_work()[:, : columns.shape[1]]
+        columns[:, : at_work.shape[1]] = term.load[:, None] * at_work
     return columns
 
 
