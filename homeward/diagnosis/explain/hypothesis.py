@@ -42,7 +42,8 @@ CHECKS: Mapping[str, str] = {
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _PIECES = 4  # of a rising function; chosen: three bends
 _SWITCHED = ("repeatedly", "in the cold")
-_SUDDEN = ("standing", "once", *_SWITCHED)
+_ON_OR_OFF = ("once", *_SWITCHED)
+_SUDDEN = ("standing", *_ON_OR_OFF)
 _PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
 
 Numbers = Mapping[str, float]
@@ -369,7 +370,7 @@ class Hypothesis:
         Other windows have the level of those before them. A unit of size adds `load`, shape (windows,), where the
         effect is at work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        several = self.entry.kind == "ancillary"  # devices, each on or off
+        several = self.changes in _ON_OR_OFF
         found = change_points.search(axis, load * chosen, residual * chosen, runs, self.signed, shares, several)
         # An effect that begins once was absent before, however long it lasts.
         return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
