@@ -175,8 +175,8 @@ def _of_one_load(whole: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
 
 
 def _changes(level: Index, parts: Sequence[Index]) -> int:
-    """Changes of a level within the parts, and parts that do not begin at the reference level."""
-    return sum(int(np.count_nonzero(np.diff(level[part]))) + int(level[part[0]] != 0) for part in parts)
+    """Changes of a level in the order of the parts, from the reference level at first."""
+    return int(np.count_nonzero(np.diff(level[np.concatenate(parts)], prepend=0)))
 
 
 def _blocks(shape: Array, count: int) -> Index:
