@@ -143,7 +143,7 @@ def _beside(one: Named, named: Sequence[Named], by_motion: Callable[[], float]) 
     it changes in steps (beside another schedule, in clear ones) and motion does not account for it."""
     if one.term.axis == "time":
         clear = clearly_apart(one.term.schedule) or all(other.term.axis != "time" for other in named)
-        if not (one.term.typical and one.sudden and clear):
+        if not (one.sudden and clear):
             return False
     return one.term.axis == "steady" or by_motion() < one.held_out_gain
 
