@@ -161,7 +161,9 @@ def search(
                 found[at] = replace(one, found_by=(*one.found_by, share))
                 break
         else:
-            found.append(Schedule(axis, exact, levels, _changes(exact, parts), _apart(exact, shape, residual), (share,)))
+            found.append(
+                Schedule(axis, exact, levels, _changes(exact, parts), _apart(exact, shape, residual), (share,))
+            )
     return [part for one in found for part in _of_one_load(one, parts)] if several else found
 
 

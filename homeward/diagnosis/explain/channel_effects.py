@@ -207,29 +207,43 @@ def _state_of_charge(
     return dataclasses.replace(capacity, off=False), best
 
 
-def not_contradicted(candidates: Sequence[Term], base: Array, setting: Setting, block: Index) -> list[Term]:
+def not_contradicted(
+    candidates: Sequence[Term], base: Array, setting: Setting, misread: Array, block: Index
+) -> list[Term]:
     """Hypotheses that the state of charge does not contradict: it falls by the true energy, whatever a meter reads.
 
-    Where it falls by the energy that was read, the meter is right; where it falls by that less the error of a faulty
-    meter, the meter is wrong and no load was added. `base`, shape (windows, columns), is fitted beside the hypotheses.
+    What a faulty meter adds is not drawn; what a load adds is, also beside the fault that the charge shows best.
+    `base`, shape (windows, columns), is fitted beside the hypotheses; `misread`, W, (windows,), is known not to be drawn.
     """
     runs, soc = setting.runs, setting.runs.context.get("soc")
-    misread = [term for term in candidates if term.misread]
-    if soc is None or runs.unit != "W" or not misread or not np.isfinite(soc).any():
+    faults = [term for term in candidates if term.misread]
+    if soc is None or runs.unit != "W" or not np.isfinite(soc).any() or not (faults or misread.any()):
         return list(candidates)
     channel = _Reading(-soc, runs, block)
-    drawn = channel.summed(runs.observed)[:, None]
-    as_read = drawn @ _fit(drawn, channel.target)
-    found: list[tuple[float, float]] = []  # squared error, and gain of a fault of the meter as a difference of BIC
-    for term in misread:
-        design = np.column_stack([base, term.columns])
+
+    def not_drawn(term: Term, beside: Sequence[Array] = ()) -> float:
+        """Difference of BIC if the charge falls by the energy less what this adds, beside other errors of the meter."""
+        known = np.column_stack([base, *beside])
+        design = np.column_stack([known, term.columns])
         weights = _fit(design, setting.residual)
-        true = channel.summed(runs.observed - term.columns @ weights[base.shape[1] :])[:, None]
-        gained = delta_bic(channel.target, as_read, true @ _fit(true, channel.target), channel.run, 0)
-        found.append((float(np.sum((setting.residual - design @ weights) ** 2)), gained))
-    wrong = {id(term) for term, (_, gained) in zip(misread, found, strict=True) if gained <= -rules.STRONG_BIC}
-    no_load = min(found)[1] >= rules.STRONG_BIC
-    return [one for one in candidates if id(one) not in wrong and (one.misread or one.axis != "time" or not no_load)]
+        drawn = (
+            runs.observed
+            - misread
+            - design[:, base.shape[1] : known.shape[1]] @ weights[base.shape[1] : known.shape[1]]
+        )
+        both = (channel.summed(power)[:, None] for power in (drawn, drawn - term.columns @ weights[known.shape[1] :]))
+        return delta_bic(channel.target, *(one @ _fit(one, channel.target) for one in both), channel.run, 0)
+
+    gained = {id(term): not_drawn(term) for term in candidates if term.misread or term.axis == "time"}
+    shown = [max(faults, key=lambda term: gained[id(term)]).columns] if faults else []
+
+    def contradicted(term: Term) -> bool:
+        if term.misread:
+            return gained[id(term)] <= -rules.STRONG_BIC
+        refuted = gained.get(id(term), 0.0) >= rules.STRONG_BIC
+        return refuted and not (shown and not_drawn(term, shown) <= -rules.STRONG_BIC)
+
+    return [term for term in candidates if not contradicted(term)]
 
 
 def _misread(

@@ -42,8 +42,7 @@ CHECKS: Mapping[str, str] = {
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _PIECES = 4  # of a rising function; chosen: three bends
 _SWITCHED = ("repeatedly", "in the cold")
-_ON_OR_OFF = ("once", *_SWITCHED)
-_SUDDEN = ("standing", *_ON_OR_OFF)
+_SUDDEN = ("standing", "once", *_SWITCHED)
 _PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
 
 Numbers = Mapping[str, float]
@@ -370,8 +369,8 @@ class Hypothesis:
         Other windows have the level of those before them. A unit of size adds `load`, shape (windows,), where the
         effect is at work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        several = self.changes in _ON_OR_OFF
-        found = change_points.search(axis, load * chosen, residual * chosen, runs, self.signed, shares, several)
+        load, residual = load * chosen, residual * chosen
+        found = change_points.search(axis, load, residual, runs, self.signed, shares, several=self.is_sudden)
         # An effect that begins once was absent before, however long it lasts.
         return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
 

@@ -129,6 +129,14 @@ class Corrected:
         """Derivative of the prediction by groups (in units of `scale`) and unknowns, shape (windows, columns)."""
         return np.column_stack([self.groups.jacobian, self.beside])
 
+    @property
+    def misread(self) -> Array:
+        """What faults of the power meter add to its reading, shape (windows,)."""
+        found = np.zeros(len(self.predicted))
+        for term, added in zip(self.model.terms, self.contribution, strict=True):
+            found += added * term.misread
+        return found
+
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest physical step of each column of `jacobian`."""
         return _bounds(self.groups, self.model, self.values)

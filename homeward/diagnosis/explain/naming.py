@@ -99,7 +99,8 @@ def name_missing(
         progress("naming")
         candidates = terms(setting, tuple(one.term.effect for one in named), varying)
         model = corrected or fit
-        candidates = not_contradicted(candidates, model.jacobian, setting, block)
+        misread = np.zeros(len(runs.observed)) if corrected is None else corrected.misread
+        candidates = not_contradicted(candidates, model.jacobian, setting, misread, block)
         candidates += _as_jointly_fitted(candidates, model, material, named, setting, block)
         bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, of_channels, noise)
         if corrected is None:

@@ -290,7 +290,11 @@ class Bench:
                 columns = self._chosen(split, chosen)
                 weights = _ridge(split.fitted[np.ix_(columns, columns)], to[:, columns].T)
                 quadratic = (weights * (split.tested[np.ix_(columns, columns)] @ weights)).sum(axis=0)
-                total += float(np.sum(self._left[split.held] ** 2)) - 2.0 * (weights * on[:, columns].T).sum(axis=0) + quadratic
+                total += (
+                    float(np.sum(self._left[split.held] ** 2))
+                    - 2.0 * (weights * on[:, columns].T).sum(axis=0)
+                    + quadratic
+                )
             return np.maximum(total, 1e-300)
 
         without = np.log(errors(()))
