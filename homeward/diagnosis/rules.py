@@ -133,8 +133,8 @@ FEWEST_SWITCHES, RUNS_WITH_SWITCH = 6, 3
 fewest runs in which it switches on, as often."""
 
 COLDER = 0.8
-"""Probability that the air is warmer in a window without a heater's power than in one with it (Mann-Whitney), from which
-a few switches are typical of a thermostat. Chosen: between chance, 0.5, and certainty."""
+"""Probability that the air is warmer in a window without a heater's power than in one with it (Mann-Whitney), from
+which a few switches are typical of a thermostat. Chosen: between chance, 0.5, and certainty."""
 
 SHORTEST_LEVEL = 4
 """Least windows of a level, two seconds: its mean is then known to half of the noise, 1 / sqrt(4)."""

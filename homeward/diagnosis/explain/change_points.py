@@ -42,6 +42,7 @@ class Schedule:
     changes: int  # moments or places at which it changes
     apart: float  # distance of its levels, in standard deviations of their residual
     found_by: tuple[float, ...]  # penalties (see `SHARES`) with which it is found
+    of_several: bool = False  # whether it is of one of several loads, whose sum has more levels
 
     @property
     def share(self) -> float:
@@ -86,6 +87,8 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     if how == "once":
         return all(len(changes) <= 1 for changes in within)
     if how == "repeatedly":
+        if all(len(changes) <= 1 for changes in within):
+            return False
         comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
         return comes_on >= rules.RUNS_WITH_SWITCH or sum(len(changes) for changes in within) >= rules.FEWEST_SWITCHES
     speeds = np.abs(runs.context["speed_mps"])
@@ -173,12 +176,14 @@ def _of_one_load(whole: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
     higher = range(1, whole.levels)
     for chosen in chain.from_iterable(combinations(higher, count) for count in higher if whole.levels > 2):
         on = np.isin(whole.level, chosen).astype(np.intp)
-        yield replace(whole, level=on, levels=2, changes=_changes(on, parts))
+        yield replace(whole, level=on, levels=2, changes=_changes(on, parts), of_several=True)
 
 
 def _changes(level: Index, parts: Sequence[Index]) -> int:
-    """Changes of a level in the order of the parts, from the reference level at first."""
-    return int(np.count_nonzero(np.diff(level[np.concatenate(parts)], prepend=0)))
+    """Changes of a level within the parts, and parts that begin neither at the reference level nor as the last ended."""
+    before = [0, *(int(level[part[-1]]) for part in parts[:-1])]
+    begun = sum(int(level[part[0]]) not in (0, last) for part, last in zip(parts, before, strict=True))
+    return begun + sum(int(np.count_nonzero(np.diff(level[part]))) for part in parts)
 
 
 def _blocks(shape: Array, count: int) -> Index:

@@ -213,7 +213,8 @@ def not_contradicted(
     """Hypotheses that the state of charge does not contradict: it falls by the true energy, whatever a meter reads.
 
     What a faulty meter adds is not drawn; what a load adds is, also beside the fault that the charge shows best.
-    `base`, shape (windows, columns), is fitted beside the hypotheses; `misread`, W, (windows,), is known not to be drawn.
+    `base`, shape (windows, columns), is fitted beside the hypotheses; `misread`, W, (windows,), is known to be an error
+    of the meter.
     """
     runs, soc = setting.runs, setting.runs.context.get("soc")
     faults = [term for term in candidates if term.misread]
@@ -223,16 +224,14 @@ def not_contradicted(
 
     def not_drawn(term: Term, beside: Sequence[Array] = ()) -> float:
         """Difference of BIC if the charge falls by the energy less what this adds, beside other errors of the meter."""
-        known = np.column_stack([base, *beside])
-        design = np.column_stack([known, term.columns])
-        weights = _fit(design, setting.residual)
-        drawn = (
-            runs.observed
-            - misread
-            - design[:, base.shape[1] : known.shape[1]] @ weights[base.shape[1] : known.shape[1]]
-        )
-        both = (channel.summed(power)[:, None] for power in (drawn, drawn - term.columns @ weights[known.shape[1] :]))
-        return delta_bic(channel.target, *(one @ _fit(one, channel.target) for one in both), channel.run, 0)
+        columns = (base, *beside, term.columns)
+        weights = _fit(np.column_stack(columns), setting.residual)
+        ends = np.cumsum([one.shape[1] for one in columns[:-1]])
+        _, *wrong, own = (one @ part for one, part in zip(columns, np.split(weights, ends), strict=True))
+        read = runs.observed - misread - sum(wrong)
+        drawn, less = (channel.summed(power)[:, None] for power in (read, read - own))
+        before, after = (one @ _fit(one, channel.target) for one in (drawn, less))
+        return delta_bic(channel.target, before, after, channel.run, 0)
 
     gained = {id(term): not_drawn(term) for term in candidates if term.misread or term.axis == "time"}
     shown = [max(faults, key=lambda term: gained[id(term)]).columns] if faults else []
@@ -255,7 +254,8 @@ def _misread(
     fades, constant = (columns @ _fit(columns, channel.target) for columns in (per_run, drawn))
     found: list[tuple[float, ChannelEffect]] = []
     for term in terms(setting):
-        if not term.misread or term.axis != "time" or term.columns.shape[1] > 1:
+        one_of_several = term.schedule is not None and term.schedule.of_several
+        if not term.misread or term.axis != "time" or term.columns.shape[1] > 1 or one_of_several:
             continue
         design = np.column_stack([fit.jacobian, term.columns])
         weights = _fit(design, setting.residual)

@@ -1,12 +1,15 @@
 """Levels of a schedule: sizes of about the same amount become one, exactly."""
 
 import itertools
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homeward.diagnosis.explain.change_points import Schedule, _groups, _refined, clearly_apart
+from homeward.diagnosis.explain.change_points import Schedule, _groups, _refined, clearly_apart, may_change, search
 
 VALUES = st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=7, unique=True)
 
@@ -43,3 +46,53 @@ def test_what_begins_once_was_not_there_before() -> None:
     usual_later = Schedule("time", np.repeat([1, 0, 2], [3, 9, 4]), 3, 2, 5.0, (0.1,))
     assert usual_later.from_the_first().level.tolist() == [0] * 3 + [1] * 9 + [2] * 4
     assert clearly_apart(usual_later) and not clearly_apart(None)
+
+
+def runs_of(*lengths: int, temperature_c: Any = None) -> Any:
+    """Runs of so many windows, with what a search in time uses of them."""
+    run = np.repeat(np.arange(len(lengths)), lengths)
+    return SimpleNamespace(run=run, context={"temperature_c": temperature_c})
+
+
+def noise(windows: int) -> np.ndarray:
+    return 0.1 * np.random.default_rng(0).standard_normal(windows)
+
+
+@pytest.mark.parametrize(("first_w", "second_w"), [(5.0, 9.0), (5.0, 5.0), (9.0, 5.0)])
+def test_the_schedules_of_two_loads_are_among_the_parts_of_that_of_both(first_w: float, second_w: float) -> None:
+    """Both are on for a while; where they are as large, the middle level is of either."""
+    at = np.arange(600)
+    first, second = (at // 50) % 2 == 1, (at > 225) & (at < 540)
+    residual = noise(600) + first_w * first + second_w * second
+    alone = search("time", np.ones(600), residual, runs_of(600), signed=False)
+    parts = search("time", np.ones(600), residual, runs_of(600), signed=False, several=True)
+    assert max(one.levels for one in alone) == (3 if first_w == second_w else 4)
+    on = [one.level > 0 for one in parts if one.levels == 2]
+    truths = (first, second) if first_w != second_w else (first | second, first & second)
+    for truth in truths:
+        assert max(np.mean(one == truth) for one in on) > 0.99
+
+
+def test_what_begins_once_and_stays_changes_once_however_many_runs_follow() -> None:
+    residual = noise(500) + 5.0 * (np.arange(500) >= 60)
+    (found,) = search("time", np.ones(500), residual, runs_of(100, 100, 100, 100, 100), signed=False)
+    assert found.changes == 1
+
+
+def test_a_few_windows_less_of_a_load_that_is_rarely_on_are_another_schedule() -> None:
+    """They are few of all windows, but not of those in which it is on."""
+    on = np.zeros(2000, np.bool_)
+    on[100:160] = on[1000:1056] = True
+    on[1040:1048] = False
+    found = search("time", np.ones(2000), noise(2000) + 5.0 * on, runs_of(2000), signed=False)
+    assert any(np.array_equal(one.level > 0, on) for one in found)
+
+
+@pytest.mark.parametrize(("warms_up", "expected"), [(1.0, True), (-1.0, False)])
+def test_a_thermostat_may_switch_a_few_times_if_the_air_is_then_colder(warms_up: float, expected: bool) -> None:
+    runs = runs_of(200, 200, temperature_c=np.linspace(-5.0, 5.0, 400) * warms_up)
+    level = np.zeros(400, np.intp)
+    level[:60] = level[90:120] = 1
+    schedule = Schedule("time", level, 2, 4, 9.0, (0.1,))
+    assert not may_change("repeatedly", schedule, runs)
+    assert may_change("in the cold", schedule, runs) == expected

@@ -275,6 +275,26 @@ def test_the_gauge_tells_a_load_from_a_zero_that_has_shifted(
     assert found.effect == named and not_named not in found.confused_with
 
 
+def test_a_load_is_named_though_the_zero_has_shifted_too(drive: Drive, husky: Robot) -> None:
+    """The gauge refutes only what the meter adds, and not all that changed."""
+    light, loaded = (
+        drive(dataclasses.replace(husky, mass_kg=mass_kg), runs=5, minutes=4.0) for mass_kg in (50.0, 70.0)
+    )
+    drawn = []
+    for empty, full, from_s in zip(light, loaded, (np.inf, np.inf, np.inf, 120.0, 0.0), strict=True):
+        of, full_w = empty.channels, full.channels["power_w"]
+        power_w = np.where(of["time_s"] < from_s, of["power_w"], full_w)
+        drawn.append(dataclasses.replace(empty, channels={**of, "power_w": power_w}))
+    runs = []
+    for run, from_s in zip(with_charge(drawn, husky, [0.0] * 5), (np.inf, 100.0, 0.0, 0.0, 0.0), strict=True):
+        read_w = run.channels["power_w"] + 25.0 * (run.channels["time_s"] >= from_s)
+        runs.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
+    named = [(one.effect, *one.confused_with) for one in diagnose(runs, husky).missing_physics]
+    assert any("payload" in names for names in named), named
+    assert any("sensor_offset" in names for names in named), named
+    assert not any("standby" in names for names in named), named
+
+
 def test_what_began_once_and_stays_is_handed_over_where_the_gauge_shows_that_it_is_drawn(
     drive: Drive, husky: Robot
 ) -> None:

@@ -155,6 +155,62 @@ def test_a_load_that_switches_is_found_with_its_rhythm_and_in_the_cold_may_be_a_
         assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
 
 
+def warming(runs: list[Recording], from_c: float, to_c: float) -> list[Recording]:
+    """The runs of a day on which the air warms up."""
+    edges_c = np.linspace(from_c, to_c, len(runs) + 1)
+    return [
+        dataclasses.replace(run, channels={**run.channels, "temperature_c": np.linspace(a, b, len(run))})
+        for run, a, b in zip(runs, edges_c[:-1], edges_c[1:], strict=True)
+    ]
+
+
+def heated(runs: list[Recording], on_s: tuple[tuple[float, float], ...], power_w: float) -> list[Recording]:
+    """The runs with a load that is on in some stretches of the first."""
+
+    def on(time_s: np.ndarray) -> np.ndarray:
+        return np.any([(time_s >= start) & (time_s < end) for start, end in on_s], axis=0)
+
+    return [*with_power(runs[:1], lambda of: of["power_w"] + power_w * on(of["time_s"])), *runs[1:]]
+
+
+def test_a_thermostat_that_works_only_in_the_cold_of_the_morning_is_a_heater(drive: Drive, husky: Robot) -> None:
+    """Two stretches in one run are too few for a load that switches by the clock."""
+    runs = heated(warming(drive(husky, runs=4, minutes=4.0), 1.0, 13.0), ((0.0, 60.0), (150.0, 190.0)), 25.0)
+    (found,) = diagnose(runs, husky).missing_physics
+    assert found.effect == "heater"
+    runs = heated(warming(drive(husky, runs=4, minutes=4.0), 13.0, 1.0), ((0.0, 60.0), (150.0, 190.0)), 25.0)
+    assert "heater" not in [
+        name for one in diagnose(runs, husky).missing_physics for name in (one.effect, *one.confused_with)
+    ]
+
+
+def test_a_heater_is_named_beside_a_device_that_comes_on_later(drive: Drive, husky: Robot) -> None:
+    """Each alone leaves the steps of the other; together they explain nearly all."""
+    runs = heated(warming(drive(husky, runs=5, minutes=4.0), 1.0, 13.0), ((0.0, 60.0), (150.0, 190.0)), 30.0)
+    since_s = (np.inf, np.inf, np.inf, 120.0, 0.0)
+    runs = [
+        with_power([run], lambda of, on_s=on_s: of["power_w"] + 20.0 * (of["time_s"] > on_s))[0]  # type: ignore[misc]
+        for run, on_s in zip(runs, since_s, strict=True)
+    ]
+    named = {one.effect: one for one in diagnose(runs, husky).missing_physics}
+    assert set(named) == {"heater", "standby"}
+    assert named["standby"].parameters["power_w"].value == pytest.approx(20.0, rel=0.15)
+
+
+def test_a_load_that_is_taken_up_on_the_way_is_named_beside_turning(drive: Drive, husky: Robot) -> None:
+    """It is typically added at standstill, which is a matter of likelihood and not of physics."""
+    light, loaded = (
+        drive(dataclasses.replace(husky, mass_kg=mass_kg), runs=4, minutes=4.0, effects={"turning": {"scrub": 0.3}})
+        for mass_kg in (50.0, 65.0)
+    )
+    runs = []
+    for empty, full, from_s in zip(light, loaded, (np.inf, 150.0, 0.0, 0.0), strict=True):
+        power_w = np.where(empty.channels["time_s"] < from_s, empty.channels["power_w"], full.channels["power_w"])
+        runs.append(dataclasses.replace(empty, channels={**empty.channels, "power_w": power_w}))
+    named = diagnose(runs, husky).missing_physics
+    assert [one.effect for one in named] == ["turning", "payload"]
+
+
 def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     """Of a load with three sizes there are schedules with three levels, but none of something that switches."""
     three = with_power(
