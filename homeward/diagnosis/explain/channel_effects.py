@@ -212,7 +212,7 @@ def not_contradicted(
 ) -> list[Term]:
     """Hypotheses that the state of charge does not contradict: it falls by the true energy, whatever a meter reads.
 
-    What a faulty meter adds is not drawn; what a load adds is, also beside the fault that the charge shows best.
+    What a faulty meter adds is not drawn, and what a load adds is.
     `base`, shape (windows, columns), is fitted beside the hypotheses; `misread`, W, (windows,), is known to be an error
     of the meter.
     """
@@ -220,29 +220,18 @@ def not_contradicted(
     faults = [term for term in candidates if term.misread]
     if soc is None or runs.unit != "W" or not np.isfinite(soc).any() or not (faults or misread.any()):
         return list(candidates)
-    channel = _Reading(-soc, runs, block)
-
-    def not_drawn(term: Term, beside: Sequence[Array] = ()) -> float:
-        """Difference of BIC if the charge falls by the energy less what this adds, beside other errors of the meter."""
-        columns = (base, *beside, term.columns)
-        weights = _fit(np.column_stack(columns), setting.residual)
-        ends = np.cumsum([one.shape[1] for one in columns[:-1]])
-        _, *wrong, own = (one @ part for one, part in zip(columns, np.split(weights, ends), strict=True))
-        read = runs.observed - misread - sum(wrong)
-        drawn, less = (channel.summed(power)[:, None] for power in (read, read - own))
-        before, after = (one @ _fit(one, channel.target) for one in (drawn, less))
-        return delta_bic(channel.target, before, after, channel.run, 0)
-
-    gained = {id(term): not_drawn(term) for term in candidates if term.misread or term.axis == "time"}
-    shown = [max(faults, key=lambda term: gained[id(term)]).columns] if faults else []
+    channel, read = _Reading(-soc, runs, block), runs.observed - misread
 
     def contradicted(term: Term) -> bool:
-        if term.misread:
-            return gained[id(term)] <= -rules.STRONG_BIC
-        refuted = gained.get(id(term), 0.0) >= rules.STRONG_BIC
-        return refuted and not (shown and not_drawn(term, shown) <= -rules.STRONG_BIC)
+        """Whether the charge falls by the energy with what a fault adds, or by that without what a load draws."""
+        weights = _fit(np.column_stack([base, term.columns]), setting.residual)
+        added = term.columns @ weights[base.shape[1] :]
+        drawn, less = (channel.summed(power)[:, None] for power in (read, read - added))
+        before, after = (one @ _fit(one, channel.target) for one in (drawn, less))
+        gained = delta_bic(channel.target, before, after, channel.run, 0)
+        return (-gained if term.misread else gained) >= rules.STRONG_BIC
 
-    return [term for term in candidates if not contradicted(term)]
+    return [term for term in candidates if not ((term.misread or term.axis == "time") and contradicted(term))]
 
 
 def _misread(
