@@ -37,11 +37,6 @@ SHORTEST_BLOCK, CORRELATION_TIMES = 10, 3.0
 """Least windows and correlation times of a block that counts as independent. Five seconds are longer than starts and
 stops; where correlation falls exponentially, sums of blocks of n times correlate by 1 / (4 n - 2), a tenth."""
 
-LONGEST_LAG, UNCORRELATED, MOST_CORRELATED = 400, 0.05, 0.9
-"""Lag in windows, and correlation, at which the sum of an autocorrelation time ends. Over 200 seconds correlation is
-drift, and 0.05 is the standard error of an estimate from 400 windows, 1 / sqrt(n). Largest autocorrelation r of noise
-(chosen: above it is drift): an error of 0.05 in r changes the correlation time, (1 + r) / (1 - r) = 19, by half."""
-
 FEWEST_BLOCKS_A_BIN, FEWEST_A_BIN = 5, 8
 """Blocks and windows of a bin of a channel's values that is tested: four blocks or fewer have at most 16 patterns of
 signs, and the mean of eight windows is known to a third of the noise, 1 / sqrt(8)."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, windows
 from homeward.diagnosis.rules import FEWEST_SAMPLES
 from homeward.groups import rules
 from homeward.logs import rules as logs_rules
+from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import MOTION
 from homeward.logs.columns import RecordingError
 from homeward.logs.recordings import Recording

@@ -106,3 +106,8 @@ is."""
 
 ORIENTED_SHARE = 0.5
 """Least share of samples with an orientation for a grade from it. Chosen: a majority."""
+
+LONGEST_LAG, UNCORRELATED, MOST_CORRELATED = 400, 0.05, 0.9
+"""Lag in windows, and correlation, at which the sum of an autocorrelation time ends. Over 200 seconds correlation is
+drift, and 0.05 is the standard error of an estimate from 400 windows, 1 / sqrt(n). Largest autocorrelation r of noise
+(chosen: above it is drift): an error of 0.05 in r changes the correlation time, (1 + r) / (1 - r) = 19, by half."""

@@ -16,9 +16,6 @@ def test_numbers_that_are_derived_are_what_is_derived() -> None:
     assert 2.0 < 1.0 / math.sqrt(1.0 - rules.CONFOUNDED**2) < 2.5  # more than twice the standard error
     assert math.sqrt(rules.SHORTEST_LEVEL) == 2.0  # the mean of a level is known to half of the noise
     assert 1.0 - math.sqrt(1.0 - rules.SMALLEST_GAIN) < 0.03  # of the held-out RMSE
-    assert 1.0 / math.sqrt(rules.LONGEST_LAG) == pytest.approx(rules.UNCORRELATED)
-    times = (1.0 + rules.MOST_CORRELATED) / (1.0 - rules.MOST_CORRELATED)
-    assert times == pytest.approx(19.0)
     assert 2.0 ** -(rules.ODOMETER_PARTS - 1) < rules.FALSE_ALARM_RATE
     assert 2.0 ** -(rules.FEWEST_BLOCKS - 1) < rules.FALSE_ALARM_RATE / 100.0  # patterns of signs, for many channels
     assert 2.0 * norm.sf(rules.CLEARLY_APART / 2.0) == pytest.approx(0.046, abs=0.001)

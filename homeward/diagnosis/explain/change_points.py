@@ -180,9 +180,9 @@ def _of_one_load(whole: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
 
 
 def _changes(level: Index, parts: Sequence[Index]) -> int:
-    """Changes of a level within the parts, and parts that begin neither at the reference level nor as the last ended."""
-    before = [0, *(int(level[part[-1]]) for part in parts[:-1])]
-    begun = sum(int(level[part[0]]) not in (0, last) for part, last in zip(parts, before, strict=True))
+    """Changes of a level within the parts, and parts that begin neither at the reference nor as the last ended."""
+    ends = [0, *(int(level[part[-1]]) for part in parts)]
+    begun = sum(int(level[part[0]]) not in (0, before) for part, before in zip(parts, ends[:-1], strict=True))
     return begun + sum(int(np.count_nonzero(np.diff(level[part]))) for part in parts)
 
 

@@ -14,11 +14,12 @@ from scipy.stats import t as student
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, Setting, Term
 from homeward.diagnosis.fit.fitted import bounded, excited
-from homeward.diagnosis.fit.folds import cut_blocks, innovations
+from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
 from homeward.diagnosis.fit.refit import Refit, covariance, holding
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Value
+from homeward.logs.autocorrelation import innovations
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 

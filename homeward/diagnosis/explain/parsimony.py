@@ -14,10 +14,10 @@ from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.fit.channel_errors import meter_error
 from homeward.diagnosis.fit.fitted import bounded
-from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
+from homeward.logs.autocorrelation import independent_windows
 from homeward.logs.channels import Mask
 
 

@@ -25,16 +25,9 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.fit.fitted import RIDGE, Fitted, bounded
-from homeward.diagnosis.fit.folds import (
-    FOLDS,
-    cut_blocks,
-    cut_stretches,
-    independent_windows,
-    innovations,
-    noise_of,
-    per_block,
-)
+from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, cut_stretches, per_block
 from homeward.diagnosis.fit.replay import Runs
+from homeward.logs.autocorrelation import independent_windows, innovations, noise_of
 from homeward.logs.channels import Array, Index, Mask
 
 DRAWS = 1999

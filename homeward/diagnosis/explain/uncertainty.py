@@ -17,11 +17,11 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.channel_errors import meter_error
-from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Product, Range, Together, Value
+from homeward.logs.autocorrelation import independent_windows
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, d_max
 

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.stats import norm
 from sklearn.ensemble import HistGradientBoostingRegressor
 
-from homeward.diagnosis.fit.folds import independent_windows
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Arm
+from homeward.logs.autocorrelation import independent_windows
 from homeward.logs.channels import Array, Index, Mask
 
 _DRAWS = 2000  # chosen: 50 of them lie beyond either end of a 95 % interval

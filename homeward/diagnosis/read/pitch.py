@@ -8,6 +8,7 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.read.signals import Signals, gaps
 from homeward.logs.channels import Array
+from homeward.logs.rules import MOST_CORRELATED
 
 _PLACES = 40  # cells along the way, compared out and home; chosen: 30 or 80 change no test of tests/diagnosis on tilt
 
@@ -52,7 +53,7 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
         return None
     middle = (out + home) / 2.0
     # The error of hills that do not quite mirror is autocorrelated along the way.
-    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, rules.MOST_CORRELATED))
+    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, MOST_CORRELATED))
     error = float(middle.std(ddof=1) / np.sqrt(len(middle)))
     return float(middle.mean()), error * float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
 

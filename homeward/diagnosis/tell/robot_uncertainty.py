@@ -9,11 +9,11 @@ from scipy.stats import t as student
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.uncertainty import Joint
-from homeward.diagnosis.fit.folds import correlation_windows
 from homeward.diagnosis.fit.parameter_groups import GROUPS
 from homeward.diagnosis.fit.replay import wheels_mps
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.tell.corrected import rounded
+from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import Array, Index
 from homeward.logs.times import median_step_s
 from homeward.physics import rules as physics_rules

@@ -168,7 +168,7 @@ def heated(runs: list[Recording], on_s: tuple[tuple[float, float], ...], power_w
     """The runs with a load that is on in some stretches of the first."""
 
     def on(time_s: np.ndarray) -> np.ndarray:
-        return np.any([(time_s >= start) & (time_s < end) for start, end in on_s], axis=0)
+        return np.asarray(np.any([(time_s >= start) & (time_s < end) for start, end in on_s], axis=0))
 
     return [*with_power(runs[:1], lambda of: of["power_w"] + power_w * on(of["time_s"])), *runs[1:]]
 
