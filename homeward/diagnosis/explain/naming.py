@@ -222,8 +222,9 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     yield from proven([preferred, pair[0]])
     if len(pair) == 2:
         halves = [_half(bench.with_base(other), one, independent, rng) for one, other in (pair, pair[::-1])]
-        if all(halves):
-            yield tuple(one for one in halves if one)
+        found = tuple(one for one in halves if one)
+        if len({one.term.effect for one in found}) == 2:
+            yield found
     by_innovations = sorted(most, key=bench.innovations_bic, reverse=True)
     in_steps = list(filter(bench.is_in_steps, by_innovations))
     yield from proven([*order[:_TRIED], *in_steps[:_TRIED]])
@@ -282,10 +283,12 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
         term = bench.candidates[index]
         return not term.hypothesis.physical, not term.typical, -float(alone[index])
 
+    named = {bench.candidates[index].effect for index in bench.beside}
     equals = [
         index
         for index, term in enumerate(bench.candidates)
-        if term.axis == bench.candidates[chosen].axis
+        if term.effect not in named
+        and term.axis == bench.candidates[chosen].axis
         and 1.0 - bench.shares[index] <= rules.EQUAL * (1.0 - bench.shares[chosen])
     ]
     return min([chosen, *equals], key=preference)

@@ -18,7 +18,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.naming import _beside, _half, _outdone
+from homeward.diagnosis.explain.naming import _beside, _half, _likeliest, _outdone
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
@@ -563,10 +563,25 @@ def test_a_further_schedule_stands_out_from_the_first_and_from_motion(
     """It explains half of what the named effect leaves."""
 
     def named(axis: str) -> Any:
-        term = SimpleNamespace(axis=axis, typical=True, schedule=SimpleNamespace(apart=apart))
+        term = SimpleNamespace(axis=axis, schedule=SimpleNamespace(apart=apart))
         return SimpleNamespace(term=term, sudden=sudden, held_out_gain=0.5)
 
     assert _beside(named(axis), [named(first)], lambda: by_motion) == stands
+
+
+def test_one_half_of_a_pair_is_no_other_form_of_the_other_half() -> None:
+    """Though it explains as much, and physics comes before a fault."""
+
+    def candidate(effect: str, physical: bool) -> Any:
+        return SimpleNamespace(
+            effect=effect, axis="steady", typical=True, hypothesis=SimpleNamespace(physical=physical)
+        )  # fmt: skip
+
+    candidates = (candidate("breakaway", True), candidate("breakaway", True), candidate("clock_lag", False))
+    bench: Any = SimpleNamespace(candidates=candidates, shares=np.full(3, 0.5), beside=(0,))
+    assert _likeliest(bench, 2, np.zeros(3)) == 2
+    bench.beside = ()
+    assert _likeliest(bench, 2, np.zeros(3)) == 0
 
 
 @pytest.mark.parametrize(
