@@ -106,9 +106,9 @@ def is_material(fit: Fitted, runs: Runs) -> bool:
     return float(residual @ residual) >= rules.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
 
 
-def expected_error(fit: Fitted, runs: Runs) -> float:
-    """Squared error of a fit, summed over windows, that noise of power and of the other channels explains."""
-    total = channel_error(fit, runs)
+def power_noise(runs: Runs) -> float:
+    """Squared white noise of power, summed over windows."""
+    total = 0.0
     for number, run in enumerate(runs.signals):
         here = runs.duration_s[runs.run == number]
         total += float((white_noise(run.observed) ** 2 * median_step_s(run.time_s) / here).sum())
@@ -116,9 +116,14 @@ def expected_error(fit: Fitted, runs: Runs) -> float:
 
 
 def times_noise(fit: Fitted, runs: Runs) -> float:
-    """Squared error of a fit over that expected from noise."""
+    """Squared error of a fit over the largest that noise of power and of the other channels explains."""
     residual = runs.observed - fit.predicted
-    return float(residual @ residual) / max(expected_error(fit, runs), 1e-300)
+    return float(residual @ residual) / max(channel_error(fit, runs) + power_noise(runs), 1e-300)
+
+
+def noise_error(fit: Fitted, runs: Runs) -> float:
+    """Squared error of a fit, summed over windows, that noise of power and of the other channels typically causes."""
+    return channel_error(fit, runs) / rules.SMOOTHING_ERROR**2 + power_noise(runs)
 
 
 def least_to_name(share: float, squared_error: float, noise: float) -> float:
