@@ -19,7 +19,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.residual_test import independent_blocks
-from homeward.diagnosis.fit.channel_errors import least_to_name, meter_error, noise_error
+from homeward.diagnosis.fit.channel_errors import least_to_name, meter_error, power_noise
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
@@ -42,7 +42,7 @@ def provable(case: Case) -> dict[str, bool]:
     )
     residual = runs.observed - fit.predicted
     block = independent_blocks(fit, runs).channels
-    bench = Bench(fit, terms, runs, residual, block, noise=noise_error(fit, runs))
+    bench = Bench(fit, terms, runs, residual, block, noise=power_noise(runs))
     least, found = max(rules.SMALLEST_GAIN_BESIDE * float(residual @ residual), meter_error(runs)), {}
     for index, effect in enumerate(case.hidden):
         beside = bench if len(terms) == 1 else bench.with_base(1 - index)

@@ -23,7 +23,7 @@ from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immateria
 from homeward.diagnosis.explain.motion import largest_by_motion
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.uncertainty import profiled
-from homeward.diagnosis.fit.channel_errors import channel_error, least_to_name, meter_error, noise_error
+from homeward.diagnosis.fit.channel_errors import channel_error, least_to_name, meter_error, power_noise
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.held_out import gain, held_out
@@ -88,7 +88,7 @@ def name_missing(
     fold = np.asarray(block % FOLDS)
     setting = Setting.of(fit, runs)
     material = holding(fit, runs, immaterial(fit, runs))
-    of_channels, noise = channel_error(fit, runs), noise_error(fit, runs)
+    of_channels, noise = channel_error(fit, runs), power_noise(runs)
     refit_error = float(setting.residual @ setting.residual)
     named: tuple[Named, ...] = ()
     ranking: tuple[Ranked, ...] = ()

@@ -121,14 +121,9 @@ def times_noise(fit: Fitted, runs: Runs) -> float:
     return float(residual @ residual) / max(channel_error(fit, runs) + power_noise(runs), 1e-300)
 
 
-def noise_error(fit: Fitted, runs: Runs) -> float:
-    """Squared error of a fit, summed over windows, that noise of power and of the other channels typically causes."""
-    return channel_error(fit, runs) / rules.SMOOTHING_ERROR**2 + power_noise(runs)
-
-
 def least_to_name(share: float, squared_error: float, noise: float) -> float:
-    """Least share of a squared error to be explained for a name: a share of what noise does not explain, and of all the
-    share of `SMALLEST_GAIN`.
+    """Least share of a squared error to be explained for a name: a share of what noise of power does not explain, and of
+    all the share of `SMALLEST_GAIN`.
 
     >>> round(least_to_name(0.1, squared_error=100.0, noise=30.0), 9), least_to_name(0.1, 100.0, 100.0)
     (0.07, 0.05)
