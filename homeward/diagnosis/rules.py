@@ -50,7 +50,7 @@ the robot file by as much. Chosen: a smaller share lowers the held-out RMSE by l
 
 SMALLEST_GAIN_TO_NAME = 0.1
 """Least share of the squared error that a named effect must explain: less may come from a misspecified form of another.
-Of the refit's error, it is a share of what exceeds that expected from noise, and of all of it SMALLEST_GAIN. Chosen on
+Of the refit's error, it is a share of what exceeds noise of power, and of all of it SMALLEST_GAIN. Chosen on
 seeds 2 and 3 of benchmarks/concealed, where all single effects found explain more."""
 
 SMALLEST_SHARE = 0.005

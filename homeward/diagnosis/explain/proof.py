@@ -62,7 +62,7 @@ class Bench:
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
     refit_error: float = 0.0  # squared error that the refit leaves, without any effect
     channel_error: float = 0.0  # squared error expected from errors of the channels
-    noise: float = 0.0  # squared error that noise explains, where no effect is in the base
+    noise: float = 0.0  # squared error that noise of power explains, where no effect is in the base
 
     def with_base(self, other: int) -> Bench:
         """The same with a hypothesis in the base, of which others may be misspecification."""

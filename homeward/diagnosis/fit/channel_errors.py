@@ -122,8 +122,8 @@ def times_noise(fit: Fitted, runs: Runs) -> float:
 
 
 def least_to_name(share: float, squared_error: float, noise: float) -> float:
-    """Least share of a squared error to be explained for a name: a share of what noise of power does not explain, and of
-    all the share of `SMALLEST_GAIN`.
+    """Least share of a squared error to be explained for a name: a share of what noise of power does not explain, and
+    `SMALLEST_GAIN` of all.
 
     >>> round(least_to_name(0.1, squared_error=100.0, noise=30.0), 9), least_to_name(0.1, 100.0, 100.0)
     (0.07, 0.05)
