@@ -167,11 +167,7 @@ def _gather(runs: Runs, robot: Robot, rng: Generator, progress: Progress) -> tup
 
 def _fault_free(runs: Runs, corrected: Corrected | None) -> Runs:
     """The runs corrected for named faults of the meter."""
-    if corrected is None:
-        return runs
-    terms = zip(corrected.model.terms, corrected.contribution, strict=True)
-    misread = sum((added for one, added in terms if one.misread), np.zeros(len(runs.observed)))
-    return dataclasses.replace(runs, observed=runs.observed - misread)
+    return runs if corrected is None else dataclasses.replace(runs, observed=runs.observed - corrected.misread)
 
 
 def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:

@@ -125,7 +125,7 @@ causes outside the catalogue for which such effects were named changed 6 to 43 t
 
 FEWEST_SWITCHES, RUNS_WITH_SWITCH = 6, 3
 """Fewest change points within runs of an intermittent load (on and off three times, so that there are two periods), or
-fewest runs in which it switches on, as often."""
+fewest runs in which it switches on, as often. In some run it changes twice: what changes once in each begins there."""
 
 COLDER = 0.8
 """Probability that the air is warmer in a window without a heater's power than in one with it (Mann-Whitney), from
@@ -141,10 +141,10 @@ COST_OF_A_CHANGE = 3
 """Parameters that an estimated change point counts for in BIC (Zhang & Siegmund, 2007)."""
 
 SAME_SCHEDULE, SMALLEST_LEVEL_GAIN = 0.02, 0.1
-"""Share of windows in which two schedules may differ and count as the same: half or twice of it changes no test of
-schedules (tests/diagnosis/explain: change_points, proof, explanation). Share that a further level of a schedule must
-add to the squared error that its levels so far explain: with half of it a load that switches over a drift is given more
-than two levels (test_proof); twice changes no test of these."""
+"""Share of the windows of its rarest level in which two schedules may differ and count as the same: half or twice of it
+changes no test of schedules (tests/diagnosis/explain: change_points, proof, explanation). Share that a further level of
+a schedule must add to the squared error that its levels so far explain: with half of it a load that switches over a
+drift is given more than two levels (test_proof); twice changes no test of these."""
 
 STOPS_MPS = 0.05
 """Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.rules`, as a

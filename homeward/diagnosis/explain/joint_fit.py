@@ -133,10 +133,8 @@ class Corrected:
     @property
     def misread(self) -> Array:
         """What faults of the power meter add to its reading, shape (windows,)."""
-        found = np.zeros(len(self.predicted))
-        for term, added in zip(self.model.terms, self.contribution, strict=True):
-            found += added * term.misread
-        return found
+        terms = zip(self.model.terms, self.contribution, strict=True)
+        return sum((added for one, added in terms if one.misread), np.zeros(len(self.predicted)))
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest physical step of each column of `jacobian`."""
