@@ -222,13 +222,16 @@ def not_contradicted(
         return list(candidates)
     channel, read = _Reading(-soc, runs, block), runs.observed - misread
 
+    def fallen(power: Array) -> Array:
+        """The charge as it falls by the energy and by a loss inside the battery that grows with the square of power."""
+        columns = np.column_stack([channel.summed(power), channel.summed(power**2)])
+        return columns @ _fit(columns, channel.target)
+
     def contradicted(term: Term) -> bool:
         """Whether the charge falls by the energy with what a fault adds, or by that without what a load draws."""
         weights = _fit(np.column_stack([base, term.columns]), setting.residual)
         added = term.columns @ weights[base.shape[1] :]
-        drawn, less = (channel.summed(power)[:, None] for power in (read, read - added))
-        before, after = (one @ _fit(one, channel.target) for one in (drawn, less))
-        gained = delta_bic(channel.target, before, after, channel.run, 0)
+        gained = delta_bic(channel.target, fallen(read), fallen(read - added), channel.run, 0)
         return (-gained if term.misread else gained) >= rules.STRONG_BIC
 
     return [term for term in candidates if not ((term.misread or term.axis == "time") and contradicted(term))]

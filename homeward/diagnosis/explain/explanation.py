@@ -11,7 +11,7 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.formula import Empirical, propose
-from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.motion import explained, largest_by_motion, motion_gain, place_gain, trees_beat
 from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
@@ -161,8 +161,10 @@ class _Residual:
             return (naming if self._is_adequate(naming) else naming.nothing_named()), location
         on_ground = any(one.term.hypothesis.by_place for one in naming.named)
         by_place = 0.0 if on_ground else place_gain(self.fit, self.runs, self.rng)
-        by_named = max(first.held_out_gain, self.by(naming))  # motion may be the cause of others that are named
-        by_motion = largest_by_motion(self.fit, self.runs, self.block, self.rng)
+        others = [one for one in corrected.model.terms if one.axis != "time"]  # motion may be the cause of these
+        base = fit_model(self.fit, others, self.runs, self.block) if others else self.fit
+        by_named = max(first.held_out_gain, explained(base, corrected, self.runs, self.fold))
+        by_motion = largest_by_motion(base, self.runs, self.block, self.rng)
         if by_motion < by_named and by_place < rules.BY_PLACE * by_named:
             return naming, location
         again = self.naming(varying=False)

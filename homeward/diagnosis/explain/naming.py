@@ -23,7 +23,7 @@ from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immateria
 from homeward.diagnosis.explain.motion import largest_by_motion
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.uncertainty import profiled
-from homeward.diagnosis.fit.channel_errors import channel_error, least_to_name, meter_error, power_noise
+from homeward.diagnosis.fit.channel_errors import channel_error, least_to_name, meter_error, power_noise, unexplained
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.held_out import gain, held_out
@@ -95,6 +95,21 @@ def name_missing(
     absorbed: dict[str, float] = {}
     corrected: Corrected | None = None
     by_motion: Callable[[], float] = float
+    instead: Iterator[tuple[Named, ...]] = iter(())  # of the first effect, if it is named alone
+
+    def accepted(found: tuple[Named, ...], beside: tuple[Named, ...]) -> tuple[tuple[Named, ...], Corrected] | None:
+        """The effects with those found and their joint fit, where all have a significant size in it."""
+        model = corrected if corrected is not None and beside else fit
+        if not found or (beside and not all(_beside(one, beside, by_motion) for one in found)):
+            return None
+        together, fitted = _fitted(material, (*beside, *found), runs, block)
+        if (at_work := fitted.at_work())[len(beside) :].all() and not at_work.all():
+            # Backward elimination: beside what is found, an effect named before is not significant.
+            together, fitted = _fitted(material, tuple(compress(together, at_work)), runs, block)
+        significant = fitted.at_work().all() and _draws_energy(fitted, runs)
+        of_power = 0.0 if beside else noise  # a further effect may be misspecification of those named
+        return (together, fitted) if significant and _replays(fitted, model, runs, fold, of_power, rng) else None
+
     while len(named) < rules.MOST_EFFECTS:
         progress("naming")
         candidates = terms(setting, tuple(one.term.effect for one in named), varying)
@@ -102,29 +117,35 @@ def name_missing(
         misread = np.zeros(len(runs.observed)) if corrected is None else corrected.misread
         candidates = not_contradicted(candidates, model.jacobian, setting, misread, block)
         candidates += _as_jointly_fitted(candidates, model, material, named, setting, block)
-        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, of_channels, noise)
+        of_power = 0.0 if named else noise
+        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, of_channels, of_power)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
-        for found in _best(bench, rng):
-            if corrected is not None and not all(_beside(one, named, by_motion) for one in found):
-                continue
-            together, fitted = _fitted(material, (*named, *found), runs, block)
-            if (at_work := fitted.at_work())[len(named) :].all() and not at_work.all():
-                # Backward elimination: beside what is found, an effect named before is not significant.
-                together, fitted = _fitted(material, tuple(compress(together, at_work)), runs, block)
-            if (
-                fitted.at_work().all()
-                and _draws_energy(fitted, runs)
-                and _replays(fitted, model, runs, fold, noise, rng)
-            ):
-                break
-        else:
+        tried = _best(bench, rng)
+        step = next(filter(None, (accepted(found, named) for found in tried)), None)
+        if corrected is not None and len(named) == 1 and _is_doubtful(step, corrected, runs):
+            # The first effect alone may have taken a part of another: the best pair instead.
+            pair = accepted(next((found for found in instead if len(found) != 1), ()), ())
+            least = max(by_motion(), 1.0 - 1.0 / rules.EQUAL) if step is None else 0.0
+            if pair is not None and _gained(pair[1], corrected if step is None else step[1], runs) >= least:
+                step = pair
+        if step is None:
             break  # no candidate passes with a significant size in the joint replay
-        named, corrected, noise = together, fitted, 0.0  # a further effect may be misspecification of those named
-        by_motion = cache(partial(largest_by_motion, fitted, runs, block, rng))
+        instead = iter(()) if named else tried
+        named, corrected = step
+        by_motion = cache(partial(largest_by_motion, corrected, runs, block, rng))
         setting = corrected.model.setting(runs, corrected.theta, corrected.values)
         setting = replace(setting, residual=runs.observed - corrected.predicted)
     return Naming(named, corrected, ranking, absorbed)
+
+
+def _is_doubtful(step: tuple[tuple[Named, ...], Corrected] | None, first: Corrected, runs: Runs) -> bool:
+    """Whether one effect leaves something unexplained beside which none is named, or only a schedule of unclear levels
+    beside its own."""
+    if step is None:
+        return unexplained(first, runs)
+    further = step[0][-1].term.schedule
+    return all(one.term.axis == "time" for one in step[0]) and not clearly_apart(further)
 
 
 def _as_jointly_fitted(
@@ -141,12 +162,18 @@ def _as_jointly_fitted(
 
 def _beside(one: Named, named: Sequence[Named], by_motion: Callable[[], float]) -> bool:
     """Whether a further effect is more than misspecification of the named ones: a schedule may fit that as well, unless
-    it changes in steps (beside another schedule, in clear ones) and motion does not account for it."""
+    it changes in steps (beside another schedule, in clear ones, or it explains most) and motion does not account for
+    it."""
     if one.term.axis == "time":
-        clear = clearly_apart(one.term.schedule) or all(other.term.axis != "time" for other in named)
-        if not (one.sudden and clear):
+        clear = _is_clear(one.term, one.held_out_gain)
+        if not one.sudden or not (clear or all(other.term.axis != "time" for other in named)):
             return False
     return one.term.axis == "steady" or by_motion() < one.held_out_gain
+
+
+def _is_clear(term: Term, gain: float) -> bool:
+    """Whether a schedule is more than what others leave by misspecification, of which it explains `gain`."""
+    return clearly_apart(term.schedule) or gain >= rules.MOST_OF_THE_REST
 
 
 def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> tuple[tuple[Named, ...], Corrected]:
@@ -155,10 +182,15 @@ def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> t
     fitted = fit_model(fit, terms, runs, block)
     if any(one.plain is not None for one in terms):
         expressed = fit_model(fit, [one.plain or one for one in terms], runs, block)
-        errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, expressed)]
-        fitted = expressed if errors[1] <= rules.EQUAL * errors[0] else fitted
+        fitted = expressed if _gained(expressed, fitted, runs) >= 1.0 - rules.EQUAL else fitted
     fitted = profiled(fit, fitted, runs, block).model
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
+
+
+def _gained(fitted: Corrected, other: Corrected, runs: Runs) -> float:
+    """Share of the squared error of another fit that a fit does not have."""
+    left, of_other = (float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, other))
+    return 1.0 - left / max(of_other, 1e-300)
 
 
 def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
@@ -220,11 +252,10 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
                 yield (found,)
 
     yield from proven([preferred, pair[0]])
-    if len(pair) == 2:
-        halves = [_half(bench.with_base(other), one, independent, rng) for one, other in (pair, pair[::-1])]
-        found = tuple(one for one in halves if one)
-        if len({one.term.effect for one in found}) == 2:
-            yield found
+    ordered = (pair, pair[::-1]) if len(pair) == 2 else ()
+    halves = [_half(bench.with_base(other), one, independent, rng) for one, other in ordered]
+    found = tuple(one for one in halves if one)
+    yield found if len({one.term.effect for one in found}) == 2 else ()
     by_innovations = sorted(most, key=bench.innovations_bic, reverse=True)
     in_steps = list(filter(bench.is_in_steps, by_innovations))
     yield from proven([*order[:_TRIED], *in_steps[:_TRIED]])
@@ -304,7 +335,7 @@ def _supported(
     least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
     least = least_to_name(least, bench.squared_error(chosen), bench.noise)
     of_refit = explained / max(bench.refit_error, 1e-300)
-    loose = bench.candidates[chosen].axis == "time" and not clearly_apart(bench.candidates[chosen].schedule)
+    loose = bench.candidates[chosen].axis == "time" and not _is_clear(bench.candidates[chosen], share)
     least_of_refit = rules.SMALLEST_GAIN if loose else rules.SMALLEST_GAIN_BESIDE
     if delta_bic < rules.STRONG_BIC or share < least or of_refit < least_of_refit:
         return None

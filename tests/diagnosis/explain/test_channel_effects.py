@@ -300,6 +300,24 @@ def test_beside_a_zero_that_has_shifted_the_gauge_does_not_refute_a_load(drive: 
         assert bool(of(effect, kept, since)) == stays
 
 
+@pytest.mark.parametrize(("excess", "reference_w"), [(0.2, 80.0), (0.4, 150.0)])
+def test_a_loss_inside_the_battery_refutes_no_load(
+    excess: float, reference_w: float, drive: Drive, small: Robot
+) -> None:
+    """By Peukert's law the charge falls less than the energy of bursts that are drawn at low power."""
+    bursts = [
+        dataclasses.replace(run, channels={**of, "power_w": of["power_w"] + 60.0 * (of["time_s"] % 37.0 < 15.0)})
+        for run in drive(small, runs=4, minutes=4.0)
+        for of in (run.channels,)
+    ]
+    runs = average(usable_runs(drawn_faster(bursts, small, excess, reference_w), small)[0])
+    fit = refit(runs, small)
+    setting, block = Setting.of(fit, runs), cut_blocks(runs.run, runs.observed - fit.predicted)
+    found = [one for one in terms(setting) if one.effect == "intermittent_load"]
+    assert found
+    assert not_contradicted(found, fit.jacobian, setting, np.ones(len(runs.observed)), block) == found
+
+
 def test_what_began_once_and_stays_is_handed_over_where_the_gauge_shows_that_it_is_drawn(
     drive: Drive, husky: Robot
 ) -> None:

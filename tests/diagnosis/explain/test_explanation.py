@@ -33,13 +33,19 @@ def test_the_place_refutes_a_schedule_unless_a_named_ground_explains_it(
     monkeypatch: pytest.MonkeyPatch, ground: bool, stands: bool
 ) -> None:
     """The place explains as much as the schedule of a load: alone it refutes the load, beside a named ground not."""
-    for name, found in (("place_gain", 0.9), ("largest_by_motion", 0.0), ("explained", 0.8), ("unexplained", False)):
+    for name, found in (
+        ("place_gain", 0.9),
+        ("largest_by_motion", 0.0),
+        ("explained", 0.8),
+        ("unexplained", False),
+        ("fit_model", None),
+    ):
         monkeypatch.setattr(explanation, name, lambda *_, found=found: found)
     monkeypatch.setattr(explanation, "name_missing", lambda *_: Naming())
     kinds = (("time", False), ("place", True))[: 1 + ground]
     terms = [SimpleNamespace(axis=axis, hypothesis=SimpleNamespace(by_place=of, channels=())) for axis, of in kinds]
     named: Any = tuple(SimpleNamespace(term=term, held_out_gain=0.7) for term in terms)
-    corrected: Any = SimpleNamespace(contribution=(None,))
+    corrected: Any = SimpleNamespace(contribution=(None,), model=SimpleNamespace(terms=terms))
     most: Any = SimpleNamespace(found=False)
     nothing: Any = None
     residual = _Residual(

@@ -211,6 +211,26 @@ def test_a_load_that_is_taken_up_on_the_way_is_named_beside_turning(drive: Drive
     assert [one.effect for one in named] == ["turning", "payload"]
 
 
+@pytest.mark.parametrize(
+    ("kg", "loaded_from", "on_from"),
+    [(65.0, (1, 120.0), (3, 80.0)), (75.0, (3, 120.0), (1, 80.0))],
+)
+def test_a_load_that_is_taken_up_and_a_device_that_comes_on_are_told_apart(
+    kg: float, loaded_from: tuple[int, float], on_from: tuple[int, float], drive: Drive, husky: Robot
+) -> None:
+    """Either alone takes a part of the other."""
+    light, loaded = (drive(husky, runs=5, minutes=4.0, mass_kg=mass_kg) for mass_kg in (50.0, kg))
+    runs = []
+    for at, (empty, full) in enumerate(zip(light, loaded, strict=True)):
+        carries, is_on = (
+            (at > run) | ((at == run) & (empty.channels["time_s"] > since_s)) for run, since_s in (loaded_from, on_from)
+        )
+        power_w = np.where(carries, full.channels["power_w"], empty.channels["power_w"]) + 40.0 * is_on
+        runs.append(dataclasses.replace(empty, channels={**empty.channels, "power_w": power_w}))
+    named = diagnose(runs, husky).missing_physics
+    assert {one.effect for one in named} == {"payload", "standby"}
+
+
 def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     """Of a load with three sizes there are schedules with three levels, but none of something that switches."""
     three = with_power(
@@ -546,25 +566,27 @@ def test_half_of_a_pair_has_its_rivals_beside_the_other_and_physics_comes_before
 
 
 @pytest.mark.parametrize(
-    ("axis", "sudden", "apart", "first", "by_motion", "stands"),
+    ("axis", "sudden", "apart", "first", "by_motion", "gain", "stands"),
     [
-        ("steady", False, 0.0, "steady", 0.9, True),
-        ("time", True, 1.0, "steady", 0.2, True),
-        ("time", False, 9.0, "steady", 0.2, False),
-        ("time", True, 9.0, "steady", 0.6, False),
-        ("time", True, 1.0, "time", 0.2, False),
-        ("time", True, 9.0, "time", 0.2, True),
-        ("place", False, 0.0, "time", 0.6, False),
+        ("steady", False, 0.0, "steady", 0.9, 0.5, True),
+        ("time", True, 1.0, "steady", 0.2, 0.5, True),
+        ("time", False, 9.0, "steady", 0.2, 0.5, False),
+        ("time", True, 9.0, "steady", 0.6, 0.5, False),
+        ("time", True, 1.0, "time", 0.2, 0.5, False),
+        ("time", True, 1.0, "time", 0.2, 0.8, True),
+        ("time", False, 1.0, "time", 0.2, 0.8, False),
+        ("time", True, 9.0, "time", 0.2, 0.5, True),
+        ("place", False, 0.0, "time", 0.6, 0.5, False),
     ],
 )
 def test_a_further_schedule_stands_out_from_the_first_and_from_motion(
-    axis: str, sudden: bool, apart: float, first: str, by_motion: float, stands: bool
+    axis: str, sudden: bool, apart: float, first: str, by_motion: float, gain: float, stands: bool
 ) -> None:
-    """It explains half of what the named effect leaves."""
+    """It explains a share, `gain`, of what the named effect leaves."""
 
     def named(axis: str) -> Any:
         term = SimpleNamespace(axis=axis, schedule=SimpleNamespace(apart=apart))
-        return SimpleNamespace(term=term, sudden=sudden, held_out_gain=0.5)
+        return SimpleNamespace(term=term, sudden=sudden, held_out_gain=gain)
 
     assert _beside(named(axis), [named(first)], lambda: by_motion) == stands
 
