@@ -140,8 +140,8 @@ def name_missing(
 
 
 def _is_doubtful(step: tuple[tuple[Named, ...], Corrected] | None, first: Corrected, runs: Runs) -> bool:
-    """Whether one effect leaves something unexplained beside which none is named, or only a schedule of unclear levels
-    beside its own."""
+    """Whether the first effect leaves something unexplained and no further one is found, or only a schedule beside its
+    own whose levels are not clearly apart."""
     if step is None:
         return unexplained(first, runs)
     further = step[0][-1].term.schedule

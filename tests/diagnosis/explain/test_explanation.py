@@ -56,6 +56,28 @@ def test_the_place_refutes_a_schedule_unless_a_named_ground_explains_it(
     assert bool(naming.named) == stands
 
 
+@pytest.mark.parametrize("beside", [True, False])
+def test_motion_that_causes_another_named_effect_does_not_refute_a_schedule(
+    monkeypatch: pytest.MonkeyPatch, beside: bool
+) -> None:
+    """Motion explains most of what the refit leaves, and nothing of what it leaves with the effect of motion."""
+    refit: Any = "refit"
+    monkeypatch.setattr(explanation, "fit_model", lambda *_: "with the effect of motion")
+    monkeypatch.setattr(explanation, "largest_by_motion", lambda base, *_: 0.9 if base == refit else 0.0)
+    for name, found in (("place_gain", 0.0), ("explained", 0.8), ("unexplained", False)):
+        monkeypatch.setattr(explanation, name, lambda *_, found=found: found)
+    monkeypatch.setattr(explanation, "name_missing", lambda *_: Naming())
+    hypothesis = SimpleNamespace(by_place=False, channels=())
+    terms = [SimpleNamespace(axis=axis, hypothesis=hypothesis) for axis in ("time", "steady")[: 1 + beside]]
+    named: Any = tuple(SimpleNamespace(term=term, held_out_gain=0.7) for term in terms)
+    corrected: Any = SimpleNamespace(contribution=(None,), model=SimpleNamespace(terms=terms))
+    most: Any = SimpleNamespace(found=False)
+    nothing: Any = None
+    residual = _Residual(refit, nothing, most, np.zeros(5, np.intp), nothing, np.random.default_rng(0), lambda _: None)
+    location: Any = "after an hour"
+    assert bool(residual.checked_against_motion(Naming(named, corrected), location)[0].named) == beside
+
+
 def test_a_loss_that_remembers_the_fastest_speed_is_no_load_that_switches(
     drive: Callable[..., list[Recording]], husky: Robot
 ) -> None:
