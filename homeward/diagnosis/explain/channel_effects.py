@@ -22,6 +22,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.explain.catalogue import CATALOGUE, battery, instruments, terms
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Hypothesis, Numbers, Setting, Term
 from homeward.diagnosis.explain.proof import DRAWS
+from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import FOLDS, per_block
 from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.refit import Refit, standard_errors
@@ -225,7 +226,8 @@ def not_contradicted(
     def fallen(power: Array) -> Array:
         """The charge as it falls by the energy and by a loss inside the battery that grows with the square of power."""
         columns = np.column_stack([channel.summed(power), channel.summed(power**2)])
-        return columns @ _fit(columns, channel.target)
+        least = np.array([-np.inf, 0.0])
+        return columns @ bounded(columns.T @ columns, columns.T @ channel.target, least, np.full(2, np.inf))
 
     def contradicted(term: Term) -> bool:
         """Whether the charge falls by the energy with what a fault adds, or by that without what a load draws."""

@@ -159,11 +159,13 @@ class _Residual:
             return naming.nothing_named(), where
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming) else naming.nothing_named()), location
+        # Motion and place may be the causes of others that are named.
+        others = [one for one in corrected.model.terms if one.axis != "time"]
+        held = holding(self.fit, self.runs, corrected.groups.held) if others else self.fit
+        base = fit_model(held, others, self.runs, self.block) if others else self.fit
         on_ground = any(one.term.hypothesis.by_place for one in naming.named)
-        by_place = 0.0 if on_ground else place_gain(self.fit, self.runs, self.rng)
-        others = [one for one in corrected.model.terms if one.axis != "time"]  # motion may be the cause of these
-        base = fit_model(self.fit, others, self.runs, self.block) if others else self.fit
-        by_named = max(first.held_out_gain, explained(base, corrected, self.runs, self.fold))
+        by_place = 0.0 if on_ground else place_gain(base, self.runs, self.rng)
+        by_named = max(0.0 if others else first.held_out_gain, explained(base, corrected, self.runs, self.fold))
         by_motion = largest_by_motion(base, self.runs, self.block, self.rng)
         if by_motion < by_named and by_place < rules.BY_PLACE * by_named:
             return naming, location

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from itertools import combinations, compress
+from itertools import combinations, compress, islice
 
 import numpy as np
 from numpy.random import Generator
@@ -46,6 +46,9 @@ class Named:
     p_value: float  # share of placebos that score as high
     rivals: tuple[Term, ...]  # effects confounded with it, best first
     sudden: bool  # whether its size changes in steps
+
+
+_Step = tuple[tuple[Named, ...], Corrected]  # the effects named so far and their joint fit
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,7 @@ def name_missing(
     by_motion: Callable[[], float] = float
     instead: Iterator[tuple[Named, ...]] = iter(())  # of the first effect, if it is named alone
 
-    def accepted(found: tuple[Named, ...], beside: tuple[Named, ...]) -> tuple[tuple[Named, ...], Corrected] | None:
+    def accepted(found: tuple[Named, ...], beside: tuple[Named, ...]) -> _Step | None:
         """The effects with those found and their joint fit, where all have a significant size in it."""
         model = corrected if corrected is not None and beside else fit
         if not found or (beside and not all(_beside(one, beside, by_motion) for one in found)):
@@ -124,11 +127,12 @@ def name_missing(
         tried = _best(bench, rng)
         step = next(filter(None, (accepted(found, named) for found in tried)), None)
         if corrected is not None and len(named) == 1 and _is_doubtful(step, corrected, runs):
-            # The first effect alone may have taken a part of another: the best pair instead.
-            pair = accepted(next((found for found in instead if len(found) != 1), ()), ())
-            least = max(by_motion(), 1.0 - 1.0 / rules.EQUAL) if step is None else 0.0
-            if pair is not None and _gained(pair[1], corrected if step is None else step[1], runs) >= least:
-                step = pair
+            # The first effect alone may have taken a part of another: the best pair instead, the third to be tried.
+            replaced = corrected if step is None else step[1]
+            pair = next((found for found in islice(instead, 3) if len(found) != 1), ())
+            other = accepted(pair, ()) if all(_beside(one, pair, float) for one in pair) else None
+            if other is not None and _gained(other[1], corrected, runs) > by_motion():
+                step = other if _replays(other[1], replaced, runs, fold, 0.0, rng) else step
         if step is None:
             break  # no candidate passes with a significant size in the joint replay
         instead = iter(()) if named else tried
@@ -139,13 +143,13 @@ def name_missing(
     return Naming(named, corrected, ranking, absorbed)
 
 
-def _is_doubtful(step: tuple[tuple[Named, ...], Corrected] | None, first: Corrected, runs: Runs) -> bool:
+def _is_doubtful(step: _Step | None, first: Corrected, runs: Runs) -> bool:
     """Whether the first effect leaves something unexplained and no further one is found, or only a schedule beside its
     own whose levels are not clearly apart."""
     if step is None:
         return unexplained(first, runs)
-    further = step[0][-1].term.schedule
-    return all(one.term.axis == "time" for one in step[0]) and not clearly_apart(further)
+    terms = [one.term for one in step[0]]
+    return len(terms) > 1 and all(one.axis == "time" for one in terms) and not clearly_apart(terms[-1].schedule)
 
 
 def _as_jointly_fitted(
@@ -222,7 +226,7 @@ def _rank(bench: Bench) -> tuple[Ranked, ...]:
 
 def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     """Validated hypotheses: that with the lowest BIC, alone or as the stronger half of the best pair; the pair, where
-    each half is significant only beside the other; the next best alone, by BIC or by innovations."""
+    each half is significant beside the other, else none; the next best alone, by BIC or by innovations."""
     if not bench.candidates:
         return
     shares = bench.shares

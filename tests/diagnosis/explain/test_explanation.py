@@ -33,19 +33,17 @@ def test_the_place_refutes_a_schedule_unless_a_named_ground_explains_it(
     monkeypatch: pytest.MonkeyPatch, ground: bool, stands: bool
 ) -> None:
     """The place explains as much as the schedule of a load: alone it refutes the load, beside a named ground not."""
-    for name, found in (
-        ("place_gain", 0.9),
-        ("largest_by_motion", 0.0),
-        ("explained", 0.8),
-        ("unexplained", False),
-        ("fit_model", None),
-    ):
+    for name, found in (("place_gain", 0.9), ("largest_by_motion", 0.0), ("explained", 0.8), ("unexplained", False)):
         monkeypatch.setattr(explanation, name, lambda *_, found=found: found)
+    for name in ("fit_model", "holding"):
+        monkeypatch.setattr(explanation, name, lambda *_: None)
     monkeypatch.setattr(explanation, "name_missing", lambda *_: Naming())
     kinds = (("time", False), ("place", True))[: 1 + ground]
     terms = [SimpleNamespace(axis=axis, hypothesis=SimpleNamespace(by_place=of, channels=())) for axis, of in kinds]
     named: Any = tuple(SimpleNamespace(term=term, held_out_gain=0.7) for term in terms)
-    corrected: Any = SimpleNamespace(contribution=(None,), model=SimpleNamespace(terms=terms))
+    corrected: Any = SimpleNamespace(
+        contribution=(None,), model=SimpleNamespace(terms=terms), groups=SimpleNamespace(held=None)
+    )
     most: Any = SimpleNamespace(found=False)
     nothing: Any = None
     residual = _Residual(
@@ -62,6 +60,7 @@ def test_motion_that_causes_another_named_effect_does_not_refute_a_schedule(
 ) -> None:
     """Motion explains most of what the refit leaves, and nothing of what it leaves with the effect of motion."""
     refit: Any = "refit"
+    monkeypatch.setattr(explanation, "holding", lambda *_: refit)
     monkeypatch.setattr(explanation, "fit_model", lambda *_: "with the effect of motion")
     monkeypatch.setattr(explanation, "largest_by_motion", lambda base, *_: 0.9 if base == refit else 0.0)
     for name, found in (("place_gain", 0.0), ("explained", 0.8), ("unexplained", False)):
@@ -70,7 +69,9 @@ def test_motion_that_causes_another_named_effect_does_not_refute_a_schedule(
     hypothesis = SimpleNamespace(by_place=False, channels=())
     terms = [SimpleNamespace(axis=axis, hypothesis=hypothesis) for axis in ("time", "steady")[: 1 + beside]]
     named: Any = tuple(SimpleNamespace(term=term, held_out_gain=0.7) for term in terms)
-    corrected: Any = SimpleNamespace(contribution=(None,), model=SimpleNamespace(terms=terms))
+    corrected: Any = SimpleNamespace(
+        contribution=(None,), model=SimpleNamespace(terms=terms), groups=SimpleNamespace(held=None)
+    )
     most: Any = SimpleNamespace(found=False)
     nothing: Any = None
     residual = _Residual(refit, nothing, most, np.zeros(5, np.intp), nothing, np.random.default_rng(0), lambda _: None)
