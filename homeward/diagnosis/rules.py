@@ -141,10 +141,9 @@ COST_OF_A_CHANGE = 3
 """Parameters that an estimated change point counts for in BIC (Zhang & Siegmund, 2007)."""
 
 SAME_SCHEDULE, SMALLEST_LEVEL_GAIN = 0.02, 0.1
-"""Share of the windows of its rarest level in which two schedules may differ and count as the same: half or twice of it
-changes no test of schedules (tests/diagnosis/explain: change_points, proof, explanation). Share that a further level of
-a schedule must add to the squared error that its levels so far explain: with half of it a load that switches over a
-drift is given more than two levels (test_proof); twice changes no test of these."""
+"""Share of the windows of its rarest level in which two schedules may differ and count as the same; share that a level
+must add to the squared error that fewer levels explain. Half or twice of the first, and twice of the second, change no
+test of schedules (tests/diagnosis/explain: change_points, proof, explanation); half of it splits a drift."""
 
 STOPS_MPS = 0.05
 """Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.rules`, as a
@@ -155,9 +154,8 @@ CLEARLY_APART = 4.0
 half-way to the other with p = 0.02, the normal tail beyond two."""
 
 MOST_OF_THE_REST = 0.6
-"""Least share of what named effects leave that a further schedule explains if its levels are not clearly apart. Chosen
-on seeds 416 to 418 of benchmarks/concealed: wrong ones explain up to 0.54 of it, a true one 0.94; on synthetic drives
-true ones 0.6 to 0.8."""
+"""Least share of what named effects leave that a further schedule explains if its levels are not clearly apart. Chosen:
+on seeds 416 to 418 of benchmarks/concealed wrong ones explain up to 0.54, on synthetic drives true ones 0.6 to 0.8."""
 
 CUSUM_CUTS = 4.0
 """Squared studentised CUSUM from which a run is cut at a change point: two standard errors."""

@@ -17,7 +17,7 @@ from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate, where_at_work
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
-from homeward.diagnosis.fit.channel_errors import is_material, times_noise, unexplained
+from homeward.diagnosis.fit.channel_errors import is_autocorrelated, is_material, times_noise, unexplained, unrecorded
 from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
@@ -64,7 +64,7 @@ def explain(
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
     naming = residual.naming()
-    if naming.needs_unrecorded_channel(runs):
+    if naming.needs_unrecorded_channel(runs) or residual.lacks_a_channel(naming):
         return Explanation(replace(naming.nothing_named(), unrecorded=True))
     naming, location = residual.checked_against_motion(naming, location)
     if not naming.named and location is None:
@@ -120,6 +120,12 @@ class _Residual:
         """Share of the residual that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
 
+    def lacks_a_channel(self, naming: Naming) -> bool:
+        """Whether a channel was not recorded, and the named effects leave most of the residual, correlated."""
+        if naming.corrected is None or not unrecorded(self.runs) or self.by(naming) >= rules.BY_NAMED:
+            return False
+        return is_autocorrelated(self.runs.observed - naming.corrected.predicted, self.runs)
+
     def remaining(self, corrected: Corrected) -> RemainingDependence | None:
         """The residual of the corrected model where, by the test of the refit's, it depends on a channel."""
         blocks = independent_blocks(corrected, self.runs)
@@ -159,8 +165,7 @@ class _Residual:
             return naming.nothing_named(), where
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming) else naming.nothing_named()), location
-        # Motion and place may be the causes of others that are named.
-        others = [one for one in corrected.model.terms if one.axis != "time"]
+        others = [one for one in corrected.model.terms if one.axis != "time"]  # of these motion may be the cause
         held = holding(self.fit, self.runs, corrected.groups.held) if others else self.fit
         base = fit_model(held, others, self.runs, self.block) if others else self.fit
         on_ground = any(one.term.hypothesis.by_place for one in naming.named)

@@ -110,8 +110,7 @@ def name_missing(
             # Backward elimination: beside what is found, an effect named before is not significant.
             together, fitted = _fitted(material, tuple(compress(together, at_work)), runs, block)
         significant = fitted.at_work().all() and _draws_energy(fitted, runs)
-        of_power = 0.0 if beside else noise  # a further effect may be misspecification of those named
-        return (together, fitted) if significant and _replays(fitted, model, runs, fold, of_power, rng) else None
+        return (together, fitted) if significant and _replays(fitted, model, runs, fold, noise, rng) else None
 
     while len(named) < rules.MOST_EFFECTS:
         progress("naming")
@@ -120,8 +119,7 @@ def name_missing(
         misread = np.zeros(len(runs.observed)) if corrected is None else corrected.misread
         candidates = not_contradicted(candidates, model.jacobian, setting, misread, block)
         candidates += _as_jointly_fitted(candidates, model, material, named, setting, block)
-        of_power = 0.0 if named else noise
-        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, of_channels, of_power)
+        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, of_channels, noise)
         if corrected is None:
             ranking, absorbed = _rank(bench), bench.absorbed()
         tried = _best(bench, rng)
@@ -136,7 +134,7 @@ def name_missing(
         if step is None:
             break  # no candidate passes with a significant size in the joint replay
         instead = iter(()) if named else tried
-        named, corrected = step
+        (named, corrected), noise = step, 0.0  # a further effect may be misspecification of those named
         by_motion = cache(partial(largest_by_motion, corrected, runs, block, rng))
         setting = corrected.model.setting(runs, corrected.theta, corrected.values)
         setting = replace(setting, residual=runs.observed - corrected.predicted)

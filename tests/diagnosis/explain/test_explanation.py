@@ -79,6 +79,31 @@ def test_motion_that_causes_another_named_effect_does_not_refute_a_schedule(
     assert bool(residual.checked_against_motion(Naming(named, corrected), location)[0].named) == beside
 
 
+@pytest.mark.parametrize(
+    ("unrecorded", "share", "correlated", "lacks"),
+    [
+        (["slopes"], 0.2, True, True),
+        ([], 0.2, True, False),
+        (["slopes"], 0.6, True, False),
+        (["slopes"], 0.2, False, False),
+    ],
+)
+def test_an_effect_that_leaves_most_is_not_named_where_hills_may_cause_the_rest(
+    monkeypatch: pytest.MonkeyPatch, unrecorded: list[str], share: float, correlated: bool, lacks: bool
+) -> None:
+    """Where headings go with slopes, wind explains a part of what hills cause that were not recorded."""
+    for name, found in (("unrecorded", unrecorded), ("explained", share), ("is_autocorrelated", correlated)):
+        monkeypatch.setattr(explanation, name, lambda *_, found=found: found)
+    nothing: Any = None
+    runs: Any = SimpleNamespace(observed=np.zeros(5))
+    corrected: Any = SimpleNamespace(predicted=np.zeros(5))
+    residual = _Residual(
+        nothing, runs, nothing, np.zeros(5, np.intp), nothing, np.random.default_rng(0), lambda _: None
+    )
+    assert residual.lacks_a_channel(Naming((), corrected)) == lacks
+    assert not residual.lacks_a_channel(Naming())
+
+
 def test_a_loss_that_remembers_the_fastest_speed_is_no_load_that_switches(
     drive: Callable[..., list[Recording]], husky: Robot
 ) -> None:
