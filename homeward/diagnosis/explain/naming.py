@@ -129,7 +129,7 @@ def name_missing(
             replaced = corrected if step is None else step[1]
             pair = next((found for found in islice(instead, 3) if len(found) != 1), ())
             other = accepted(pair, ()) if all(_beside(one, pair, float) for one in pair) else None
-            if other is not None and _gained(other[1], corrected, runs) > by_motion():
+            if other is not None and 1.0 - _error_ratio(other[1], corrected, runs) > by_motion():
                 step = other if _replays(other[1], replaced, runs, fold, 0.0, rng) else step
         if step is None:
             break  # no candidate passes with a significant size in the joint replay
@@ -184,15 +184,15 @@ def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> t
     fitted = fit_model(fit, terms, runs, block)
     if any(one.plain is not None for one in terms):
         expressed = fit_model(fit, [one.plain or one for one in terms], runs, block)
-        fitted = expressed if _gained(expressed, fitted, runs) >= 1.0 - rules.EQUAL else fitted
+        fitted = expressed if _error_ratio(expressed, fitted, runs) <= rules.EQUAL else fitted
     fitted = profiled(fit, fitted, runs, block).model
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
 
-def _gained(fitted: Corrected, other: Corrected, runs: Runs) -> float:
-    """Share of the squared error of another fit that a fit does not have."""
-    left, of_other = (float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, other))
-    return 1.0 - left / max(of_other, 1e-300)
+def _error_ratio(fitted: Corrected, other: Corrected, runs: Runs) -> float:
+    """Squared error of a fit over that of another."""
+    error, of_other = (float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, other))
+    return error / max(of_other, 1e-300)
 
 
 def _draws_energy(fitted: Corrected, runs: Runs) -> bool:

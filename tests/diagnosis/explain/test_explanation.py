@@ -28,6 +28,13 @@ def test_an_effect_gives_way_to_a_channel_that_explains_more(channel: str, share
     assert _of_another_channel(naming, remaining, most) == gives_way
 
 
+def residual_of(refit: Any = None, runs: Any = None) -> _Residual:
+    """The residual of a refit, with what is asked of them replaced by the test."""
+    most: Any = SimpleNamespace(found=False)
+    by_run: Any = None
+    return _Residual(refit, runs, most, np.zeros(5, np.intp), by_run, np.random.default_rng(0), lambda _: None)
+
+
 @pytest.mark.parametrize(("ground", "stands"), [(True, True), (False, False)])
 def test_the_place_refutes_a_schedule_unless_a_named_ground_explains_it(
     monkeypatch: pytest.MonkeyPatch, ground: bool, stands: bool
@@ -44,13 +51,8 @@ def test_the_place_refutes_a_schedule_unless_a_named_ground_explains_it(
     corrected: Any = SimpleNamespace(
         contribution=(None,), model=SimpleNamespace(terms=terms), groups=SimpleNamespace(held=None)
     )
-    most: Any = SimpleNamespace(found=False)
-    nothing: Any = None
-    residual = _Residual(
-        nothing, nothing, most, np.zeros(5, np.intp), nothing, np.random.default_rng(0), lambda _: None
-    )
     location: Any = "further from base"
-    naming = residual.checked_against_motion(Naming(named, corrected), location)[0]
+    naming = residual_of().checked_against_motion(Naming(named, corrected), location)[0]
     assert bool(naming.named) == stands
 
 
@@ -72,11 +74,8 @@ def test_motion_that_causes_another_named_effect_does_not_refute_a_schedule(
     corrected: Any = SimpleNamespace(
         contribution=(None,), model=SimpleNamespace(terms=terms), groups=SimpleNamespace(held=None)
     )
-    most: Any = SimpleNamespace(found=False)
-    nothing: Any = None
-    residual = _Residual(refit, nothing, most, np.zeros(5, np.intp), nothing, np.random.default_rng(0), lambda _: None)
     location: Any = "after an hour"
-    assert bool(residual.checked_against_motion(Naming(named, corrected), location)[0].named) == beside
+    assert bool(residual_of(refit).checked_against_motion(Naming(named, corrected), location)[0].named) == beside
 
 
 @pytest.mark.parametrize(
@@ -94,12 +93,8 @@ def test_an_effect_that_leaves_most_is_not_named_where_hills_may_cause_the_rest(
     """Where headings go with slopes, wind explains a part of what hills cause that were not recorded."""
     for name, found in (("unrecorded", unrecorded), ("explained", share), ("is_autocorrelated", correlated)):
         monkeypatch.setattr(explanation, name, lambda *_, found=found: found)
-    nothing: Any = None
-    runs: Any = SimpleNamespace(observed=np.zeros(5))
     corrected: Any = SimpleNamespace(predicted=np.zeros(5))
-    residual = _Residual(
-        nothing, runs, nothing, np.zeros(5, np.intp), nothing, np.random.default_rng(0), lambda _: None
-    )
+    residual = residual_of(runs=SimpleNamespace(observed=np.zeros(5)))
     assert residual.lacks_a_channel(Naming((), corrected)) == lacks
     assert not residual.lacks_a_channel(Naming())
 
