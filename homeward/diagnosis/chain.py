@@ -16,7 +16,6 @@ from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY, find_effec
 from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
-from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
 from homeward.diagnosis.fit.channel_errors import tilt_error
@@ -31,6 +30,7 @@ from homeward.diagnosis.tell.file_choice import choose_file, determined
 from homeward.diagnosis.tell.missing import missing_physics
 from homeward.diagnosis.tell.next_drive import next_experiment
 from homeward.diagnosis.tell.words import nothing_usable, summary
+from homeward.logs.autocorrelation import shifted_in_time
 from homeward.logs.channels import Array, Index
 from homeward.logs.columns import Columns
 from homeward.logs.recordings import Recording, RecordingError, read_recording

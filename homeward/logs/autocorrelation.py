@@ -94,3 +94,9 @@ def _spread(values: Array, run: Index, lag: int) -> float:
     same = run[lag:] == run[:-lag]
     steps = np.abs(values[lag:] - values[:-lag])[same]
     return 1.4826 * float(np.median(steps)) if len(steps) else 0.0  # of normal noise, 1 / ndtri(0.75)
+
+
+def shifted_in_time(columns: Array, rng: np.random.Generator) -> Array:
+    """Placebo: columns, (windows, columns), shifted circularly over all runs by a random time, which are no cause."""
+    margin = len(columns) // 10
+    return np.roll(columns, int(rng.integers(margin, len(columns) - margin)), axis=0)

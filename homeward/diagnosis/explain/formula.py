@@ -16,14 +16,13 @@ import numpy as np
 from scipy.stats import t as student
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.naming import shifted_in_time
 from homeward.diagnosis.fit.fitted import Fitted, excited, with_columns
 from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.parameter_groups import AT_REST
 from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs import rules as logs_rules
-from homeward.logs.autocorrelation import correlation_windows, noise_of
+from homeward.logs.autocorrelation import correlation_windows, noise_of, shifted_in_time
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2

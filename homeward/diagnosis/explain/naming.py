@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import cached_property
 from itertools import combinations, compress, islice
 
 import numpy as np
@@ -48,9 +48,6 @@ class Named:
     sudden: bool  # whether its size changes in steps
 
 
-_Step = tuple[tuple[Named, ...], Corrected]  # the effects named so far and their joint fit
-
-
 @dataclass(frozen=True)
 class Ranked:
     """One hypothesis tried alone, for the report."""
@@ -88,66 +85,106 @@ def name_missing(
     """Name the effects that explain the residual of the refit; windows of one block, (windows,), are dependent.
 
     Effects whose size changes for no recorded reason are tried only if `varying`."""
-    fold = np.asarray(block % FOLDS)
-    setting = Setting.of(fit, runs)
-    material = holding(fit, runs, immaterial(fit, runs))
-    of_channels, noise = channel_error(fit, runs), power_noise(runs)
-    refit_error = float(setting.residual @ setting.residual)
-    named: tuple[Named, ...] = ()
-    ranking: tuple[Ranked, ...] = ()
-    absorbed: dict[str, float] = {}
-    corrected: Corrected | None = None
-    by_motion: Callable[[], float] = float
+    selected = _Selection(
+        fit, holding(fit, runs, immaterial(fit, runs)), runs, block, rng, channel_error(fit, runs), power_noise(runs)
+    )
+    naming = Naming()
     instead: Iterator[tuple[Named, ...]] = iter(())  # of the first effect, if it is named alone
-
-    def accepted(found: tuple[Named, ...], beside: tuple[Named, ...]) -> _Step | None:
-        """The effects with those found and their joint fit, where all have a significant size in it."""
-        model = corrected if corrected is not None and beside else fit
-        if not found or (beside and not all(_beside(one, beside, by_motion) for one in found)):
-            return None
-        together, fitted = _fitted(material, (*beside, *found), runs, block)
-        if (at_work := fitted.at_work())[len(beside) :].all() and not at_work.all():
-            # Backward elimination: beside what is found, an effect named before is not significant.
-            together, fitted = _fitted(material, tuple(compress(together, at_work)), runs, block)
-        significant = fitted.at_work().all() and _draws_energy(fitted, runs)
-        return (together, fitted) if significant and _replays(fitted, model, runs, fold, noise, rng) else None
-
-    while len(named) < rules.MOST_EFFECTS:
+    while len(selected.named) < rules.MOST_EFFECTS:
         progress("naming")
-        candidates = terms(setting, tuple(one.term.effect for one in named), varying)
-        model = corrected or fit
-        misread = np.zeros(len(runs.observed)) if corrected is None else corrected.misread
-        candidates = not_contradicted(candidates, model.jacobian, setting, misread, block)
-        candidates += _as_jointly_fitted(candidates, model, material, named, setting, block)
-        bench = Bench(model, tuple(candidates), runs, setting.residual, block, (), refit_error, of_channels, noise)
-        if corrected is None:
-            ranking, absorbed = _rank(bench), bench.absorbed()
+        bench = selected.bench(varying)
+        if not selected.named:
+            naming = Naming(ranking=_rank(bench), absorbed=bench.absorbed())
         tried = _best(bench, rng)
-        step = next(filter(None, (accepted(found, named) for found in tried)), None)
-        if corrected is not None and len(named) == 1 and _is_doubtful(step, corrected, runs):
-            # The first effect alone may have taken a part of another: the best pair instead, the third to be tried.
-            replaced = corrected if step is None else step[1]
-            pair = next((found for found in islice(instead, 3) if len(found) != 1), ())
-            other = accepted(pair, ()) if all(_beside(one, pair, float) for one in pair) else None
-            if other is not None and 1.0 - _error_ratio(other[1], corrected, runs) > by_motion():
-                step = other if _replays(other[1], replaced, runs, fold, 0.0, rng) else step
-        if step is None:
+        further = next(filter(None, map(selected.with_found, tried)), None)
+        if len(selected.named) == 1:
+            further = selected.replaced(further, instead) or further
+        if further is None:
             break  # no candidate passes with a significant size in the joint replay
-        instead = iter(()) if named else tried
-        (named, corrected), noise = step, 0.0  # a further effect may be misspecification of those named
-        by_motion = cache(partial(largest_by_motion, corrected, runs, block, rng))
-        setting = corrected.model.setting(runs, corrected.theta, corrected.values)
-        setting = replace(setting, residual=runs.observed - corrected.predicted)
-    return Naming(named, corrected, ranking, absorbed)
+        instead = iter(()) if selected.named else tried
+        selected = further
+    return replace(naming, named=selected.named, corrected=selected.corrected)
 
 
-def _is_doubtful(step: _Step | None, first: Corrected, runs: Runs) -> bool:
-    """Whether the first effect leaves something unexplained and no further one is found, or only a schedule beside its
-    own whose levels are not clearly apart."""
-    if step is None:
-        return unexplained(first, runs)
-    terms = [one.term for one in step[0]]
-    return len(terms) > 1 and all(one.axis == "time" for one in terms) and not clearly_apart(terms[-1].schedule)
+@dataclass(frozen=True)
+class _Selection:
+    """The effects selected so far and their joint fit; what can be selected beside them."""
+
+    fit: Refit
+    material: Refit  # with those groups held that matter little beside effects
+    runs: Runs
+    block: Index
+    rng: Generator
+    of_channels: float  # squared error expected from errors of the channels
+    noise: float  # squared error by noise of power; not beside effects, as a further one may be their misspecification
+    named: tuple[Named, ...] = ()
+    corrected: Corrected | None = None
+
+    @property
+    def model(self) -> Refit | Corrected:
+        """The joint fit, or the refit where no effect is selected."""
+        return self.corrected or self.fit
+
+    @cached_property
+    def by_motion(self) -> float:
+        """Share of what the effects leave that motion explains."""
+        return 0.0 if self.corrected is None else largest_by_motion(self.corrected, self.runs, self.block, self.rng)
+
+    def bench(self, varying: bool) -> Bench:
+        """The hypotheses that can be tried beside the effects."""
+        fit, runs, corrected = self.fit, self.runs, self.corrected
+        setting, misread = Setting.of(fit, runs), np.zeros(len(runs.observed))
+        if corrected is not None:
+            setting, misread = corrected.model.setting(runs, corrected.theta, corrected.values), corrected.misread
+        setting = replace(setting, residual=runs.observed - self.model.predicted)
+        candidates = terms(setting, tuple(one.term.effect for one in self.named), varying)
+        candidates = not_contradicted(candidates, self.model.jacobian, setting, misread, self.block)
+        candidates += _as_jointly_fitted(candidates, self.model, self.material, self.named, setting, self.block)
+        refit_error = float(np.sum((runs.observed - fit.predicted) ** 2))
+        return Bench(self.model, tuple(candidates), runs, setting.residual, self.block, refit_error=refit_error,
+                     channel_error=self.of_channels, noise=self.noise)  # fmt: skip
+
+    def with_found(self, found: tuple[Named, ...]) -> _Selection | None:
+        """The selection with the effects found, where all have a significant size in the joint fit."""
+        if not found or (self.named and not all(_beside(one, self.named, lambda: self.by_motion) for one in found)):
+            return None
+        together, fitted = _fitted(self.material, (*self.named, *found), self.runs, self.block)
+        if (at_work := fitted.at_work())[len(self.named) :].all() and not at_work.all():
+            # Backward elimination: beside what is found, an effect named before is not significant.
+            together, fitted = _fitted(self.material, tuple(compress(together, at_work)), self.runs, self.block)
+        significant = fitted.at_work().all() and _draws_energy(fitted, self.runs)
+        further = replace(self, named=together, corrected=fitted, noise=0.0)
+        return further if significant and further.predicts_better(self, self.noise) else None
+
+    def replaced(self, further: _Selection | None, instead: Iterator[tuple[Named, ...]]) -> _Selection | None:
+        """The best pair, the third of `instead`, for the first effect, which may have taken a part of another."""
+        if not (unexplained(self.model, self.runs) if further is None else _splits_a_schedule(further.named)):
+            return None
+        pair = next((found for found in islice(instead, 3) if len(found) != 1), ())
+        if not all(_beside(one, pair, float) for one in pair):
+            return None
+        other = replace(self, named=(), corrected=None).with_found(pair)
+        if other is None or 1.0 - _error_ratio(other.model, self.model, self.runs) <= self.by_motion:
+            return None
+        return other if other.predicts_better(further or self, 0.0) else None
+
+    def predicts_better(self, before: _Selection, noise: float) -> bool:
+        """Whether a replay predicts held-out windows better, of which error `noise` is expected from noise of power."""
+        runs, fold = self.runs, np.asarray(self.block % FOLDS)
+        predicted = [
+            held_out(lambda chosen, one=one: one.model.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
+            for one in (before, self)
+        ]
+        replayed = gain(runs.observed, predicted[0], predicted[1], fold, self.rng)
+        squared_error = float(np.sum((runs.observed - predicted[0]) ** 2))
+        return replayed.share >= least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, noise)
+
+
+def _splits_a_schedule(named: Sequence[Named]) -> bool:
+    """Whether all effects are schedules, and the levels of the last, beside another, are not clearly apart."""
+    return (
+        len(named) > 1 and all(one.term.axis == "time" for one in named) and not clearly_apart(named[-1].term.schedule)
+    )
 
 
 def _as_jointly_fitted(
@@ -163,9 +200,8 @@ def _as_jointly_fitted(
 
 
 def _beside(one: Named, named: Sequence[Named], by_motion: Callable[[], float]) -> bool:
-    """Whether a further effect is more than misspecification of the named ones: a schedule may fit that as well, unless
-    it changes in steps (beside another schedule, in clear ones, or it explains most) and motion does not account for
-    it."""
+    """Whether a further effect is more than misspecification of those named: a schedule must change in steps (beside
+    another, in clear ones, or it explains most), and motion must not account for it."""
     if one.term.axis == "time":
         clear = _is_clear(one.term, one.held_out_gain)
         if not one.sudden or not (clear or all(other.term.axis != "time" for other in named)):
@@ -189,7 +225,7 @@ def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> t
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
 
-def _error_ratio(fitted: Corrected, other: Corrected, runs: Runs) -> float:
+def _error_ratio(fitted: Fitted, other: Fitted, runs: Runs) -> float:
     """Squared error of a fit over that of another."""
     error, of_other = (float(np.sum((runs.observed - one.predicted) ** 2)) for one in (fitted, other))
     return error / max(of_other, 1e-300)
@@ -200,19 +236,6 @@ def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
     least = rules.SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
     terms = zip(fitted.model.terms, fitted.contribution, strict=True)
     return all(float(np.abs(w * runs.duration_s).sum()) >= least for one, w in terms if one.axis != "steady")
-
-
-def _replays(
-    after: Corrected, before: Refit | Corrected, runs: Runs, fold: Index, noise: float, rng: Generator
-) -> bool:
-    """Whether a replay with the effects, not only its linearisation, predicts held-out windows better."""
-    predicted = [
-        held_out(lambda chosen, one=one: one.refitted(chosen, runs).replayed(runs), fold)  # type: ignore[misc]
-        for one in (before, after)
-    ]
-    replayed = gain(runs.observed, predicted[0], predicted[1], fold, rng)
-    squared_error = float(np.sum((runs.observed - predicted[0]) ** 2))
-    return replayed.share >= least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, noise)
 
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:
@@ -310,11 +333,11 @@ def _prefer_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
 
 def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     """Of hypotheses that the data cannot separate that with the highest prior: physics before a fault of an instrument,
-    a change that is typical for the effect before another."""
+    a change that is typical for the effect before another, a cause that a channel allows before one at any time."""
 
-    def preference(index: int) -> tuple[bool, bool, float]:
+    def preference(index: int) -> tuple[bool, bool, float, bool]:
         term = bench.candidates[index]
-        return not term.hypothesis.physical, not term.typical, -float(alone[index])
+        return not term.hypothesis.physical, not term.typical, -np.round(alone[index]), not term.hypothesis.channels
 
     named = {bench.candidates[index].effect for index in bench.beside}
     equals = [
@@ -331,23 +354,19 @@ def _supported(
     bench: Bench, chosen: int, alone: Array, independent: float, rng: Generator, whitened: bool = False
 ) -> Named | None:
     """A hypothesis with its evidence, if `whitened` by innovations, where it passes every test but of its p-value."""
-    share = bench.share(chosen)
+    term, share, error = bench.candidates[chosen], bench.share(chosen), bench.squared_error(chosen)
     delta_bic = bench.innovations_bic(chosen) if whitened else bench.delta_bic(chosen)
-    hypothesis, explained = bench.candidates[chosen].hypothesis, share * bench.squared_error(chosen)
-    least = rules.SMALLEST_GAIN_TO_NAME if hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
-    least = least_to_name(least, bench.squared_error(chosen), bench.noise)
-    of_refit = explained / max(bench.refit_error, 1e-300)
-    loose = bench.candidates[chosen].axis == "time" and not _is_clear(bench.candidates[chosen], share)
-    least_of_refit = rules.SMALLEST_GAIN if loose else rules.SMALLEST_GAIN_BESIDE
-    if delta_bic < rules.STRONG_BIC or share < least or of_refit < least_of_refit:
+    least = rules.SMALLEST_GAIN_TO_NAME if term.hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
+    if delta_bic < rules.STRONG_BIC or share < least_to_name(least, error, bench.noise):
         return None
-    if explained < meter_error(bench.runs):
-        return None
+    loose = term.axis == "time" and not _is_clear(term, share)
+    of_refit = rules.SMALLEST_GAIN if loose else rules.SMALLEST_GAIN_BESIDE
+    of_channels = bench.channel_error * _followed(bench, chosen)
+    if share * error < max(of_refit * bench.refit_error, meter_error(bench.runs)) or share * error <= of_channels:
+        return None  # as much may come from another effect's form, or from errors of the instruments
     sudden = bench.is_in_steps(chosen)
-    if bench.candidates[chosen].schedule is not None and hypothesis.is_sudden and not sudden:
+    if term.schedule is not None and term.hypothesis.is_sudden and not sudden:
         return None
-    if explained <= bench.channel_error * _followed(bench, chosen):
-        return None  # errors of the channels explain as much
     without, with_it = bench.predictions(chosen)
     interval = gain(bench.target, without, with_it, bench.block, rng).ci95
     if interval[0] <= 0.0:
@@ -363,10 +382,8 @@ def _with_plain(bench: Bench, chosen: int) -> Term:
     """The chosen form; if a robot file cannot express it, with the best form that one can."""
     term = bench.candidates[chosen]
     same = [i for i, one in enumerate(bench.candidates) if one.effect == term.effect and one.axis == "steady"]
-    plain = [index for index in same if not bench.candidates[index].flexible]
-    if not term.flexible or not plain:
-        return term
-    return replace(term, plain=bench.candidates[max(plain, key=bench.share)])
+    plain = [index for index in same if not bench.candidates[index].flexible] if term.flexible else []
+    return replace(term, plain=bench.candidates[max(plain, key=bench.share)]) if plain else term
 
 
 def _followed(bench: Bench, chosen: int) -> float:
@@ -394,9 +411,3 @@ def _rivals(bench: Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
         if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.STRONG_BIC):
             found.setdefault(other.effect, _with_plain(bench, index))
     return tuple(found.values())
-
-
-def shifted_in_time(columns: Array, rng: Generator) -> Array:
-    """Placebo: columns, (windows, columns), shifted circularly over all runs by a random time, which are no cause."""
-    margin = len(columns) // 10
-    return np.roll(columns, int(rng.integers(margin, len(columns) - margin)), axis=0)

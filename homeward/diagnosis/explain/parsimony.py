@@ -43,8 +43,7 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
     gram = columns.T @ columns
     low, high = ((bound - problem.start) / problem.scale for bound in (problem.low, problem.high))
     low, high = np.append(low, [one.low[0] for one in effects]), np.append(high, [one.high[0] for one in effects])
-    residual = runs.observed - fit.predicted
-    independent = independent_windows(residual, runs.run)
+    independent = independent_windows(runs.observed - fit.predicted, runs.run)
     least = meter_error(runs)
 
     def criterion(chosen: tuple[int, ...]) -> float:
@@ -61,5 +60,4 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
     best, changed = min(with_one, default=(np.inf, ()))
     if best + rules.STRONG_BIC > without:
         return None
-    free: Mask = (numbers[list(changed)] != 0.0).any(axis=0)
-    return ~free
+    return np.asarray((numbers[list(changed)] == 0.0).all(axis=0))

@@ -128,10 +128,7 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     most = max(most, 2.0 * idle, 1e-6)
     most_sample = max(most / fastest_hz, 2.0 * sample)
     rolling, drag, mass = robot.rolling_resistance * robot.mass_kg, robot.drag_ns2_per_m2, robot.mass_kg
-    ancillary = [
-        (idle, 0.0, most, idle or most / 10),
-        (sample, 0.0, most_sample, sample or most_sample / 10),
-    ]
+    ancillary = [(idle, 0.0, most, idle or most / 10), (sample, 0.0, most_sample, sample or most_sample / 10)]
     start, low, high, scale = np.array([
         *(ancillary if runs.unit == "W" else ancillary[:1]),
         (rolling, 1e-3 * rolling, mass, rolling),

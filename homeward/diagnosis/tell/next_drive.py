@@ -41,13 +41,9 @@ def at_its_size(fit: Refit, runs: Runs, term: Term) -> SizedEffect:
     """An effect at its fitted size; of several sizes (levels, places) the one with the largest contribution."""
     term = term.plain or term
     columns = np.column_stack([fit.jacobian, term.columns])
-    low, high = fit.freedom()
-    weights = bounded(
-        columns.T @ columns,
-        columns.T @ (runs.observed - fit.predicted),
-        np.concatenate([low, term.low]),
-        np.concatenate([high, term.high]),
-    )[fit.jacobian.shape[1] :]
+    low, high = (np.append(bound, of) for bound, of in zip(fit.freedom(), (term.low, term.high), strict=True))
+    weights = bounded(columns.T @ columns, columns.T @ (runs.observed - fit.predicted), low, high)
+    weights = weights[fit.jacobian.shape[1] :]
     largest = int(np.argmax(np.abs(weights) * np.linalg.norm(term.columns, axis=0)))
     of_one = term.axis == "steady" and len(weights) > 1  # its sizes are the components of one
     size = float(np.linalg.norm(weights) if of_one else weights[largest])

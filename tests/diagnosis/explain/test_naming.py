@@ -14,12 +14,11 @@ import pytest
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose, rules
-from homeward.diagnosis.explain import naming
 from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.naming import _beside, _half, _is_doubtful, _likeliest, _outdone
+from homeward.diagnosis.explain.naming import _beside, _half, _likeliest, _outdone, _splits_a_schedule
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
@@ -593,25 +592,21 @@ def test_a_further_schedule_stands_out_from_the_first_and_from_motion(
 
 
 @pytest.mark.parametrize(
-    ("axes", "apart", "left", "doubtful"),
+    ("axes", "apart", "split"),
     [
-        ((), 0.0, True, True),
-        ((), 0.0, False, False),
-        (("time", "time"), 1.0, False, True),
-        (("time", "time"), 9.0, True, False),
-        (("time", "steady"), 0.0, True, False),
-        (("steady", "time"), 1.0, True, False),
-        (("time",), 1.0, True, False),  # it has replaced the first
+        (("time", "time"), 1.0, True),
+        (("time", "time"), 9.0, False),
+        (("time", "steady"), 0.0, False),
+        (("steady", "time"), 1.0, False),
+        (("time",), 1.0, False),  # it has replaced the first
     ],
 )
-def test_the_first_effect_is_doubted_where_it_leaves_much_or_a_schedule_is_split_in_two(
-    monkeypatch: pytest.MonkeyPatch, axes: Sequence[str], apart: float, left: bool, doubtful: bool
+def test_a_schedule_beside_another_that_is_not_clearly_apart_may_be_a_part_of_it(
+    axes: Sequence[str], apart: float, split: bool
 ) -> None:
-    monkeypatch.setattr(naming, "unexplained", lambda *_: left)
-    nothing: Any = None
-    terms = [SimpleNamespace(axis=axis, schedule=SimpleNamespace(apart=apart)) for axis in axes]
-    step: Any = (tuple(SimpleNamespace(term=term) for term in terms), nothing) if axes else None
-    assert _is_doubtful(step, nothing, nothing) == doubtful
+    schedule = SimpleNamespace(apart=apart)
+    named: Any = [SimpleNamespace(term=SimpleNamespace(axis=axis, schedule=schedule)) for axis in axes]
+    assert _splits_a_schedule(named) == split
 
 
 def test_one_half_of_a_pair_is_no_other_form_of_the_other_half() -> None:
