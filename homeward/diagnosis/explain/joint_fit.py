@@ -218,12 +218,9 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
         (float(max(value - w, one.low)), float(min(value + w, one.high)))
         for one, value, w in zip(model.unknowns, values, width, strict=True)
     )
-    contribution = tuple(
-        predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(model.terms))
-    )
-    p_values = np.minimum(
-        _significance(model, values, spread, freedom), _by_innovations(model, values, runs, predicted, jacobian)
-    )
+    contribution = tuple(predicted - model.predict(runs, theta, values, leave_out=one) for one in range(len(terms)))
+    by_innovations = _by_innovations(model, values, runs, predicted, jacobian)
+    p_values = np.minimum(_significance(model, values, spread, freedom), by_innovations)
     return Corrected(model, values, intervals, p_values, at, jacobian[:, groups:], contribution)
 
 
@@ -364,8 +361,7 @@ def _linearised(model: Model, runs: Runs, theta: Array, values: Array, moving: M
             columns.append(term.columns[:, one.column])
             continue
         step = SMALL_STEP * (abs(values[index]) or SMALL_STEP * (one.high - one.low))
-        if values[index] + step > one.high:
-            step = -step
+        step = -step if values[index] + step > one.high else step
         moved = values.copy()
         moved[index] += step
         columns.append((model.predict(runs, theta, moved) - predicted) / step)

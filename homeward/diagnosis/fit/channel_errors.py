@@ -83,8 +83,9 @@ _INFLUENCES = (
 
 
 def unrecorded(runs: Runs) -> list[Influence]:
-    """Dependencies of power that no channel measures; motor current does not depend on the sensing rate."""
-    missing = [one for one in _INFLUENCES if not any(name in runs.context for name in one.channels)]
+    """Dependencies of power that no channel measures in some run; current does not depend on the sensing rate."""
+    measured = {name for name, values in runs.context.items() if np.isfinite(values).all()}
+    missing = [one for one in _INFLUENCES if measured.isdisjoint(one.channels)]
     return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
 
 

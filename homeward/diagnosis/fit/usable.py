@@ -11,7 +11,7 @@ from homeward.diagnosis.fit.replay import average as average_runs
 from homeward.diagnosis.fit.replay import predict
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
-from homeward.diagnosis.read.signals import Signals, gaps, known, signals
+from homeward.diagnosis.read.signals import Signals, elevation_rises, gaps, known, signals
 from homeward.logs import rules as logs_rules
 from homeward.logs.channels import lacking
 from homeward.logs.recordings import Recording
@@ -37,15 +37,19 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
     findings: list[Finding] = []
     kept: list[tuple[Recording, Signals]] = []
     seen: dict[str, str] = {}
+    accepted: list[Recording] = []
     for given in recordings:
         same = f"is the same as {seen[given.sha256]}" if given.sha256 in seen else None
         seen.setdefault(given.sha256, given.name)
         if refused := same or _lacks(given):
             findings.append(Finding(given.name, refused, refused=True))
-            continue
-        recording, error = without_faults(given, robot)
+        else:
+            accepted.append(given)
+    corrected = [without_faults(given, robot) for given in accepted]
+    rises = elevation_rises([recording for recording, _ in corrected])  # a run on flat ground has the same instrument
+    for given, (recording, error) in zip(accepted, corrected, strict=True):
         findings += [Finding(recording.name, note) for note in recording.notes]
-        run = signals(recording, robot, error=error)
+        run = signals(recording, robot, error=error, rises=rises)
         if fault := fault_of(run, robot):
             findings.append(Finding(recording.name, fault, refused=True))
             continue

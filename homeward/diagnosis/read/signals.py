@@ -6,7 +6,7 @@ replay independent of the sampling rate.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any, Literal
 
@@ -75,7 +75,11 @@ class Signals:
 
 
 def signals(
-    recording: Recording, robot: Robot, slope_late_s: float = 0.0, error: Mapping[str, float] | None = None
+    recording: Recording,
+    robot: Robot,
+    slope_late_s: float = 0.0,
+    error: Mapping[str, float] | None = None,
+    rises: bool = True,
 ) -> Signals:
     """Bring a recording into one form; samples without motion or power are left out.
 
@@ -86,6 +90,7 @@ def signals(
         robot: Its robot: the track turns a difference of wheel speeds into a turning rate.
         slope_late_s: Time by which grade or elevation is late.
         error: Known standard deviations over windows of the errors of channels.
+        rises: Whether an elevation shows slopes (`elevation_rises`).
     """
     given = recording.channels
     good = np.isfinite(speed_of(given))
@@ -105,7 +110,7 @@ def signals(
     turning, yaw_rate = _turning(kept, time_s, robot, error)
     accel = np.gradient(speed, time_s) if len(time_s) > 1 else nothing
     context = {name: kept[name] for name in _CONTEXT if name in kept} | turning
-    grade = slope_of(kept, speed, time_s, robot, slope_late_s, error)
+    grade = slope_of(kept, speed, time_s, robot, slope_late_s, error) if rises or "grade_rad" in kept else None
     direction = np.where(speed < 0.0, -1.0, 1.0)
     if "base_distance_m" in kept and len(time_s) > 1:
         driven_m, reach_m = path_m(np.abs(speed), time_s), _REACH_S * robot.max_speed_mps
@@ -226,8 +231,6 @@ def slope_of(
     values: Array = np.interp(time_s + late_s, given["time_s"], _interpolated(given[name], given["time_s"]))
     if name == "grade_rad":
         return values if error is None else _without_noise(name, values, time_s, error)
-    if not _rises(values):
-        return None
     after = gaps(time_s) + 1  # the distance driven in a gap is unknown: its rise is removed
     values = values - np.cumsum(np.bincount(after, values[after] - values[after - 1], len(values)))
     found = slope_along(values, speed, steps_s(time_s), robot.max_speed_mps * WINDOW_S, kinks=error is not None)
@@ -238,12 +241,16 @@ def slope_of(
     return found[0]
 
 
-def _rises(elevation_m: Array) -> bool:
-    """Whether an elevation varies by more than its own steps, whose error is uniform, or its noise."""
-    change = np.abs(np.diff(elevation_m))
-    stepped = 0 < np.count_nonzero(change) < rules.PLATEAUS * len(change)
-    variance = float(change[change > 0.0].min()) ** 2 / 12.0 if stepped else white_noise(elevation_m) ** 2
-    return variance <= (1.0 - rules.RELIABLE) * float(np.var(elevation_m))
+def elevation_rises(recordings: Sequence[Recording]) -> bool:
+    """Whether elevations, in all runs together, vary by more than their own steps, whose error is uniform, or noise."""
+    wrong = varies = 0.0
+    for given in (one.channels for one in recordings if "elevation_m" in one.channels):
+        elevation_m = _interpolated(given["elevation_m"], given["time_s"])
+        change = np.abs(np.diff(elevation_m))
+        stepped = 0 < np.count_nonzero(change) < rules.PLATEAUS * len(change)
+        variance = float(change[change > 0.0].min()) ** 2 / 12.0 if stepped else white_noise(elevation_m) ** 2
+        wrong, varies = wrong + variance * len(change), varies + float(np.var(elevation_m)) * len(change)
+    return wrong <= (1.0 - rules.RELIABLE) * varies
 
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:

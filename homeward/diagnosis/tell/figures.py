@@ -151,19 +151,17 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
     found = []
     for index, effects in chosen.items():
         dependence = evidence.dependences[index]
-        before, *after = (
-            _condition_figure(residual, dependence, evidence, _LINES[name]["color"], f"{index}-{name}", residuals)
-            for name, residual in zip(names, residuals, strict=True)
-        )
         bins = [_bins(residual, dependence, evidence) for residual in residuals]
+        before, *after = (
+            _condition_figure(residual, dependence, evidence, means, name, index, residuals)
+            for name, residual, means in zip(names, residuals, bins, strict=True)
+        )
         rows = [
             (centre, [(float(one["mean"].iloc[i]), rules.NORMAL_95 * float(one["error"].iloc[i])) for one in bins])
             for i, centre in enumerate(bins[0]["centre"].tolist())
         ]
-        found.append({
-            "dependence": dependence, "effects": effects, "before": before, "after": next(iter(after), None),
-            "rows": rows,
-        })  # fmt: skip
+        figures = {"before": before, "after": next(iter(after), None)}
+        found.append({"dependence": dependence, "effects": effects, "rows": rows, **figures})
     return found
 
 
@@ -179,15 +177,14 @@ def _dependence_on(effect: str, evidence: Evidence) -> int | None:
 
 
 def _condition_figure(
-    residual: Array, shown: Dependence, evidence: Evidence, colour: str, name: str, pair: Sequence[Array]
-) -> Markup:
+    residual: Array, shown: Dependence, evidence: Evidence, bins: pd.DataFrame, arm: str, index: int,
+    pair: Sequence[Array],
+) -> Markup:  # fmt: skip
     """One residual against a channel: windows as dots, means over ranges of the channel with their intervals."""
-    runs = evidence.runs
-    known = shown.bin >= 0
+    runs, known, colour = evidence.runs, shown.bin >= 0, _LINES[arm]["color"]
     values = _values(shown, runs)
     dots = np.flatnonzero(known)
     dots = dots[:: -(-len(dots) // _MOST_DOTS)]
-    bins = _bins(residual, shown, evidence)
     in_time = shown.channel.name == "time_s"
     figure = go.Figure()
     figure.add_scatter(
@@ -218,7 +215,7 @@ def _condition_figure(
     means, centres = bins["mean"].to_numpy(), bins["centre"].to_numpy()
     both = " to ".join(f"{number(means[i])} at {number(centres[i])}" for i in (means.argmin(), means.argmax()))
     says = f"recorded minus simulated, {runs.unit}, against {label}: means from {both}. The table below has all means."
-    return embedded(figure, name, says)
+    return embedded(figure, f"{index}-{arm}", says)
 
 
 def _bins(residual: Array, shown: Dependence, evidence: Evidence) -> pd.DataFrame:

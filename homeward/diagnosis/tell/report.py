@@ -21,7 +21,7 @@ from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.figures import conditions, time_figure
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.robot_uncertainty import uncertainty_of
-from homeward.diagnosis.tell.series import MCAP, PARQUET, mcap, parquet, series
+from homeward.diagnosis.tell.series import MCAP, PARQUET, mcap, series
 from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, why_open
 from homeward.files import write_files
 from homeward.layout.notation import labels, page, templates
@@ -43,7 +43,7 @@ def write_outputs(analysis: Analysis, folder: str | Path) -> list[Path]:
     }
     if analysis.evidence is not None:
         table = series(analysis.evidence)
-        files[PARQUET] = parquet(table)
+        files[PARQUET] = table.to_parquet(index=False)
         if (content := mcap(table)) is not None:
             files[MCAP] = content
     return write_files(folder, files)

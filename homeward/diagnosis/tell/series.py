@@ -37,11 +37,6 @@ def series(evidence: Evidence) -> pd.DataFrame:
     )
 
 
-def parquet(table: pd.DataFrame) -> bytes:
-    """Content of a Parquet file."""
-    return table.to_parquet(index=False)
-
-
 def mcap(table: pd.DataFrame) -> bytes | None:
     """Content of an MCAP file: a topic for each run, with a field for each column in messages as ROS 2 has them.
 

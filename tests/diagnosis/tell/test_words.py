@@ -153,9 +153,13 @@ def test_a_low_r2_names_slopes_that_were_not_recorded_where_the_residual_drifts(
     def asks(of: Evidence, fit: Fit, residual: np.ndarray) -> bool:
         predictions = {**of.predictions, "refit": of.runs.observed - residual}
         found = said("no_mismatch", dataclasses.replace(of, predictions=predictions), fit)
-        return "of the variance: slopes that were not recorded (grade_rad or elevation_m)" in found
+        return "of the variance: slopes that were not recorded in every run (grade_rad or elevation_m)" in found
 
     assert asks(unrecorded, low, drift_w)
+    in_one_run = {**context, "grade_rad": np.where(evidence.runs.run == 0, np.nan, evidence.runs.context["grade_rad"])}
+    assert asks(
+        dataclasses.replace(evidence, runs=dataclasses.replace(evidence.runs, context=in_one_run)), low, drift_w
+    )
     assert not asks(unrecorded, low, noise_w)
     assert not asks(unrecorded, fit, drift_w)
     assert not asks(evidence, low, drift_w)
