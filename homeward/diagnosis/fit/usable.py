@@ -49,7 +49,7 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
     rises = elevation_rises([recording for recording, _ in corrected])  # a run on flat ground has the same instrument
     for given, (recording, error) in zip(accepted, corrected, strict=True):
         findings += [Finding(recording.name, note) for note in recording.notes]
-        run = signals(recording, robot, error=error, rises=rises)
+        run = signals(recording, robot, known_error=error, rises=rises)
         if fault := fault_of(run, robot):
             findings.append(Finding(recording.name, fault, refused=True))
             continue

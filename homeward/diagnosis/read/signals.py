@@ -78,7 +78,7 @@ def signals(
     recording: Recording,
     robot: Robot,
     slope_late_s: float = 0.0,
-    error: Mapping[str, float] | None = None,
+    known_error: Mapping[str, float] | None = None,
     rises: bool = True,
 ) -> Signals:
     """Bring a recording into one form; samples without motion or power are left out.
@@ -89,14 +89,14 @@ def signals(
         recording: The recording.
         robot: Its robot: the track turns a difference of wheel speeds into a turning rate.
         slope_late_s: Time by which grade or elevation is late.
-        error: Known standard deviations over windows of the errors of channels.
+        known_error: Standard deviations over windows of errors of channels that their noise does not show.
         rises: Whether an elevation shows slopes (`elevation_rises`).
     """
     given = recording.channels
     good = np.isfinite(speed_of(given))
     kept = {name: values[good] for name, values in given.items()}
     (observed, unit), time_s = observed_of(kept), kept["time_s"]
-    error = dict(error or {})
+    error: dict[str, float] = {}
     speed = speed_of(kept)
     scale = _odometer_scale(kept, speed, time_s)
     recorded = speed / (1.0 + scale)
@@ -117,9 +117,8 @@ def signals(
         clear = grade is not None and error.get("grade_rad", 0.0) ** 2 <= rules.UNCLEAR * float(np.var(grade))
         slope = grade if clear else None
         direction, context["place_m"] = along_the_way(kept["base_distance_m"], driven_m, slope, reach_m)
-    context |= {"accel_mps2": accel, "speed_mps": speed}
-    if grade is not None:
-        context["grade_rad"] = grade
+    context |= {"accel_mps2": accel, "speed_mps": speed} | ({} if grade is None else {"grade_rad": grade})
+    error |= {name: max(one, error.get(name, 0.0)) for name, one in (known_error or {}).items()}
     run = Signals(
         recording.name, unit, time_s, speed, accel, nothing if grade is None else grade,
         kept.get("sensing_hz", nothing), yaw_rate, kept.get("temperature_c", np.full(len(time_s), 20.0)),

@@ -110,10 +110,13 @@ def test_of_a_held_power_only_fresh_readings_count(every: int, channels: Channel
 def test_a_held_slope_is_interpolated_and_the_error_of_that_is_known(channels: Channels, husky: Robot) -> None:
     """A random walk: between two readings it is a Brownian bridge."""
     walk: Array = 1e-4 * np.cumsum(np.random.default_rng(0).standard_normal(SAMPLES))
-    after, notes, error = mended(held({**channels, "grade_rad": walk}, "grade_rad", 10), husky)
+    spoilt = held({**channels, "grade_rad": walk}, "grade_rad", 10)
+    after, notes, error = mended(spoilt, husky)
     assert notes == ["grade_rad is held for 1 s at a time: values between are interpolated"]
     assert list(error) == ["grade_rad"]
     assert error["grade_rad"] == pytest.approx(float(np.std(after["grade_rad"] - walk)), rel=0.1)
+    (run,), _ = usable_runs([Recording("run.csv", "0", spoilt)], husky)
+    assert run.error["grade_rad"] == error["grade_rad"]  # though nothing is as smooth as a straight line
 
 
 def test_a_counter_that_falls_back_was_reset(channels: Channels, husky: Robot) -> None:
