@@ -15,7 +15,7 @@ import numpy as np
 from numpy.random import Generator
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.explain.catalogue import terms
+from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.hypothesis import Setting, Term
@@ -72,11 +72,12 @@ class Naming:
         """The scores of the hypotheses, with none of them named."""
         return Naming(ranking=self.ranking, absorbed=self.absorbed)
 
-    def needs_unrecorded_channel(self, runs: Runs) -> bool:
-        """Whether the first named effect, or a rival of it, may be confounded with an unrecorded channel."""
-        terms = [term for one in self.named[:1] for term in (one.term, *one.rivals)]
-        lacking = (runs.context.get(one.hypothesis.map_channel) for one in terms if one.hypothesis.map_channel)
-        return any(values is None or not np.isfinite(values).all() for values in lacking)
+    def needs_unrecorded_channel(self, runs: Runs, shown_by: str) -> bool:
+        """Whether the first named effect, or else a dependence on `shown_by`, may be one on an unrecorded channel."""
+        named = [term.hypothesis for one in self.named[:1] for term in (one.term, *one.rivals)]
+        meant = named or [one for one in CATALOGUE.values() if shown_by in one.channels]
+        maps = [runs.context.get(one.map_channel) for one in meant if one.map_channel]
+        return any(values is None or not np.isfinite(values).all() for values in maps)
 
 
 def name_missing(

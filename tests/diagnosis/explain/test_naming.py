@@ -18,7 +18,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.naming import _beside, _half, _likeliest, _outdone, _splits_a_schedule
+from homeward.diagnosis.explain.naming import Naming, _beside, _half, _likeliest, _outdone, _splits_a_schedule
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
@@ -607,6 +607,23 @@ def test_a_schedule_beside_another_that_is_not_clearly_apart_may_be_a_part_of_it
     schedule = SimpleNamespace(apart=apart)
     named: Any = [SimpleNamespace(term=SimpleNamespace(axis=axis, schedule=schedule)) for axis in axes]
     assert _splits_a_schedule(named) == split
+
+
+@pytest.mark.parametrize(
+    ("channel", "slopes", "lacks"),
+    [
+        ("base_distance_m", None, True),
+        ("base_distance_m", [0.1, np.nan], True),  # one run has none
+        ("base_distance_m", [0.1, 0.0], False),
+        ("yaw_rate_radps", None, False),
+        ("", None, False),
+    ],
+)
+def test_what_depends_on_the_place_may_be_slopes_that_were_not_recorded(
+    channel: str, slopes: list[float] | None, lacks: bool
+) -> None:
+    runs: Any = SimpleNamespace(context={} if slopes is None else {"grade_rad": np.array(slopes)})
+    assert Naming().needs_unrecorded_channel(runs, channel) == lacks
 
 
 def test_one_half_of_a_pair_is_no_other_form_of_the_other_half() -> None:
