@@ -16,7 +16,7 @@ from homeward.companion import Advice, Companion, CompanionError
 from homeward.companion import rules as companion_rules
 from homeward.companion.companion import WINDOWS as WINDOWS_A_CHARGE
 from homeward.diagnosis.fit.usable import fault_of
-from homeward.diagnosis.read.signals import Signals, elevation_rises, signals, speed_of, steps_s
+from homeward.diagnosis.read.signals import Signals, signals, slopes_known, speed_of, steps_s
 from homeward.estimation import WAY_DTYPE, Prior
 from homeward.estimation.drive import modelled_driving
 from homeward.logs.recordings import Recording
@@ -122,7 +122,8 @@ def watch(
         CompanionError: The recording has motor current only, and the file has no uncertainty of charge; the robot
             stood; or it is too short, or in another unit.
     """
-    run = signals(recording, robot, rises=elevation_rises([recording]))
+    run = signals(recording, robot)
+    run = run if slopes_known([run]) else signals(recording, robot, sloped=False)
     if run.unit == "A":
         return watch_charge(run, robot)
     if fault := fault_of(run, robot):

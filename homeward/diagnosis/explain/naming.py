@@ -392,7 +392,7 @@ def _followed(bench: Bench, chosen: int) -> float:
     independent window for each of its levels."""
     term = bench.candidates[chosen]
     if term.axis != "time":
-        return float(term.axis == "place")
+        return float(term.axis == "place" or bool(term.hypothesis.map_channel))
     changes = 1 if term.schedule is None else term.schedule.changes
     return min(1.0, (changes + 1) / bench.independent(chosen))
 

@@ -36,11 +36,12 @@ def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
 
 
 def _moved(runs: Runs, name: str, sign: float) -> Runs:
-    """The runs with a channel shifted by its error; at rest the speed is exact."""
-    moved = []
+    """The runs with a channel shifted by its error, the largest of all runs: where an elevation makes no step, it seems
+    to have none. At rest the speed is exact."""
+    moved, error = [], rules.SMOOTHING_ERROR * max(run.error.get(name, 0.0) for run in runs.signals)
     for run in runs.signals:
         values: Array = getattr(run, name)
-        size = sign * rules.SMOOTHING_ERROR * run.error.get(name, 0.0) * (values != 0.0 if name == "speed_mps" else 1.0)
+        size = sign * error * (values != 0.0 if name == "speed_mps" else 1.0)
         moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
     return dataclasses.replace(runs, signals=moved)
 

@@ -11,7 +11,7 @@ from homeward.diagnosis.fit.replay import average as average_runs
 from homeward.diagnosis.fit.replay import predict
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
-from homeward.diagnosis.read.signals import Signals, elevation_rises, gaps, known, signals
+from homeward.diagnosis.read.signals import Signals, gaps, known, signals, slopes_known
 from homeward.logs import rules as logs_rules
 from homeward.logs.channels import lacking
 from homeward.logs.recordings import Recording
@@ -45,11 +45,12 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
             findings.append(Finding(given.name, refused, refused=True))
         else:
             accepted.append(given)
-    corrected = [without_faults(given, robot) for given in accepted]
-    rises = elevation_rises([recording for recording, _ in corrected])  # a run on flat ground has the same instrument
-    for given, (recording, error) in zip(accepted, corrected, strict=True):
+    mended = [without_faults(given, robot) for given in accepted]
+    read = [signals(recording, robot, known_error=error) for recording, error in mended]
+    if not slopes_known(read):  # of all runs: one on flat ground has the same instrument
+        read = [signals(recording, robot, known_error=error, sloped=False) for recording, error in mended]
+    for given, (recording, _), run in zip(accepted, mended, read, strict=True):
         findings += [Finding(recording.name, note) for note in recording.notes]
-        run = signals(recording, robot, known_error=error, rises=rises)
         if fault := fault_of(run, robot):
             findings.append(Finding(recording.name, fault, refused=True))
             continue

@@ -79,7 +79,7 @@ def signals(
     robot: Robot,
     slope_late_s: float = 0.0,
     known_error: Mapping[str, float] | None = None,
-    rises: bool = True,
+    sloped: bool = True,
 ) -> Signals:
     """Bring a recording into one form; samples without motion or power are left out.
 
@@ -90,7 +90,7 @@ def signals(
         robot: Its robot: the track turns a difference of wheel speeds into a turning rate.
         slope_late_s: Time by which grade or elevation is late.
         known_error: Standard deviations over windows of errors of channels that their noise does not show.
-        rises: Whether an elevation shows slopes (`elevation_rises`).
+        sloped: Whether an elevation shows slopes (`slopes_known`).
     """
     given = recording.channels
     good = np.isfinite(speed_of(given))
@@ -110,7 +110,7 @@ def signals(
     turning, yaw_rate = _turning(kept, time_s, robot, error)
     accel = np.gradient(speed, time_s) if len(time_s) > 1 else nothing
     context = {name: kept[name] for name in _CONTEXT if name in kept} | turning
-    grade = slope_of(kept, speed, time_s, robot, slope_late_s, error) if rises or "grade_rad" in kept else None
+    grade = slope_of(kept, speed, time_s, robot, slope_late_s, error) if sloped or "grade_rad" in kept else None
     direction = np.where(speed < 0.0, -1.0, 1.0)
     if "base_distance_m" in kept and len(time_s) > 1:
         driven_m, reach_m = path_m(np.abs(speed), time_s), _REACH_S * robot.max_speed_mps
@@ -240,16 +240,12 @@ def slope_of(
     return found[0]
 
 
-def elevation_rises(recordings: Sequence[Recording]) -> bool:
-    """Whether elevations, in all runs together, vary by more than their own steps, whose error is uniform, or noise."""
-    wrong = varies = 0.0
-    for given in (one.channels for one in recordings if "elevation_m" in one.channels):
-        elevation_m = _interpolated(given["elevation_m"], given["time_s"])
-        change = np.abs(np.diff(elevation_m))
-        stepped = 0 < np.count_nonzero(change) < rules.PLATEAUS * len(change)
-        variance = float(change[change > 0.0].min()) ** 2 / 12.0 if stepped else white_noise(elevation_m) ** 2
-        wrong, varies = wrong + variance * len(change), varies + float(np.var(elevation_m)) * len(change)
-    return wrong <= (1.0 - rules.RELIABLE) * varies
+def slopes_known(runs: Sequence[Signals]) -> bool:
+    """Whether the slopes, in all runs together, vary by more than their own error."""
+    known = [run for run in runs if "grade_rad" in run.context and len(run.time_s)]
+    varies = sum(len(run.grade_rad) * float(np.var(run.grade_rad)) for run in known)
+    wrong = sum(len(run.grade_rad) * run.error.get("grade_rad", 0.0) ** 2 for run in known)
+    return varies >= wrong
 
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from homeward import Robot, load_robot
 from homeward.diagnosis import Recording
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.read.signals import elevation_rises, gaps, signals, windows
+from homeward.diagnosis.read.signals import gaps, signals, windows
 from homeward.logs.channels import Array
 
 
@@ -77,24 +77,18 @@ def test_samples_without_power_are_left_out_and_context_is_filled(husky: Robot) 
 
 
 @pytest.mark.parametrize(
-    ("sizes_m", "rises"),
-    [
-        ((0.2,), False),
-        ((5.0,), True),
-        ((5.0, 0.2), True),
-        ((1.0, 0.2, 0.2), False),
-    ],  # of several runs, by one instrument
+    ("sizes_m", "known"), [((0.02,), False), ((0.2,), True), ((0.2, 0.02), True), ((0.02, 0.02), False)]
 )
-def test_elevations_that_vary_no_more_than_their_noise_tell_no_slopes(sizes_m: tuple[float, ...], rises: bool) -> None:
+def test_slopes_that_vary_less_than_their_error_are_unknown(sizes_m: tuple[float, ...], known: bool) -> None:
+    """Several runs have one instrument, which also shows that ground is flat."""
     rng, time_s = np.random.default_rng(0), np.arange(3000) / 10.0
     recordings = []
     for number, size_m in enumerate(sizes_m):
         elevation_m = size_m * np.sin(time_s / 20.0) + 0.5 * rng.normal(size=3000)
         one = run(time_s=time_s, speed_mps=np.ones(3000), power_w=100.0 + time_s, elevation_m=elevation_m)
         recordings.append(dataclasses.replace(one, sha256=str(number)))
-    assert elevation_rises(recordings) == rises
     runs, _ = usable_runs(recordings, load_robot("husky"))
-    assert {"grade_rad" in one.context for one in runs} == {rises}
+    assert {"grade_rad" in one.context for one in runs} == {known}
 
 
 def test_what_rises_in_a_gap_makes_no_cliff() -> None:
