@@ -64,7 +64,8 @@ def explain(
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
     naming = residual.naming()
-    if naming.needs_unrecorded_channel(runs, most.channel.name * most.found) or residual.lacks_a_channel(naming):
+    shown_by = [one.channel.name for one in found if one.found]
+    if naming.needs_unrecorded_channel(runs, shown_by) or residual.lacks_a_channel(naming):
         return Explanation(replace(naming.nothing_named(), unrecorded=True))
     naming, location = residual.checked_against_motion(naming, location)
     if not naming.named and location is None:
@@ -146,7 +147,7 @@ class _Residual:
             return naming
         restricted = replace(self, fit=holding(self.fit, self.runs, held))
         again = restricted.checked_against_motion(restricted.naming(varying=False), None)[0]
-        if not again.named or again.needs_unrecorded_channel(self.runs, ""):
+        if not again.named or again.needs_unrecorded_channel(self.runs):
             return naming
         return replace(again, ranking=naming.ranking, absorbed=naming.absorbed)
 

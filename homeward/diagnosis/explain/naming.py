@@ -72,12 +72,13 @@ class Naming:
         """The scores of the hypotheses, with none of them named."""
         return Naming(ranking=self.ranking, absorbed=self.absorbed)
 
-    def needs_unrecorded_channel(self, runs: Runs, shown_by: str) -> bool:
-        """Whether the first named effect, or else a dependence on `shown_by`, may be one on an unrecorded channel."""
-        named = [term.hypothesis for one in self.named[:1] for term in (one.term, *one.rivals)]
-        meant = named or [one for one in CATALOGUE.values() if shown_by in one.channels]
-        maps = [runs.context.get(one.map_channel) for one in meant if one.map_channel]
-        return any(values is None or not np.isfinite(values).all() for values in maps)
+    def needs_unrecorded_channel(self, runs: Runs, shown_by: Sequence[str] = ()) -> bool:
+        """Whether the first named effect or a rival of it, or else every dependence on the channels `shown_by`, may be
+        one on a channel that some run lacks."""
+        lacking = [one for one in CATALOGUE.values() if one.map_channel and not runs.has(one.map_channel)]
+        if self.named:
+            return any(term.hypothesis in lacking for term in (self.named[0].term, *self.named[0].rivals))
+        return bool(shown_by) and {*shown_by} <= {channel for one in lacking for channel in one.channels}
 
 
 def name_missing(
@@ -334,11 +335,12 @@ def _prefer_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
 
 def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
     """Of hypotheses that the data cannot separate that with the highest prior: physics before a fault of an instrument,
-    a change that is typical for the effect before another, a cause that a channel allows before one at any time."""
+    a change that is typical for the effect before another, a schedule that a channel allows before one at any time."""
 
     def preference(index: int) -> tuple[bool, bool, float, bool]:
-        term = bench.candidates[index]
-        return not term.hypothesis.physical, not term.typical, -np.round(alone[index]), not term.hypothesis.channels
+        one, typical = bench.candidates[index].hypothesis, bench.candidates[index].typical
+        score = float(alone[index] if bench.candidates[index].axis == "steady" else np.round(alone[index]))
+        return not one.physical, not typical, -score, not one.channels
 
     named = {bench.candidates[index].effect for index in bench.beside}
     equals = [
@@ -388,8 +390,8 @@ def _with_plain(bench: Bench, chosen: int) -> Term:
 
 
 def _followed(bench: Bench, chosen: int) -> float:
-    """Share of the channels' errors that a hypothesis may absorb: all by place, where they repeat; in time one
-    independent window for each of its levels."""
+    """Share of the channels' errors that a hypothesis may absorb: all by place, where they repeat, and all of what is
+    like a slope; in time one independent window for each of its levels."""
     term = bench.candidates[chosen]
     if term.axis != "time":
         return float(term.axis == "place" or bool(term.hypothesis.map_channel))

@@ -36,12 +36,13 @@ def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
 
 
 def _moved(runs: Runs, name: str, sign: float) -> Runs:
-    """The runs with a channel shifted by its error, the largest of all runs: where an elevation makes no step, it seems
-    to have none. At rest the speed is exact."""
-    moved, error = [], rules.SMOOTHING_ERROR * max(run.error.get(name, 0.0) for run in runs.signals)
+    """The runs with a channel shifted by its error, slopes by the largest of all runs: an elevation without a step
+    seems exact. At rest the speed is exact."""
+    moved, largest = [], max(run.error.get(name, 0.0) for run in runs.signals)
     for run in runs.signals:
         values: Array = getattr(run, name)
-        size = sign * error * (values != 0.0 if name == "speed_mps" else 1.0)
+        error = largest if name == "grade_rad" and name in run.context else run.error.get(name, 0.0)
+        size = sign * rules.SMOOTHING_ERROR * error * (values != 0.0 if name == "speed_mps" else 1.0)
         moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
     return dataclasses.replace(runs, signals=moved)
 
@@ -85,8 +86,7 @@ _INFLUENCES = (
 
 def unrecorded(runs: Runs) -> list[Influence]:
     """Dependencies of power that no channel measures in some run; current does not depend on the sensing rate."""
-    measured = {name for name, values in runs.context.items() if np.isfinite(values).all()}
-    missing = [one for one in _INFLUENCES if measured.isdisjoint(one.channels)]
+    missing = [one for one in _INFLUENCES if not any(map(runs.has, one.channels))]
     return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
 
 

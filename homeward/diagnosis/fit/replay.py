@@ -32,6 +32,10 @@ class Runs:
     observed: Array  # mean power, W, or motor current, A
     context: Mapping[str, Array]  # NaN where a run lacks the channel
 
+    def has(self, name: str) -> bool:
+        """Whether every run has a channel."""
+        return bool(np.bincount(self.run, np.isfinite(self.context.get(name, np.nan * self.time_s))).all())
+
     @property
     def sensing_hz(self) -> Array:
         """Sensing rate, Hz, as it is replayed: 0 where a run lacks the channel."""

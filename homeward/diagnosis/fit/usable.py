@@ -1,7 +1,10 @@
 """Checks before any fitting: which runs are usable, and findings about all of them."""
 
-from collections.abc import Collection, Sequence
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +31,19 @@ class Finding:
     refused: bool = False
 
 
+class _Run(NamedTuple):
+    """A usable run: as given, without faults and with the errors of what was interpolated, and in one form."""
+
+    given: Recording
+    mended: Recording
+    error: Mapping[str, float]
+    read: Signals
+
+    def again(self, robot: Robot, late_s: float = 0.0, sloped: bool = True) -> _Run:
+        """The same with slopes that are late, or without those from an elevation."""
+        return self._replace(read=signals(self.mended, robot, late_s, self.error, sloped))
+
+
 def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
     """Check each recording of a robot and bring the usable ones into one form.
 
@@ -35,35 +51,32 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
     and power by the robot file distinguish a wrong unit from a fast drive.
     """
     findings: list[Finding] = []
-    kept: list[tuple[Recording, Signals]] = []
+    kept: list[_Run] = []
     seen: dict[str, str] = {}
-    accepted: list[Recording] = []
     for given in recordings:
         same = f"is the same as {seen[given.sha256]}" if given.sha256 in seen else None
         seen.setdefault(given.sha256, given.name)
         if refused := same or _lacks(given):
             findings.append(Finding(given.name, refused, refused=True))
-        else:
-            accepted.append(given)
-    mended = [without_faults(given, robot) for given in accepted]
-    read = [signals(recording, robot, known_error=error) for recording, error in mended]
-    if not slopes_known(read):  # of all runs: one on flat ground has the same instrument
-        read = [signals(recording, robot, known_error=error, sloped=False) for recording, error in mended]
-    for given, (recording, _), run in zip(accepted, mended, read, strict=True):
-        findings += [Finding(recording.name, note) for note in recording.notes]
-        if fault := fault_of(run, robot):
-            findings.append(Finding(recording.name, fault, refused=True))
             continue
-        findings += [Finding(recording.name, text) for text in _remarks(given, run, robot)]
-        kept.append((recording, run))
-    if len({run.unit for _, run in kept}) > 1:
-        current = [run for _, run in kept if run.unit == "A"]
-        findings += [Finding(r.name, "has motor current only, while other runs have power", True) for r in current]
-        kept = [pair for pair in kept if pair[1].unit == "W"]
+        mended, error = without_faults(given, robot)
+        findings += [Finding(mended.name, note) for note in mended.notes]
+        run = signals(mended, robot, known_error=error)
+        if fault := fault_of(run, robot):
+            findings.append(Finding(given.name, fault, refused=True))
+        else:
+            kept.append(_Run(given, mended, error, run))
+    if len({one.read.unit for one in kept}) > 1:
+        current = [one.given.name for one in kept if one.read.unit == "A"]
+        findings += [Finding(name, "has motor current only, while other runs have power", True) for name in current]
+        kept = [one for one in kept if one.read.unit == "W"]
     if not kept:
         return [], findings
-    findings += _lacked([run for _, run in kept], {name for recording, _ in kept for name in recording.channels})
-    runs, notes = _corrected([run for _, run in kept], [recording for recording, _ in kept], robot)
+    sloped = slopes_known([one.read for one in kept if "grade_rad" not in one.mended.channels])
+    kept = kept if sloped else [one.again(robot, sloped=False) for one in kept]
+    findings += [Finding(one.given.name, text) for one in kept for text in _remarks(one.given, one.read, robot)]
+    findings += _lacked([one.read for one in kept], {name for one in kept for name in one.mended.channels})
+    runs, notes = _corrected(kept, robot, sloped)
     return runs, findings + notes
 
 
@@ -78,14 +91,14 @@ def _lacked(runs: Sequence[Signals], recorded: Collection[str]) -> list[Finding]
     return found
 
 
-def _corrected(runs: list[Signals], sources: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
+def _corrected(kept: Sequence[_Run], robot: Robot, sloped: bool) -> tuple[list[Signals], list[Finding]]:
     """The runs corrected for a late or tilted slope and a drifting clock, seen from power; a check of the robot."""
-    notes, first = list[Finding](), runs[0].name
-    late_s = late_slope(runs, sources, robot)
+    runs, notes, first = [one.read for one in kept], list[Finding](), kept[0].given.name
+    late_s = late_slope(runs, [one.mended for one in kept], robot)
     if late_s:
-        runs = [signals(one, robot, late_s, run.error) for one, run in zip(sources, runs, strict=True)]
+        runs = [one.again(robot, late_s, sloped).read for one in kept]
         notes.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are corrected"))
-    if any("grade_rad" in source.channels for source in sources):
+    if any("grade_rad" in one.mended.channels for one in kept):
         runs, angle = without_tilt(runs)
         if angle:
             text = f"slopes of ways that close have a mean of {np.degrees(angle):+.2g} degrees"
@@ -158,7 +171,7 @@ def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
         remarks.append(f"{missing} samples without motion or power are left out")
     remarks += [f"missing values of {name} are interpolated" for name in run.filled]
     if "elevation_m" in recording.channels and "grade_rad" not in run.context:
-        remarks.append("elevation_m varies hardly more than its own steps or noise: slopes are treated as unknown")
+        remarks.append("slopes from elevation_m are no larger than their error: they are treated as unknown")
     if len(jumps := gaps(run.time_s)):
         longest = float(np.max(np.diff(run.time_s)[jumps]))
         remarks.append(

@@ -241,11 +241,10 @@ def slope_of(
 
 
 def slopes_known(runs: Sequence[Signals]) -> bool:
-    """Whether the slopes, in all runs together, vary by more than their own error."""
-    known = [run for run in runs if "grade_rad" in run.context and len(run.time_s)]
-    varies = sum(len(run.grade_rad) * float(np.var(run.grade_rad)) for run in known)
-    wrong = sum(len(run.grade_rad) * run.error.get("grade_rad", 0.0) ** 2 for run in known)
-    return varies >= wrong
+    """Whether the slopes from an elevation, in all runs together, are larger than their own error."""
+    known = [run for run in runs if "grade_rad" in run.context]
+    squared = sum(float(run.grade_rad @ run.grade_rad) for run in known)
+    return squared >= sum(len(run.grade_rad) * run.error.get("grade_rad", 0.0) ** 2 for run in known)
 
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:

@@ -54,8 +54,7 @@ def corrected_toml(analysis: Analysis) -> str:
     known = () if analysis.evidence is None else analysis.evidence.estimates
     changed = comments(analysis.robot, analysis.corrected)
     head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
-    if not changed:
-        head.append("# Nothing was changed.")
+    head += [] if changed else ["# Nothing was changed."]
     open_groups = [f"{one.group.symbol} ({why_open(one)})" for one in known if one.fitted is None]
     if open_groups:
         head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
@@ -72,33 +71,19 @@ def report_html(analysis: Analysis) -> str:
     environment = templates("homeward.diagnosis.tell")
     environment.filters["label"] = lambda path: names.get(path, path)
     values: dict[str, object] = {
-        "diagnosis": diagnosis,
-        "verdict": diagnosis.verdict.replace("_", " ").capitalize(),
-        "findings": _by_text(analysis),
-        "evidence": evidence,
-        "where": _where(analysis),
-        "condition": condition,
-        "versions": _versions(),
-        "guide": GUIDE,
-        "rules": rules,
-        "arms": ARMS,
-        "paper_accuracy": PAPER_ACCURACY,
+        "diagnosis": diagnosis, "verdict": diagnosis.verdict.replace("_", " ").capitalize(), "evidence": evidence,
+        "findings": _by_text(analysis), "where": _where(analysis), "condition": condition, "versions": _versions(),
+        "guide": GUIDE, "rules": rules, "arms": ARMS, "paper_accuracy": PAPER_ACCURACY,
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
-    }
+    }  # fmt: skip
     if evidence is not None:
         figure, shown_runs = time_figure(analysis, evidence)
         visible, invisible = _can_show(analysis, evidence)
         values |= {
-            "plotly": Markup(plotly.offline.get_plotlyjs()),
-            "time_figure": figure,
-            "shown_runs": shown_runs,
-            "conditions": conditions(analysis, evidence),
-            "ranking": ranking(evidence.naming),
-            "why_open": why_open,
-            "visible": visible,
-            "invisible": invisible,
-            "window_s": WINDOW_S,
-        }
+            "plotly": Markup(plotly.offline.get_plotlyjs()), "time_figure": figure, "shown_runs": shown_runs,
+            "conditions": conditions(analysis, evidence), "ranking": ranking(evidence.naming), "why_open": why_open,
+            "visible": visible, "invisible": invisible, "window_s": WINDOW_S,
+        }  # fmt: skip
     return page(environment, "report.html", **values)
 
 

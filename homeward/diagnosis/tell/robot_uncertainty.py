@@ -150,7 +150,5 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
         stays = float(np.mean(steps == 0.0)) > rules.HALF
         found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
         found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(one) for one in charges]))
-    return tuple(
-        (name, rounded(value if name == "reading_s" else min(value, physics_rules.MOST_ERROR)))
-        for name, value in found.items()
-    )
+    most = {"reading_s": np.inf}
+    return tuple((name, rounded(min(one, most.get(name, physics_rules.MOST_ERROR)))) for name, one in found.items())

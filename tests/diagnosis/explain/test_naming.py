@@ -18,7 +18,15 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.naming import Naming, _beside, _half, _likeliest, _outdone, _splits_a_schedule
+from homeward.diagnosis.explain.naming import (
+    Naming,
+    _beside,
+    _followed,
+    _half,
+    _likeliest,
+    _outdone,
+    _splits_a_schedule,
+)
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
@@ -26,7 +34,7 @@ from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.effects.regeneration import NO_LIMIT_W
-from tests.diagnosis.made_up import with_power
+from tests.diagnosis.made_up import windows, with_power
 from tests.diagnosis.tell.test_file_choice import replay_equals_fit
 
 Drive = Callable[..., list[Recording]]
@@ -610,20 +618,31 @@ def test_a_schedule_beside_another_that_is_not_clearly_apart_may_be_a_part_of_it
 
 
 @pytest.mark.parametrize(
-    ("channel", "slopes", "lacks"),
+    ("channels", "slopes", "lacks"),
     [
-        ("base_distance_m", None, True),
-        ("base_distance_m", [0.1, np.nan], True),  # one run has none
-        ("base_distance_m", [0.1, 0.0], False),
-        ("yaw_rate_radps", None, False),
-        ("", None, False),
+        (["base_distance_m"], None, True),
+        (["base_distance_m"], [0.1, 0.1, np.nan, np.nan], True),  # one run has none
+        (["base_distance_m"], [0.1, np.nan, 0.0, 0.1], False),
+        (["base_distance_m", "temperature_c"], None, False),
+        (["yaw_rate_radps"], None, False),
+        ([], None, False),
     ],
 )
-def test_what_depends_on_the_place_may_be_slopes_that_were_not_recorded(
-    channel: str, slopes: list[float] | None, lacks: bool
+def test_what_depends_on_the_place_only_may_be_slopes_that_were_not_recorded(
+    channels: list[str], slopes: list[float] | None, lacks: bool
 ) -> None:
-    runs: Any = SimpleNamespace(context={} if slopes is None else {"grade_rad": np.array(slopes)})
-    assert Naming().needs_unrecorded_channel(runs, channel) == lacks
+    runs = windows(2, 2) if slopes is None else windows(2, 2, grade_rad=np.array(slopes))
+    assert Naming().needs_unrecorded_channel(runs, channels) == lacks
+
+
+@pytest.mark.parametrize(
+    ("axis", "map_channel", "share"), [("steady", "grade_rad", 1.0), ("steady", "", 0.0), ("place", "", 1.0)]
+)
+def test_what_is_like_a_slope_may_absorb_errors_of_slopes(axis: str, map_channel: str, share: float) -> None:
+    bench: Any = SimpleNamespace(
+        candidates=[SimpleNamespace(axis=axis, hypothesis=SimpleNamespace(map_channel=map_channel))]
+    )
+    assert _followed(bench, 0) == share
 
 
 def test_one_half_of_a_pair_is_no_other_form_of_the_other_half() -> None:

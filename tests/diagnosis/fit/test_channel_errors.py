@@ -65,6 +65,23 @@ def test_each_channel_has_the_error_that_is_confounded_with_it(uphill: tuple[Ref
     assert channel_error(fit, runs, "temperature_c") == channel_error(fit, runs, "sensing_hz") == 0.0
 
 
+def test_slopes_err_in_all_runs_as_in_the_worst(uphill: tuple[Refit, Runs]) -> None:
+    """An elevation without a step seems exact; of speed each run has its own error."""
+    fit, plain = uphill
+    runs = dataclasses.replace(plain, signals=[
+        dataclasses.replace(run, context={**run.context, "grade_rad": run.grade_rad}) for run in plain.signals
+    ])  # fmt: skip
+    for name, in_all in (("grade_rad", True), ("speed_mps", False)):
+        of_one = [
+            dataclasses.replace(run, error={name: 1e-3 * (number == 0)}) for number, run in enumerate(runs.signals)
+        ]
+        error, most = (
+            channel_error(fit, one, name)
+            for one in (dataclasses.replace(runs, signals=of_one), with_error(runs, **{name: 1e-3}))
+        )
+        assert 0.0 < error <= most and (error == most) == in_all
+
+
 def test_a_tilt_acts_as_rolling_resistance_does(husky: Robot, uphill: tuple[Refit, Runs]) -> None:
     fit, runs = uphill
     assert tilt_error(fit, runs) == 0.0
@@ -95,6 +112,10 @@ def test_what_was_not_recorded_is_listed(short_runs: Runs) -> None:
         assert [one.what for one in unrecorded(runs)] == [what]
         current = dataclasses.replace(runs, unit="A")
         assert [one.what for one in unrecorded(current)] == ([what] if name != "sensing_hz" else [])
+    in_one_run = {**short_runs.context, "grade_rad": np.where(short_runs.run == 0, np.nan, 0.1)}
+    assert [one.what for one in unrecorded(dataclasses.replace(short_runs, context=in_one_run))] == ["slopes"]
+    one_window = {**short_runs.context, "yaw_rate_radps": np.where(np.arange(len(short_runs.run)) == 5, np.nan, 0.1)}
+    assert unrecorded(dataclasses.replace(short_runs, context=one_window)) == []
     wheels = {
         "wheel_difference_mps": lacks["speed_mps"],
         "grade_rad": lacks["grade_rad"],

@@ -103,7 +103,7 @@ REMARKS: dict[str, tuple[Spoil, str]] = {
     "power missing": (holes("power_w"), "10 samples without motion or power are left out"),
     "slope missing": (holes("grade_rad"), "missing values of grade_rad are interpolated"),
     "noisy height": (
-        coarse, "elevation_m varies hardly more than its own steps or noise: slopes are treated as unknown",
+        coarse, "slopes from elevation_m are no larger than their error: they are treated as unknown",
     ),
     "one speed": (
         lambda of: {**of, "speed_mps": np.full(2500, 0.5)},

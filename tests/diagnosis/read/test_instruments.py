@@ -93,7 +93,7 @@ def test_a_true_effect_is_found_through_the_instrument(trap: str, effect: str, s
 def test_hills_without_slopes_name_the_channel_that_lacks() -> None:
     analysis = analyse(recordings("husky", lambda c, rng: only(c)), "husky")
     summary = analysis.diagnosis.summary
-    assert "slopes and the sensing rate that were not recorded in every run (grade_rad or elevation_m" in summary
+    assert "slopes and the sensing rate that these runs, or some of them, lack (grade_rad or elevation_m" in summary
     assert "The robot file explains" not in summary
 
 

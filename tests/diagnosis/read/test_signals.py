@@ -77,14 +77,24 @@ def test_samples_without_power_are_left_out_and_context_is_filled(husky: Robot) 
 
 
 @pytest.mark.parametrize(
-    ("sizes_m", "known"), [((0.02,), False), ((0.2,), True), ((0.2, 0.02), True), ((0.02, 0.02), False)]
+    ("sizes_m", "climb", "known"),
+    [
+        ((0.02,), 0.0, False),
+        ((0.2,), 0.0, True),
+        ((0.2, 0.02), 0.0, True),
+        ((0.02, 0.02), 0.0, False),
+        ((0.0,), 0.08, True),  # a steady climb
+        ((0.0, 0.0), -0.08, True),
+    ],
 )
-def test_slopes_that_vary_less_than_their_error_are_unknown(sizes_m: tuple[float, ...], known: bool) -> None:
+def test_slopes_that_are_smaller_than_their_error_are_unknown(
+    sizes_m: tuple[float, ...], climb: float, known: bool
+) -> None:
     """Several runs have one instrument, which also shows that ground is flat."""
     rng, time_s = np.random.default_rng(0), np.arange(3000) / 10.0
     recordings = []
     for number, size_m in enumerate(sizes_m):
-        elevation_m = size_m * np.sin(time_s / 20.0) + 0.5 * rng.normal(size=3000)
+        elevation_m = size_m * np.sin(time_s / 20.0) + climb * time_s + 0.5 * rng.normal(size=3000)
         one = run(time_s=time_s, speed_mps=np.ones(3000), power_w=100.0 + time_s, elevation_m=elevation_m)
         recordings.append(dataclasses.replace(one, sha256=str(number)))
     runs, _ = usable_runs(recordings, load_robot("husky"))

@@ -153,7 +153,7 @@ def test_a_low_r2_names_slopes_that_were_not_recorded_where_the_residual_drifts(
     def asks(of: Evidence, fit: Fit, residual: np.ndarray) -> bool:
         predictions = {**of.predictions, "refit": of.runs.observed - residual}
         found = said("no_mismatch", dataclasses.replace(of, predictions=predictions), fit)
-        return "of the variance: slopes that were not recorded in every run (grade_rad or elevation_m)" in found
+        return "of the variance: slopes that these runs, or some of them, lack (grade_rad or elevation_m)" in found
 
     assert asks(unrecorded, low, drift_w)
     in_one_run = {**context, "grade_rad": np.where(evidence.runs.run == 0, np.nan, evidence.runs.context["grade_rad"])}
@@ -163,6 +163,17 @@ def test_a_low_r2_names_slopes_that_were_not_recorded_where_the_residual_drifts(
     assert not asks(unrecorded, low, noise_w)
     assert not asks(unrecorded, fit, drift_w)
     assert not asks(evidence, low, drift_w)
+
+
+@pytest.mark.parametrize("verdict", ["no_mismatch", "parameters_off"])
+def test_where_an_unrecorded_channel_may_be_why_no_dependence_is_denied(
+    verdict: str, evidence: Evidence, fit: Fit
+) -> None:
+    denied = "the residual depends on no recorded channel"
+    assert denied in said(verdict, evidence, fit)
+    asks = dataclasses.replace(evidence, naming=dataclasses.replace(evidence.naming, unrecorded=True))
+    found = said(verdict, asks, fit)
+    assert denied not in found and "The robot file explains" not in found and ".." not in found
 
 
 def test_runs_that_were_set_aside_are_counted(evidence: Evidence, fit: Fit) -> None:
