@@ -97,9 +97,8 @@ simpler than a schedule, which fits any intermittent cause (chosen on synthetic 
 simpler than trees: it need not be all that is missing (chosen as EQUIVALENT)."""
 
 HALF = 0.5
-"""A majority: of samples, of a window, of a way or its places, or of the largest of several values. If most samples
-lack motion or power, these are logged in rows of their own. If most repeat the charge of the one before, it is shown in
-steps."""
+"""A majority: of samples (that lack motion or power, or repeat the charge before), of a window, of a way or its places,
+or of the largest of several values."""
 
 BY_MOTION = 0.5
 """Share of the residual that trees on the motion explain, from which the refit has not absorbed what is missing."""
@@ -161,12 +160,10 @@ CUSUM_CUTS = 4.0
 """Squared studentised CUSUM from which a run is cut at a change point: two standard errors."""
 
 REVISITED = 1.8
-"""Distance driven over the extent of the way, from which place and time are not confounded. Chosen: most of the way is
-driven there and back."""
+"""Distance driven over extent of the way, from which place and time are not confounded. Chosen: there and back."""
 
 CLEARLY_BETTER = 0.6
-"""Ratio of squared errors on held-out runs, trees over named effects, below which trees are clearly better: as
-EQUIVALENT."""
+"""Ratio of squared errors on held-out runs, trees over named effects, below which trees are better: as EQUIVALENT."""
 
 SMALLEST_GAIN_BESIDE = 0.01
 """Least share of the refit's held-out squared error that a further effect must explain beside those that are named: a

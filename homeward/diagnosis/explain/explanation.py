@@ -121,11 +121,16 @@ class _Residual:
         """Share of the residual that the named effects explain."""
         return 0.0 if naming.corrected is None else explained(self.fit, naming.corrected, self.runs, self.fold)
 
+    def shows(self, naming: Naming) -> bool:
+        """Whether the residual depends most on a channel of the first named effect."""
+        return self.most.found and self.most.channel.name in naming.named[0].term.hypothesis.channels
+
     def lacks_a_channel(self, naming: Naming) -> bool:
-        """Whether a channel was not recorded, and the named effects leave most of the residual, correlated."""
-        if naming.corrected is None or not unrecorded(self.runs) or self.by(naming) >= rules.BY_NAMED:
+        """Whether a channel was not recorded, and effects that theirs does not show leave most of the residual."""
+        if naming.corrected is None or self.shows(naming) or not unrecorded(self.runs):
             return False
-        return is_autocorrelated(self.runs.observed - naming.corrected.predicted, self.runs)
+        left = self.runs.observed - naming.corrected.predicted
+        return self.by(naming) < rules.BY_NAMED and is_autocorrelated(left, self.runs)
 
     def remaining(self, corrected: Corrected) -> RemainingDependence | None:
         """The residual of the corrected model where, by the test of the refit's, it depends on a channel."""
@@ -161,8 +166,7 @@ class _Residual:
             return naming, location
         first, corrected = naming.named[0], naming.corrected
         where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
-        by_its_channel = self.most.found and self.most.channel.name in first.term.hypothesis.channels
-        if unexplained(corrected, self.runs) and not by_its_channel and self.by(naming) < rules.BY_NAMED:
+        if unexplained(corrected, self.runs) and not self.shows(naming) and self.by(naming) < rules.BY_NAMED:
             return naming.nothing_named(), where
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming) else naming.nothing_named()), location

@@ -73,8 +73,7 @@ class Naming:
         return Naming(ranking=self.ranking, absorbed=self.absorbed)
 
     def needs_unrecorded_channel(self, runs: Runs, shown_by: Sequence[str] = ()) -> bool:
-        """Whether the first named effect or a rival of it, or else every dependence on the channels `shown_by`, may be
-        one on a channel that some run lacks."""
+        """Whether the first named effect, or else all that `shown_by` show, may be a channel that some run lacks."""
         lacking = [one for one in CATALOGUE.values() if one.map_channel and not runs.has(one.map_channel)]
         if self.named:
             return any(term.hypothesis in lacking for term in (self.named[0].term, *self.named[0].rivals))

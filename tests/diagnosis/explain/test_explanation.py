@@ -79,23 +79,26 @@ def test_motion_that_causes_another_named_effect_does_not_refute_a_schedule(
 
 
 @pytest.mark.parametrize(
-    ("unrecorded", "share", "correlated", "lacks"),
+    ("unrecorded", "share", "correlated", "channel", "lacks"),
     [
-        (["slopes"], 0.2, True, True),
-        ([], 0.2, True, False),
-        (["slopes"], 0.6, True, False),
-        (["slopes"], 0.2, False, False),
+        (["slopes"], 0.2, True, "grade_rad", True),
+        ([], 0.2, True, "grade_rad", False),
+        (["slopes"], 0.6, True, "grade_rad", False),
+        (["slopes"], 0.2, False, "grade_rad", False),
+        (["slopes"], 0.2, True, "heading_rad", False),  # as turning of a Husky on snow
     ],
 )
 def test_an_effect_that_leaves_most_is_not_named_where_hills_may_cause_the_rest(
-    monkeypatch: pytest.MonkeyPatch, unrecorded: list[str], share: float, correlated: bool, lacks: bool
+    monkeypatch: pytest.MonkeyPatch, unrecorded: list[str], share: float, correlated: bool, channel: str, lacks: bool
 ) -> None:
-    """Where headings go with slopes, wind explains a part of what hills cause that were not recorded."""
+    """Where headings go with slopes, wind explains a part of what hills cause, if it is not what shows most."""
     for name, found in (("unrecorded", unrecorded), ("explained", share), ("is_autocorrelated", correlated)):
         monkeypatch.setattr(explanation, name, lambda *_, found=found: found)
     corrected: Any = SimpleNamespace(predicted=np.zeros(5))
-    residual = residual_of(runs=SimpleNamespace(observed=np.zeros(5)))
-    assert residual.lacks_a_channel(Naming((), corrected)) == lacks
+    most: Any = SimpleNamespace(found=True, channel=SimpleNamespace(name=channel))
+    residual = dataclasses.replace(residual_of(runs=SimpleNamespace(observed=np.zeros(5))), most=most)
+    wind: Any = SimpleNamespace(term=SimpleNamespace(hypothesis=SimpleNamespace(channels=("heading_rad",))))
+    assert residual.lacks_a_channel(Naming((wind,), corrected)) == lacks
     assert not residual.lacks_a_channel(Naming())
 
 
