@@ -13,7 +13,7 @@ MOST_FILES = 15
 """In a folder; `effects` holds one file an effect."""
 ACROSS = {
     "agents/policies/test_shipped_policies", "commands/test_parallel_commands", "diagnosis/read/test_instruments",
-    "diagnosis/test_command_line", "diagnosis/test_second_diagnosis",
+    "diagnosis/test_command_line", "diagnosis/test_real_recordings", "diagnosis/test_second_diagnosis",
     "diagnosis/test_verdicts", "diagnosis/test_wings", "docs/test_documentation", "docs/test_headlines",
     "envs/conditions/test_randomise", "envs/conditions/test_true_robot", "examples/test_other_stacks",
     "physics/test_paper", "project/test_house", "project/test_makefile", "project/test_packaging",
