@@ -17,7 +17,7 @@ from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
 from homeward.envs.options import OptionError, Options, constants_of
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
 from homeward.envs.threads import Threads
-from homeward.physics.jit import announce_first_compilation
+from homeward.physics.jit import announce_first_compilation, uninterrupted
 from homeward.physics.kernel import CAUSES
 from homeward.physics.robot import ROBOT_DTYPE
 
@@ -215,7 +215,8 @@ class Batch:
 
     def _numbas_generators(self) -> Any:
         if self._typed_generators is None:
-            self._typed_generators = numba.typed.List(self._generators)
+            with uninterrupted():
+                self._typed_generators = numba.typed.List(self._generators)
         return self._typed_generators
 
     def _as_actions(self, actions: Any, dtype: Any) -> Any:

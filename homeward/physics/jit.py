@@ -8,11 +8,13 @@ import hashlib
 import os
 import pickle
 import re
+import signal
 import stat
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
@@ -85,6 +87,32 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
     kernel._cache = cache
     # Where numba cannot write, it uses folders that were not checked and whose names do not depend on the formulas.
     return kernel if Path(cache.cache_path).is_relative_to(folder) else jit()(function)
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait until the end of the block.
+
+    numba 0.68.1 crashes, or raises SystemError, if an exception comes while it reads a NumPy generator: its
+    `unbox_numpy_random_bitgenerator` releases references that it does not have.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if not callable(before) or threading.current_thread() is not threading.main_thread():  # nothing would be raised
+        yield
+        return
+    pressed = False
+
+    def note(number: int, frame: object) -> None:
+        nonlocal pressed
+        pressed = True
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        signal.raise_signal(signal.SIGINT)
 
 
 _FunctionCache: Any = FunctionCache

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
+import itertools
+import signal
 from typing import Any
 
 import numpy as np
@@ -132,6 +135,30 @@ def by_python(env: Any, seed: int) -> tuple[Any, Any, Any, np.random.Generator]:
     generate(rng, route, m, int(shared.places), float(shared.length_m), bool(hidden.hidden_wind))
     weather.begin(m, rng, shared, hidden)
     return m, p, route.places, rng
+
+
+@pytest.mark.parametrize("call", range(6))  # numba reads each generator by six; at the later three it would crash
+def test_ctrl_c_while_numba_reads_a_generator_comes_after_it(call: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = make("Survey")
+    env.reset(seed=5)
+    cast, calls = ctypes.cast, itertools.count()
+
+    def pressed(*arguments: Any) -> Any:
+        if next(calls) == call:
+            signal.raise_signal(signal.SIGINT)
+        return cast(*arguments)
+
+    monkeypatch.setattr(ctypes, "cast", pressed)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            env.reset(seed=6)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert next(calls) > call
+    same = make("Survey")
+    np.testing.assert_array_equal(env.reset(seed=7)[0], same.reset(seed=7)[0])
 
 
 def test_missions_do_not_draw_while_they_run() -> None:
