@@ -82,6 +82,14 @@ def test_power_by_hand(effect_id: str) -> None:
     assert float(on["ledger_j"][CAUSES.index(effect_id)]) == pytest.approx(expected_w * STEP_S, rel=1e-9)
 
 
+def test_a_resistance_of_the_cold_loses_by_the_square_of_the_load() -> None:
+    off = drive(PLAIN, [X], STEP_S, np.inf, **STATE)
+    robot = with_effect(PLAIN, "cold_battery", per_k=0.01, warm_c=20.0, reference_w=2.0 * LOAD_W)
+    lost = 0.25 / 2.0
+    on = drive(robot, [X], STEP_S, np.inf, **STATE)
+    assert float(on["power_w"] - off["power_w"]) == pytest.approx(LOAD_W * lost / (1.0 - lost), rel=1e-9)
+
+
 def test_regeneration_by_hand() -> None:
     downhill = LEVEL._replace(sin_grade=-0.6, cos_grade=0.8)
     force_n = 0.1 * WEIGHT_N * 0.8 + 2.0 - 0.6 * WEIGHT_N

@@ -30,6 +30,7 @@ from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Proof, Value
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot
+from homeward.physics.effects import EFFECTS
 from homeward.physics.terminal_power import lost_inside
 
 USABLE_ENERGY = "usable energy"
@@ -73,8 +74,10 @@ def find_effects(
     """Effects identified by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, rng)
-    inside_w = np.zeros(len(runs.observed)) if sag is None else sag.contribution
+    inside_w = _inside_w(robot, runs) + (0.0 if sag is None else sag.contribution)
     capacity, shown = _state_of_charge(fit, runs, inside_w, block, rng)
+    if sag is not None and shown is not None and sag.hypothesis is shown.hypothesis:
+        shown = None  # a file holds an effect once
     found = (sag, shown, _odometer(fit, runs))
     return capacity, tuple(one for one in found if one is not None)
 
@@ -109,6 +112,15 @@ class _Reading:
         """Coefficients of columns and their standard errors, clustered by block, shape (columns,) each."""
         found = _fit(columns, self.target)
         return found, standard_errors(columns, self.target - columns @ found, self.block)
+
+    def per_run(self, column: Array) -> Array:
+        """A column of its own for each run, shape (known windows, runs)."""
+        return np.asarray(column * (self.run[:, None] == np.unique(self.run)))
+
+    def delta_bic(self, first: Array, second: Array) -> float:
+        """Reduction of BIC by the second of two designs."""
+        before, after = (columns @ _fit(columns, self.target) for columns in (first, second))
+        return delta_bic(self.target, before, after, self.run, second.shape[1] - first.shape[1])
 
     def proof(self, base: Array, added: Array, rng: Generator, tried: Sequence[Array] = ()) -> Proof | None:
         """Evidence that the added columns, best of those tried, explain the channel beside the base; None if weak."""
@@ -148,31 +160,66 @@ def _matters(lost_w: Array, runs: Runs) -> bool:
     return float(lost_w @ runs.duration_s) >= rules.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
 
 
+def _inside_w(robot: Robot, runs: Runs) -> Array:
+    """What the effects of a robot's file lose inside its battery, W, shape (windows,)."""
+    air_c = runs.context.get("temperature_c", np.full(len(runs.observed), 20.0))
+    record, conditions = robot.record().view(np.recarray)[0], SimpleNamespace(temperature_c=air_c)
+    drawn_w = total_w = np.maximum(runs.observed, 0.0)
+    for one in EFFECTS:
+        if lost_inside(one) and one.id in robot.effects:
+            total_w = total_w + np.nan_to_num(np.asarray(one.function(record, None, conditions, total_w)))
+    return np.asarray(total_w - drawn_w)
+
+
+def _values(one: Hypothesis, size: float, ci95: tuple[float, float], shape: Numbers) -> dict[str, Value]:
+    units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
+    others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
+    return {one.entry.switch.name: Value(size, ci95, one.entry.switch.unit), **others}
+
+
 def _sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffect | None:
-    """Internal resistance by the voltage, beside the file's, where it loses a material share of the energy."""
-    voltage_v = runs.context.get("voltage_v", np.zeros(1))
+    """Resistance by the voltage, beside the file's, where it loses a material share of the energy; one that falls with
+    warmth is a cold battery's."""
+    voltage_v, air_c = runs.context.get("voltage_v", np.zeros(1)), runs.context.get("temperature_c")
     known = voltage_v > 0.0
     if runs.unit != "W" or not known.any():
         return None
-    entry = battery.INTERNAL_RESISTANCE.entry
-    in_file_ohm = robot.effects.get(entry.id, {}).get(entry.switch.name, 0.0)
+    one, cold = battery.INTERNAL_RESISTANCE, battery.COLD_BATTERY
+    given_ohm, of_cold = one.in_file(robot)[0], robot.effects.get(cold.id, {})
     current_a = np.where(known, runs.observed / np.where(known, voltage_v, 1.0), 0.0)
-    channel = _Reading(np.where(known, voltage_v + in_file_ohm * current_a, np.nan), runs, block)
+    in_file_v = given_ohm * current_a
+    if of_cold.get(battery.COLD_W.name):
+        in_file_w = _inside_w(dataclasses.replace(robot, effects={cold.id: of_cold}), runs)
+        in_file_v = in_file_v + in_file_w / np.where(current_a > 0.0, current_a, np.inf)
+    channel = _Reading(np.where(known, voltage_v + in_file_v, np.nan), runs, block)
     base, drawn = channel.summed(current_a)[:, None], -channel.within(current_a)[:, None]
-    found, errors = channel.fit(np.column_stack([base, drawn]))
+    found, errors = channel.fit(both := np.column_stack([base, drawn]))
     ohm, wide = float(found[-1]), rules.NORMAL_95 * float(errors[-1])
     lost_w = max(ohm, 0.0) * current_a**2
     proof = channel.proof(base, drawn, rng) if _matters(lost_w, runs) else None
-    if proof is None or in_file_ohm + ohm > entry.switch.high:
+    if proof is None or given_ohm + ohm > one.entry.switch.high:
         return None
-    air = runs.context.get("temperature_c")
-    cold = air is None or float(np.nanmean(air)) < rules.COLD_C
-    value = Value(in_file_ohm + ohm, (in_file_ohm + ohm - wide, in_file_ohm + ohm + wide), entry.switch.unit)
-    return ChannelEffect(
-        battery.INTERNAL_RESISTANCE, {entry.switch.name: value}, lost_w, proof,
-        (battery.CONFOUNDED_WITH_COLD,) if cold else (),
-        f"The voltage sags by {value.value:.3g} ohm times the current.",
-    )  # fmt: skip
+    if air_c is not None and np.isfinite(air_c).all() and not of_cold:
+        warmer = channel.within(current_a * (air_c - np.mean(air_c)))[:, None]
+        by_warmth, by_run = np.column_stack([both, warmer]), np.column_stack([base, channel.per_run(drawn)])
+        (*_, mean_ohm, per_k), (*_, error) = channel.fit(by_warmth)
+        warm_c = float(np.mean(air_c) + mean_ohm / max(per_k, TINY))
+        fell = warm_c <= battery.WARM_C.high and channel.proof(both, warmer, rng) is not None
+        if fell and channel.delta_bic(by_warmth, by_run) < rules.STRONG_BIC:  # else it differs from run to run
+            reference_w = float(np.median(runs.observed[runs.observed > 0.0]))
+            per_ohm = reference_w / (np.mean(voltage_v[known]) ** 2 + mean_ohm * reference_w)  # share of the energy
+            size, wide = float(per_ohm * per_k), float(per_ohm * rules.NORMAL_95 * error)
+            shape = {battery.WARM_C.name: warm_c, battery.COLD_W.name: reference_w}
+            return ChannelEffect(
+                cold, _values(cold, size, (size - wide, size + wide), shape),
+                np.maximum(mean_ohm + per_k * (np.mean(air_c) - air_c), 0.0) * current_a**2, proof, (),
+                f"The voltage sags by {mean_ohm:.3g} ohm times the current, and by {per_k / mean_ohm:.1%} less for "
+                "each kelvin that it is warmer.",
+            )  # fmt: skip
+    rivals = (cold.id,) if air_c is None or float(np.nanmean(air_c)) < rules.COLD_C else ()
+    parameters = _values(one, given_ohm + ohm, (given_ohm + ohm - wide, given_ohm + ohm + wide), {})
+    sentence = f"The voltage sags by {given_ohm + ohm:.3g} ohm times the current."
+    return ChannelEffect(one, parameters, lost_w, proof, rivals, sentence)
 
 
 def _state_of_charge(
@@ -198,7 +245,7 @@ def _state_of_charge(
     if misread is not None:
         return dataclasses.replace(capacity, off=False), misread
     losses = _Losses(fit, runs, channel, drawn)
-    both = (losses.found(rng), _fading(channel, runs, drawn, rng))
+    both = (losses.found(rng), _fading(channel, runs, robot, drawn, rng))
     found = sorted((one for one in both if one is not None), key=lambda one: -_gained(one.proof))
     if not found:
         return dataclasses.replace(capacity, rivals=losses.instead(float(rate)) if off else ()), None
@@ -244,8 +291,7 @@ def _misread(
 ) -> ChannelEffect | None:
     """A fault of the meter that power shows, be it too little to be named: less its error, the charge falls by the
     energy drawn, at least as well as with a capacity for each run."""
-    setting, per_run = Setting.of(fit, runs), drawn * (channel.run[:, None] == np.unique(channel.run))
-    fades, constant = (columns @ _fit(columns, channel.target) for columns in (per_run, drawn))
+    setting, per_run = Setting.of(fit, runs), channel.per_run(drawn)
     found: list[tuple[float, ChannelEffect]] = []
     for term in terms(setting):
         one_of_several = term.schedule is not None and term.schedule.of_several
@@ -255,8 +301,7 @@ def _misread(
         weights = _fit(design, setting.residual)
         size, added = float(weights[-1]), term.columns[:, 0] * weights[-1]
         true = drawn - channel.summed(added / fit.parameters.nominal.usable_energy_j)[:, None]
-        predicted = true @ _fit(true, channel.target)
-        by_ageing = delta_bic(channel.target, predicted, fades, channel.run, per_run.shape[1] - 1)
+        by_ageing = channel.delta_bic(true, per_run)
         proof = channel.proof(drawn, true, rng)
         if proof is None or by_ageing >= rules.STRONG_BIC or not _matters(np.abs(added), runs):
             continue
@@ -266,7 +311,7 @@ def _misread(
             term.hypothesis, {switch.name: Value(size, (size - wide, size + wide), switch.unit)}, added, proof, rivals,
             "Less an error of the meter that power shows, the state of charge falls by the energy drawn.",
         )  # fmt: skip
-        found.append((delta_bic(channel.target, constant, predicted, channel.run, 0), shown))
+        found.append((channel.delta_bic(drawn, true), shown))
     if not found:
         return None
     most, best = max(found, key=lambda one: one[0])
@@ -280,12 +325,13 @@ class _Losses:
 
     def __init__(self, fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> None:
         self.runs, self.channel, self.drawn, self.robot = runs, channel, drawn, fit.parameters.nominal
-        setting = Setting.of(fit, runs)
+        setting, self.in_file_w = Setting.of(fit, runs), _inside_w(self.robot, runs)
         self.tried = [
             (one, shape, self._fallen(one, shape, TINY) / TINY)
             for one in CATALOGUE.values()
             if lost_inside(one.entry) and one.steady is not None and not one.missing(runs)
-            for shape in one.shapes(setting)
+            for given, others in (one.in_file(self.robot),)
+            for shape in ([others] if given else one.shapes(setting))
         ]
 
     def found(self, rng: Generator) -> ChannelEffect | None:
@@ -296,24 +342,21 @@ class _Losses:
         if not proven:
             return None
         proof, one, shape = max(proven, key=lambda found: _gained(found[0]))
-        switch = one.entry.switch
         rate, per_size = _fit(np.column_stack([self.drawn, self._fallen(one, shape, TINY) / TINY]), self.channel.target)
         size = self._size(one, shape, per_size / max(float(rate), 1e-9), self._residual_beside_capacity)
         lost_w = self._loss_w(one, shape, size)
         if not _matters(lost_w, self.runs):
             return None
-        step = SMALL_STEP * max(size, TINY) * (-1.0 if (1.0 + SMALL_STEP) * size > switch.high else 1.0)
+        step = SMALL_STEP * max(size, TINY) * (-1.0 if (1.0 + SMALL_STEP) * size > self._most(one) else 1.0)
         at = self._fallen(one, shape, size)
         design = np.column_stack([self.drawn + at, (self._fallen(one, shape, size + step) - at) / step])
         errors = standard_errors(design, self._residual_beside_capacity(at), self.channel.block)
-        wide = rules.NORMAL_95 * float(errors[-1])
+        wide, more = rules.NORMAL_95 * float(errors[-1]), one.in_file(self.robot)[0] + size
         alike = (other.id for share, other, _ in proven if _gained(share) > rules.CONFUSABLE_SHARE * _gained(proof))
-        units = {parameter.name: parameter.unit for parameter in one.entry.parameters}
-        others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
-        value = Value(size, (max(size - wide, 0.0), size + wide), switch.unit)
+        parameters = _values(one, more, (max(more - wide, 0.0), more + wide), shape)
         rivals = tuple(rival for rival in dict.fromkeys(alike) if rival != one.id)
         sentence = "The state of charge falls faster than the energy drawn implies where it is at work."
-        return ChannelEffect(one, {switch.name: value, **others}, lost_w, proof, rivals, sentence)
+        return ChannelEffect(one, parameters, lost_w, proof, rivals, sentence)
 
     def instead(self, rate: float) -> tuple[str, ...]:
         """Losses that explain a charge which falls `rate` times as fast as the file's capacity implies, as well as a
@@ -335,13 +378,17 @@ class _Losses:
     def _size(self, one: Hypothesis, shape: Numbers, about: float, residual: Callable[[Array], Array]) -> float:
         """Size with the least squared residual: searched up to a multiple of the linear estimate, as sizes are
         often far below their bound."""
-        high = one.entry.switch.high
+        high = self._most(one)
         most = float(np.clip(_SEARCHED * about, TINY * high, high))
 
         def error(size: float) -> float:
             return float(np.sum(residual(self._fallen(one, shape, size)) ** 2))
 
         return float(minimize_scalar(error, bounds=(0.0, most), method="bounded").x)
+
+    def _most(self, one: Hypothesis) -> float:
+        """Largest size that an effect may have beyond the robot file's."""
+        return one.entry.switch.high - one.in_file(self.robot)[0]
 
     def _residual_beside_capacity(self, fallen: Array) -> Array:
         """Residual of the charge with a loss, its capacity fitted: at most that of the file, as a larger one together
@@ -355,31 +402,27 @@ class _Losses:
         return self.channel.summed(self._loss_w(one, shape, size) / self.robot.usable_energy_j)[:, None]
 
     def _loss_w(self, one: Hypothesis, shape: Numbers, size: float) -> Array:
-        """What an effect of this size adds to the recorded power, W, shape (windows,)."""
-        with_it = dataclasses.replace(self.robot, effects={one.id: {**shape, one.entry.switch.name: size}})
-        mild_c = np.full(len(self.runs.observed), 20.0)
-        conditions = SimpleNamespace(temperature_c=self.runs.context.get("temperature_c", mild_c))
-        function = getattr(one.entry, "function")  # noqa: B009  an instrument has none
-        drawn_w = np.maximum(self.runs.observed, 0.0)
-        added = function(with_it.record().view(np.recarray)[0], None, conditions, drawn_w)
-        return np.nan_to_num(np.asarray(added, dtype=np.float64))
+        """What an effect loses that is larger by this size than the robot file's, W, shape (windows,)."""
+        numbers = {**shape, one.entry.switch.name: one.in_file(self.robot)[0] + size}
+        with_it = dataclasses.replace(self.robot, effects={**self.robot.effects, one.id: numbers})
+        return _inside_w(with_it, self.runs) - self.in_file_w
 
 
-def _fading(channel: _Reading, runs: Runs, drawn: Array, rng: Generator) -> ChannelEffect | None:
+def _fading(channel: _Reading, runs: Runs, robot: Robot, drawn: Array, rng: Generator) -> ChannelEffect | None:
     """Ageing: a capacity that shrinks from run to run."""
     numbers = np.unique(channel.run)
     if len(numbers) < rules.FEWEST_RUNS:
         return None
-    per_run = drawn * (channel.run[:, None] == numbers)
-    rate, errors = channel.fit(per_run)
+    rate, errors = channel.fit(per_run := channel.per_run(drawn))
     shrinks = bool((np.diff(rate) >= -rules.CLEAR * (errors[1:] + errors[:-1])).all()) and rate[-1] > rate[0]
     proof = channel.proof(drawn, per_run[:, 1:], rng) if shrinks else None
     if proof is None:
         return None
-    ends = 1.0 - 1.0 / np.maximum(rate[-1] + rules.NORMAL_95 * errors[-1] * np.array([-1.0, 1.0]), 1e-9)
     lost = np.zeros(len(runs.signals))
     lost[numbers] = np.clip(1.0 - 1.0 / np.maximum(rate, 1e-9), 0.0, None)
-    last = Value(float(lost[numbers[-1]]), (max(float(ends[0]), 0.0), float(ends[1])), "1")
+    left, wide = 1.0 - battery.AGEING.in_file(robot)[0], rules.NORMAL_95 * float(errors[-1])
+    ends, now = (1.0 - left / np.maximum(rate[-1] + np.array(off), 1e-9) for off in ((-wide, wide), 0.0))
+    last = Value(float(now), (max(float(ends[0]), 0.0), float(ends[1])), "1")
     of_window = lost[runs.run]
     lost_w = np.maximum(runs.observed, 0.0) * of_window / (1.0 - of_window)
     # No battery that has lost more than the effect allows drives a robot: its reading is wrong.

@@ -12,7 +12,7 @@ from homeward.physics.effects import ageing, breakaway, cold_battery, internal_r
 CONFOUNDED_WITH_LOAD, CONFOUNDED_WITH_COLD = rate_capacity.EFFECT.id, cold_battery.EFFECT.id
 """Effects confounded with ageing where the load rises or the air gets colder from run to run."""
 
-_WARM_C = cold_battery.EFFECT.parameters[1]
+WARM_C, COLD_W = cold_battery.EFFECT.parameters[1:]
 _OVER_M = breakaway.EFFECT.parameters[1]
 _SECONDS = (0.3, 1.0, 3.0)  # at top speed, over which a start is tried; chosen: threefold each, refined afterwards
 
@@ -22,6 +22,13 @@ def _references(setting: Setting) -> Iterator[Numbers]:
     drawn = setting.runs.observed[setting.runs.observed > 0.0]
     for value in np.unique(np.quantile(drawn, [0.02, 0.5])) if len(drawn) else []:
         yield {"reference_w": float(value)}
+
+
+def _colds(setting: Setting) -> Iterator[Numbers]:
+    """Capacity lost below a temperature, and a resistance that grows below it: a share at the median power drawn."""
+    for shape in temperatures(WARM_C)(setting):
+        yield shape
+        yield {**shape, COLD_W.name: float(np.median(setting.runs.observed[setting.runs.observed > 0.0]))}
 
 
 def _ways(setting: Setting) -> Iterator[Numbers]:
@@ -56,6 +63,13 @@ AGEING = Hypothesis(  # between runs: in power, and in a recorded state of charg
     on_drive=share_of_the_drive,
 )
 
+COLD_BATTERY = Hypothesis(
+    cold_battery.EFFECT,
+    shapes=_colds,
+    searched=(WARM_C,),
+    check="discharge the battery once cold and once warm through a known load",
+)
+
 HYPOTHESES = (
     INTERNAL_RESISTANCE,
     Hypothesis(
@@ -74,10 +88,5 @@ HYPOTHESES = (
         check="pull the robot with a spring balance until it starts to roll",
     ),
     AGEING,
-    Hypothesis(
-        cold_battery.EFFECT,
-        shapes=temperatures(_WARM_C),
-        searched=(_WARM_C,),
-        check="discharge the battery once cold and once warm through a known load",
-    ),
+    COLD_BATTERY,
 )
