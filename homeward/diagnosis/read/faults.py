@@ -41,17 +41,18 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
                 channels[name] = np.where(bad, np.nan, channels[name])
                 spikes = "1 spike" if bad.sum() == 1 else f"{int(bad.sum())} spikes"
                 notes.append(f"{spikes} of {name}, one sample long, left out")
-    silent = _silent(channels, robot)
-    if silent.any():
+    drawn = channels.get("power_w", channels.get("current_a"))
+    if drawn is not None:
+        speed, slowest_mps = np.abs(speed_of(channels)), rules.STANDSTILL_SHARE * robot.max_speed_mps
+        silent = _silent(drawn, speed > slowest_mps)
+        charging = _charging(np.where(silent, np.nan, drawn), speed < slowest_mps, channels["time_s"])
         for name in channels.keys() & set(_DRAWN):
-            channels[name] = np.where(silent, np.nan, channels[name])
-        notes.append(f"power reads exactly zero in {int(silent.sum())} samples of driving: they are left out")
-    charging = _charging(channels, robot)
-    if charging.any():
-        seconds = float(charging.mean()) * recording.duration_s
-        for name in channels.keys() & set(_DRAWN):
-            channels[name] = np.where(charging, np.nan, channels[name])
-        notes.append(f"power flows back for {seconds:.3g} s while the robot stands: charging is left out")
+            channels[name] = np.where(silent | charging, np.nan, channels[name])
+        if silent.any():
+            notes.append(f"power reads exactly zero in {int(silent.sum())} samples of driving: they are left out")
+        if charging.any():
+            seconds = float(charging.mean()) * recording.duration_s
+            notes.append(f"power flows back for {seconds:.3g} s while the robot stands: charging is left out")
     for name in (*_MOVED, *_DRAWN):
         fresh = _updates(channels[name]) if name in channels else None
         if fresh is None:
@@ -104,30 +105,19 @@ def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mas
     return near & (2 * with_one > len(starts_s))
 
 
-def _silent(channels: Mapping[str, Array], robot: Robot) -> Mask:
+def _silent(drawn: Array, drives: Mask) -> Mask:
     """Samples of driving where a meter of battery power reads zero, as at its restart: the load is never zero."""
-    none = np.zeros(len(channels["time_s"]), dtype=bool)
-    drawn = channels.get("power_w", channels.get("current_a"))
-    if drawn is None:
-        return none
     zero = drawn == 0.0
-    drives = np.abs(np.nan_to_num(speed_of(channels))) > rules.STANDSTILL_SHARE * robot.max_speed_mps
-    lasts = zero & (np.append(zero[1:], False) | np.insert(zero[:-1], 0, False))
-    silent: Mask = lasts & drives
-    return silent if silent.mean() <= rules.MOST_SILENT else none
+    silent = zero & drives & (np.append(zero[1:], False) | np.insert(zero[:-1], 0, False))
+    return np.asarray(silent & (silent.mean() <= rules.MOST_SILENT))
 
 
-def _charging(channels: dict[str, Array], robot: Robot) -> Mask:
+def _charging(drawn: Array, stands: Mask, time_s: Array) -> Mask:
     """Samples at standstill with negative power, for some seconds on end."""
-    time_s = channels["time_s"]
-    charging = np.zeros(len(time_s), dtype=bool)
-    drawn = channels.get("power_w", channels.get("current_a"))
-    if drawn is None:
-        return charging
-    stands = np.abs(speed_of(channels)) < rules.STANDSTILL_SHARE * robot.max_speed_mps
     driving = drawn[~stands & np.isfinite(drawn)]
     typical = float(driving.mean()) if len(driving) else 0.0
     back = stands & (drawn < -rules.ZERO_ERROR * max(typical, 0.0))
+    charging = np.zeros(len(time_s), dtype=bool)
     edges = np.flatnonzero(np.diff(back.astype(np.int8), prepend=0, append=0))
     for first, after in zip(edges[::2], edges[1::2], strict=True):
         if time_s[after - 1] - time_s[first] >= rules.CHARGES_S:
