@@ -80,24 +80,17 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     """Whether a schedule changes in the way that is typical for an effect."""
     if how == "in the cold":
         return may_change("repeatedly", schedule, runs) or _is_colder(schedule.level > 0, runs)
-    per_run = [schedule.level[runs.run == run] for run in np.unique(runs.run)]
-    within = [np.flatnonzero(np.diff(level)) for level in per_run]
-    if how == "between runs":
-        return all(len(changes) == 0 for changes in within)
-    if how == "once":
-        return all(len(changes) <= 1 for changes in within)
+    step, run = np.diff(schedule.level), runs.run
+    changes = np.flatnonzero((step != 0) & (np.diff(run) == 0))  # within runs
+    most = np.bincount(run[changes], minlength=1).max()
+    if how in ("between runs", "once"):
+        return bool(most <= (how == "once"))
     if how == "repeatedly":
-        if all(len(changes) <= 1 for changes in within):
-            return False
-        comes_on = sum(bool((np.diff(level) > 0).any()) for level in per_run)
-        return comes_on >= rules.RUNS_WITH_SWITCH or sum(len(changes) for changes in within) >= rules.FEWEST_SWITCHES
-    speeds = np.abs(runs.context["speed_mps"])
-    at_standstill = []
-    for run, changes in zip(np.unique(runs.run), within, strict=True):
-        here = np.flatnonzero(runs.run == run)
-        for change in changes:
-            near = here[np.abs(runs.time_s[here] - runs.time_s[here[change]]) <= _AROUND * WINDOW_S]
-            at_standstill.append(bool((speeds[near] < rules.STOPS_MPS).any()))
+        comes_on = len(np.unique(run[changes[step[changes] > 0]]))
+        return bool(most > 1 and (comes_on >= rules.RUNS_WITH_SWITCH or len(changes) >= rules.FEWEST_SWITCHES))
+    stops = np.abs(runs.context["speed_mps"]) < rules.STOPS_MPS
+    near = (np.abs(runs.time_s - runs.time_s[one]) <= _AROUND * WINDOW_S for one in changes)
+    at_standstill = [stops[close & (run == run[one])].any() for close, one in zip(near, changes, strict=True)]
     return all(at_standstill) if how == "standing" else not at_standstill or not all(at_standstill)
 
 
@@ -141,22 +134,19 @@ def search(
     cuts = [_blocks(shape[part], max(1, round(blocks * float(shape[part] @ shape[part]) / weight))) for part in parts]
     if sum(len(cut) for cut in cuts) < rules.FEWEST_PIECES:
         return []
-    moments = [np.add.reduceat((shape * residual)[part], cut) for part, cut in zip(parts, cuts, strict=True)]
-    weights = [
-        np.maximum(np.add.reduceat((shape * shape)[part], cut), 1e-300) for part, cut in zip(parts, cuts, strict=True)
-    ]
+    order, ends = np.concatenate(parts), np.cumsum([len(cut) for cut in cuts])[:-1]
+    lengths = np.concatenate([np.diff(cut, append=len(part)) for part, cut in zip(parts, cuts, strict=True)])
+    moment, mass = (np.add.reduceat((shape * one)[order], np.cumsum(lengths) - lengths) for one in (residual, shape))
+    mass = np.maximum(mass, 1e-300)
     found: list[Schedule] = []
     for share in shares:
         penalty = share * whole
-        sizes = [_sizes(m, w, penalty) for m, w in zip(moments, weights, strict=True)]
-        level_of_block, levels = _cluster(np.concatenate(sizes), np.concatenate(weights), penalty, signed)
+        sizes = [_sizes(m, w, penalty) for m, w in zip(np.split(moment, ends), np.split(mass, ends), strict=True)]
+        level_of_block, levels = _cluster(np.concatenate(sizes), mass, penalty, signed)
         if levels < 2:
             continue
         level = np.zeros(len(residual), dtype=np.intp)
-        at = 0
-        for part, cut in zip(parts, cuts, strict=True):
-            level[part] = np.repeat(level_of_block[at : at + len(cut)], np.diff(np.append(cut, len(part))))
-            at += len(cut)
+        level[order] = np.repeat(level_of_block, lengths)
         exact = _refined(level, shape, residual, parts)
         for at, one in enumerate(found):
             rarest = np.bincount(one.level).min()  # a switch more may be of a few windows
