@@ -95,13 +95,12 @@ def _by_trees(
 
 def _history(fit: Fitted, runs: Runs) -> list[Array]:
     """Load and speed after first-order low-pass filters of several time constants: heat, wetness, stirred-up ground."""
-    found = []
-    for values in (fit.predicted, np.abs(runs.context["speed_mps"])):
-        for constant_s in _REMEMBERS_S:
-            parts = []
-            for run in np.unique(runs.run):
-                here = runs.run == run
-                keep = float(np.exp(-float(np.median(runs.duration_s[here])) / constant_s))
-                parts.append(lfilter([1.0 - keep], [1.0, -keep], values[here]))
-            found.append(np.concatenate(parts))
-    return found
+    each = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
+
+    def remembered(values: Array, constant_s: float) -> Array:
+        kept = [float(np.exp(-float(np.median(runs.duration_s[own])) / constant_s)) for own in each]
+        parts = (lfilter([1.0 - keep], [1.0, -keep], values[own]) for own, keep in zip(each, kept, strict=True))
+        return np.concatenate(list(parts))
+
+    loads = fit.predicted, np.abs(runs.context["speed_mps"])
+    return [remembered(values, constant_s) for values in loads for constant_s in _REMEMBERS_S]

@@ -110,11 +110,8 @@ def is_material(fit: Fitted, runs: Runs) -> bool:
 
 def power_noise(runs: Runs) -> float:
     """Squared white noise of power, summed over windows."""
-    total = 0.0
-    for number, run in enumerate(runs.signals):
-        here = runs.duration_s[runs.run == number]
-        total += float((white_noise(run.observed) ** 2 * median_step_s(run.time_s) / here).sum())
-    return total
+    of_a_second = np.array([white_noise(run.observed) ** 2 * median_step_s(run.time_s) for run in runs.signals])
+    return float((of_a_second[runs.run] / runs.duration_s).sum())
 
 
 def times_noise(fit: Fitted, runs: Runs) -> float:

@@ -23,14 +23,10 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
     correlation = 0.0 if residual is None else correlation_windows(residual, run)
     length = max(rules.SHORTEST_BLOCK, len(run) // _MOST_BLOCKS, int(np.ceil(rules.CORRELATION_TIMES * correlation)))
     length = max(rules.SHORTEST_BLOCK, min(length, len(run) // (rules.FEWEST_BLOCKS + len(np.unique(run)))))
-    block = np.empty(len(run), dtype=np.intp)
-    following = 0
-    for one in np.unique(run):
-        inside = np.flatnonzero(run == one)
-        count = max(1, round(len(inside) / length))
-        block[inside] = following + np.arange(len(inside)) * count // len(inside)
-        following += count
-    return block
+    _, first, number, size = np.unique(run, return_index=True, return_inverse=True, return_counts=True)
+    count = np.maximum(np.rint(size / length), 1).astype(np.intp)
+    before, within = np.cumsum(count) - count, np.arange(len(run)) - first[number]
+    return np.asarray(before[number] + within * count[number] // size[number])
 
 
 def per_block(values: Array, block: Index) -> Array:

@@ -307,11 +307,9 @@ def gaps(time_s: Array) -> Index:
 
 def windows(time_s: Array, window_s: float) -> Windows:
     """Cut a run into windows of `window_s`, starting anew after each gap."""
-    parts = np.split(np.arange(len(time_s)), gaps(time_s) + 1)
-    starts = []
-    for part in parts:
-        number = np.floor((time_s[part] - time_s[part[0]]) / window_s + 1e-9)
-        starts.append(part[0] + np.flatnonzero(np.diff(number, prepend=-1.0)))
-    start = np.concatenate(starts).astype(np.intp)
+    begins = np.append(0, gaps(time_s) + 1)
+    part = np.searchsorted(begins, np.arange(len(time_s)), side="right") - 1
+    number = np.floor((time_s - time_s[begins][part]) / window_s + 1e-9)
+    start = np.union1d(begins, np.flatnonzero(np.diff(number, prepend=-1.0)))
     counts = np.diff(np.append(start, len(time_s)))
     return Windows(start, counts >= rules.HALF * np.median(counts))
