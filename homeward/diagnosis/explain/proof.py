@@ -131,12 +131,12 @@ class Bench:
         return self._by_stretch if in_time else self._by_block
 
     def _weights(self, split: _Split, columns: Index, chosen: tuple[int, ...]) -> Array:
-        low, high = self._limits(chosen)
-        return bounded(split.fitted[np.ix_(columns, columns)], split.fitted[columns, -1], low, high)
-
-    def _limits(self, chosen: tuple[int, ...]) -> tuple[Array, Array]:
         terms, (low, high) = [self.candidates[one] for one in (*self.beside, *chosen)], self.model.freedom()
-        return np.concatenate([low, *(one.low for one in terms)]), np.concatenate([high, *(one.high for one in terms)])
+        limits = (
+            np.concatenate([low, *(one.low for one in terms)]),
+            np.concatenate([high, *(one.high for one in terms)]),
+        )
+        return bounded(split.fitted[np.ix_(columns, columns)], split.fitted[columns, -1], *limits)
 
     def _error(self, chosen: tuple[int, ...], in_time: bool) -> float:
         total = 0.0
