@@ -84,9 +84,8 @@ def smoothed(
         grid = np.clip(best + np.arange(-2.0, 4.0, 2.0), *_LOG_RATIOS)
         best, factor, found = _likeliest(head, its_weight, its_stiffness, order, grid, noise)
     draws = _draws(factor, order, len(head), found)
-    if len(values) > len(head):
-        factor = cholesky_banded(_with_weight(np.exp(best) * _penalty(stiffness, order, len(values)), weight))
-    return Smoothed(cho_solve_banded((factor, False), weight * values), found, draws)
+    _, expected = _solved(values, weight, _penalty(stiffness, order, len(values)), best)
+    return Smoothed(expected, found, draws)
 
 
 def _likeliest(
@@ -108,8 +107,7 @@ def _likeliest(
 
 def _stiffness(values: Array, weight: Array, stiffness: Array, order: int, log_ratio: float, noise: float) -> Array:
     """Expected inverse variance of each difference, relative, if differences are from Student's t distribution."""
-    factor = cholesky_banded(_with_weight(np.exp(log_ratio) * _penalty(stiffness, order, len(values)), weight))
-    smooth = cho_solve_banded((factor, False), weight * values)
+    factor, smooth = _solved(values, weight, _penalty(stiffness, order, len(values)), log_ratio)
     drawn = min(len(values), rules.SMOOTHED_AT_ONCE)
     spread = np.mean(np.diff(_draws(factor[:, -drawn:], order, drawn, noise), order, axis=1) ** 2, axis=0)
     if drawn < len(values):
@@ -133,18 +131,19 @@ def _penalty(breaks: Array, order: int, count: int) -> Array:
     return bands
 
 
-def _with_weight(bands: Array, weight: Array) -> Array:
-    bands = bands.copy()
+def _solved(values: Array, weight: Array, roughness: Array, log_ratio: float) -> tuple[Array, Array]:
+    """Cholesky factor of the normal equations at a ratio of variances, and the smoothed channel."""
+    bands = np.exp(log_ratio) * roughness
     bands[-1] += weight + 1e-12 * float(weight.max())
-    return bands
+    factor = cholesky_banded(bands)
+    return factor, cho_solve_banded((factor, False), weight * values)
 
 
 def _fit(
     values: Array, weight: Array, roughness: Array, stiffness: Array, log_ratio: float, noise: float | None
 ) -> tuple[Array, float, float]:
     """Cholesky factor, variance of the noise, and minus twice the log likelihood, at a ratio of variances."""
-    factor = cholesky_banded(_with_weight(np.exp(log_ratio) * roughness, weight))
-    smooth = cho_solve_banded((factor, False), weight * values)
+    factor, smooth = _solved(values, weight, roughness, log_ratio)
     rough = np.diff(smooth, len(roughness) - 1) ** 2  # a difference of large sums could be rounded to less than zero
     squared = max(float(weight @ (values - smooth) ** 2 + np.exp(log_ratio) * stiffness @ rough), 1e-300)
     known, bound = int((weight > 0.0).sum()), stiffness[stiffness > 0.0]

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import binned_statistic
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.read.signals import Signals, gaps
@@ -39,16 +40,10 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
     moving = run.speed_mps > 0.0
     if not moving.any() or not np.ptp(run.base_distance_m):
         return None
-    edges = np.linspace(run.base_distance_m.min(), run.base_distance_m.max(), _PLACES + 1)
-    place = np.clip(np.searchsorted(edges, run.base_distance_m, side="right") - 1, 0, _PLACES - 1)
-    sides = []
-    for direction in (1.0, -1.0):
-        chosen = moving & (run.direction == direction)
-        count = np.bincount(place[chosen], minlength=_PLACES)
-        with np.errstate(invalid="ignore"):
-            sides.append(np.bincount(place[chosen], slope[chosen], _PLACES) / np.where(count > 0, count, np.nan))
-    both = np.isfinite(sides[0]) & np.isfinite(sides[1])
-    out, home = sides[0][both], sides[1][both]
+    ends = run.base_distance_m.min(), run.base_distance_m.max()
+    ways = (moving & (run.direction == direction) for direction in (1.0, -1.0))
+    sides = [binned_statistic(run.base_distance_m[way], slope[way], "mean", _PLACES, ends).statistic for way in ways]
+    out, home = np.array(sides)[:, np.isfinite(sides).all(axis=0)]
     if len(out) < rules.HALF * _PLACES or not np.ptp(out) * np.ptp(home) or np.corrcoef(out, home)[0, 1] > -rules.SAME:
         return None
     middle = (out + home) / 2.0
