@@ -198,17 +198,12 @@ def _turning(
         return {}, np.zeros(len(time_s))
     if np.isfinite(rate).all():
         rate = _without_noise("yaw_rate_radps", rate, time_s, error)
-        rate = _straight(rate, time_s, error.get("yaw_rate_radps", 0.0))
+        # Zero where it does not significantly differ from that over a window: the power of turning rises steeply with
+        # the size of the rate, and noise about zero would count as a turn.
+        size = max(1, round(WINDOW_S / median_step_s(time_s)))
+        noise = rules.CLEAR * error.get("yaw_rate_radps", 0.0)
+        rate = np.where(np.abs(uniform_filter1d(rate, size)) < noise, 0.0, rate)
     return {"yaw_rate_radps": rate}, np.nan_to_num(rate)
-
-
-def _straight(rate: Array, time_s: Array, error: float) -> Array:
-    """The turning rate, set to zero where it does not significantly differ from zero over a window.
-
-    The power of turning rises steeply with the size of the rate: noise about zero would count as a turn.
-    """
-    size = max(1, round(WINDOW_S / median_step_s(time_s)))
-    return np.where(np.abs(uniform_filter1d(rate, size)) < rules.CLEAR * error, 0.0, rate)
 
 
 def slope_of(

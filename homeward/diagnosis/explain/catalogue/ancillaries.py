@@ -26,12 +26,10 @@ def _while_cold(one: Hypothesis, setting: Setting) -> Array | None:
 def _rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
     """Mean period and duty cycle of an intermittent load, and their intervals over the cycles."""
     on = schedule.level > 0
-    periods, duties = [], []
-    for run in np.unique(runs.run):
-        here = runs.run == run
-        starts = np.flatnonzero(np.diff(on[here].astype(int)) > 0) + 1
-        periods += np.diff(runs.time_s[here][starts]).tolist()
-        duties += [float(on[here][a:b].mean()) for a, b in pairwise(starts)]
+    starts = np.flatnonzero((np.diff(on.astype(int)) > 0) & (np.diff(runs.run) == 0)) + 1
+    cycles = [(a, b) for a, b in pairwise(starts) if runs.run[a] == runs.run[b]]
+    periods = [float(runs.time_s[b] - runs.time_s[a]) for a, b in cycles]
+    duties = [float(on[a:b].mean()) for a, b in cycles]
     if not periods:
         periods, duties = [2.0 * float(runs.duration_s.sum()) / max(schedule.changes, 1)], [float(on.mean())]
     found, spread = {}, {}

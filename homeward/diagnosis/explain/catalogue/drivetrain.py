@@ -15,14 +15,6 @@ _UP_TO_W = regeneration.EFFECT.parameters[1]
 _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
 
 
-def _tracks(setting: Setting) -> Iterator[Numbers]:
-    """Track widths that are tried: several, where a robot's file has none."""
-    if setting.parameters.nominal.track_m > 0.0:
-        yield {}
-    else:
-        yield from ({"track_m": track_m} for track_m in _TRACKS_M)
-
-
 def _also_at_a_slip_angle(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Cornering drag of steered wheels, F_y^2 / C_alpha (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6), W."""
     yield from responses(one, setting)
@@ -67,7 +59,9 @@ REGENERATION = Hypothesis(
 HYPOTHESES = (
     Hypothesis(
         turning.EFFECT,
-        shapes=_tracks,
+        shapes=lambda setting: iter(
+            [{}] if setting.parameters.nominal.track_m > 0.0 else [{"track_m": one} for one in _TRACKS_M]
+        ),
         steady=_also_at_a_slip_angle,
         rises_with="yaw_rate_radps",
         searched=(Parameter("track_m", "m", 0.02, 5.0, "distance between left and right wheels"),),
