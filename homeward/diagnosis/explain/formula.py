@@ -282,7 +282,7 @@ def constants(text: str, robot: Robot, runs: Runs) -> dict[str, str]:
         " B": f"B = {robot.track_m:.4g} m",
         "f_max": f"f_max = {robot.max_sensing_hz:.4g} Hz",
         "r_max": f"r_max = {_largest(runs.context.get('base_distance_m', np.zeros(1))):.4g} m",
-        "t_max": f"t_max = {float(_time_in_run(runs).max()):.4g} s",
+        "t_max": f"t_max = {float(runs.elapsed_s.max()):.4g} s",
         "P_drive": "P_drive = the drive's power by the refit",
         "I_drive": "I_drive = the drive's current by the refit",
     }
@@ -314,7 +314,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     if robot.track_m > 0.0:
         per, scale_s = "B / v_max", robot.track_m / robot.max_speed_mps
     sine, warmth = np.sin(channel["grade_rad"]), (channel["temperature_c"] - _MILD_C) / _MILD_C
-    far_m, time_s = np.abs(channel["base_distance_m"]), _time_in_run(runs)
+    far_m, time_s = np.abs(channel["base_distance_m"]), runs.elapsed_s
     return [
         ("speed", "[v > 0]", (speed > logs_rules.STANDSTILL_MPS).astype(np.float64), _PLAIN),
         ("speed", "v / v_max", speed / robot.max_speed_mps, _ROOT_TOO),
@@ -353,8 +353,3 @@ def _sectors(heading_rad: Array) -> Iterator[_Dimensionless]:
 
 def _largest(values: Array) -> float:
     return float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
-
-
-def _time_in_run(runs: Runs) -> Array:
-    first = np.array([runs.time_s[runs.run == run][0] for run in range(len(runs.signals))])
-    return np.asarray(np.maximum(runs.time_s - first[runs.run], 0.0))

@@ -57,8 +57,7 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> 
     by_motion = motion_gain(fit, runs, fold, rng)
     if by == "block":
         return by_motion / rules.EQUIVALENT
-    elapsed_s = runs.time_s - runs.time_s[np.searchsorted(runs.run, runs.run)]
-    by_clock = _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, (), [elapsed_s]))
+    by_clock = _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, (), [runs.elapsed_s]))
     return by_motion / rules.OF_MOTION if by_motion > by_clock else 0.0
 
 

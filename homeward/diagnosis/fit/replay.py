@@ -37,6 +37,11 @@ class Runs:
         return bool(np.bincount(self.run, np.isfinite(self.context.get(name, np.nan * self.time_s))).all())
 
     @property
+    def elapsed_s(self) -> Array:
+        """Time since the first window of the run, s."""
+        return np.asarray(self.time_s - self.time_s[np.searchsorted(self.run, self.run)])
+
+    @property
     def sensing_hz(self) -> Array:
         """Sensing rate, Hz, as it is replayed: 0 where a run lacks the channel."""
         return np.nan_to_num(self.context.get("sensing_hz", np.zeros(len(self.run))))
@@ -107,9 +112,8 @@ def current_a(run: Signals, robot: Robot, rest_current_a: float) -> Array:
 
 
 def _current_a(run: Signals, robot: Robot, force_n: Array, rest_current_a: float) -> Array:
-    turning = np.minimum(
-        wheels_mps(run, robot) / logs_rules.STANDSTILL_MPS, 1.0
-    )  # motor current vanishes with the motion
+    # Motor current vanishes with the motion.
+    turning = np.minimum(wheels_mps(run, robot) / logs_rules.STANDSTILL_MPS, 1.0)
     return np.asarray(rest_current_a + turning * force_n / thrust_n_per_a(robot))
 
 
