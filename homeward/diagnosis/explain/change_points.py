@@ -69,11 +69,8 @@ def profiles(runs: Runs) -> list[Array]:
     place_m = place_of(runs)
     if place_m is None:
         return []
-    columns = []
-    for knots in _KNOTS:
-        at = (place_m - place_m.min()) / float(np.ptp(place_m)) * (knots - 1)
-        columns.append(np.maximum(1.0 - np.abs(at[:, None] - np.arange(knots)), 0.0))
-    return columns
+    passed = (place_m - place_m.min())[:, None] / float(np.ptp(place_m))
+    return [np.maximum(1.0 - np.abs(passed * (knots - 1) - np.arange(knots)), 0.0) for knots in _KNOTS]
 
 
 def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:

@@ -203,15 +203,14 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
 def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
     """Sums from the start of a run to each of its blocks, and from there to its end: a CUSUM test for a change."""
     run_of_block = runs.run[np.unique(block, return_index=True)[1]]
+    sets: list[tuple[int, Index]] = []
+    for run in np.unique(runs.run).tolist():
+        own = np.flatnonzero(run_of_block == run)
+        for cut in np.unique(np.linspace(0, len(own), min(len(own), _BINS) + 1).astype(int))[1:]:
+            sets += [(run, part) for part in (own[:cut], own[cut:]) if len(part) >= 2]
+    every = np.arange(len(run_of_block))
+    chosen = np.array([np.isin(every, part) for _, part in sets], np.float64).reshape(-1, len(every))
     for scaled, weight in _weights(fit, runs):
-        sets: list[tuple[int, Index]] = []
-        for run in np.unique(runs.run).tolist():
-            own = np.flatnonzero(run_of_block == run)
-            for cut in np.unique(np.linspace(0, len(own), min(len(own), _BINS) + 1).astype(int))[1:]:
-                sets += [(run, part) for part in (own[:cut], own[cut:]) if len(part) >= 2]
-        chosen = np.zeros((len(sets), len(run_of_block)))
-        for row, (_, part) in enumerate(sets):
-            chosen[row, part] = 1.0
         sums = per_block((weight * residual)[:, None], block) * chosen.T
         columns = chosen @ per_block(weight[:, None] * fit.jacobian, block)
         statistic = _TestStatistic(sums, columns, np.array([run for run, _ in sets], dtype=np.intp))
