@@ -38,13 +38,10 @@ def is_expressible(term: Term) -> bool:
 
 def _stays(term: Term) -> bool:
     """Whether an effect begins once and is then at work to the end, as in the robot's present state."""
-    return (
-        term.schedule is not None
-        and term.axis == "time"
-        and term.schedule.levels == 2
-        and term.schedule.level[-1] == 1
-        and int(np.count_nonzero(np.diff(term.schedule.level))) == 1
-    )
+    one = term.schedule
+    if one is None or term.axis != "time" or one.levels != 2:
+        return False
+    return bool(one.level[-1] == 1) and int(np.count_nonzero(np.diff(one.level))) == 1
 
 
 def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:

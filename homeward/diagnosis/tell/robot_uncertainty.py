@@ -8,7 +8,6 @@ from scipy.stats import t as student
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.explain.uncertainty import Joint
 from homeward.diagnosis.fit.parameter_groups import GROUPS
 from homeward.diagnosis.fit.replay import wheels_mps
 from homeward.diagnosis.read.noise import white_noise
@@ -109,10 +108,11 @@ def between_runs(residual: Array, predicted: Array, run: Index, fitted_to: Fitte
 
 def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
     """Names and relative covariance of the fitted numbers in the file, and of the battery's capacity."""
-    names: list[str] = []
-    matrix = np.zeros((0, 0))
-    if holds != "nominal":
-        names, matrix = _shares(evidence.joint, effects=holds == "corrected")
+    joint, values = evidence.joint, evidence.joint.values
+    wanted = [holds != "nominal" and (name in _IDS or holds == "corrected") for name in joint.names]
+    kept = np.flatnonzero(np.array(wanted, np.bool_) & (values != 0.0))
+    names = [_IDS.get(joint.names[index], joint.names[index].replace(" ", ".")) for index in kept]
+    matrix = joint.covariance[np.ix_(kept, kept)] / np.outer(values[kept], values[kept])
     capacity = evidence.capacity
     if capacity is not None:
         sd = (capacity.ci95[1] - capacity.ci95[0]) / (2.0 * rules.NORMAL_95 * capacity.fitted_j)
@@ -121,16 +121,6 @@ def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tupl
         matrix[-1, -1] = sd**2
     rows = tuple(tuple(rounded(value) for value in row) for row in matrix.tolist())
     return tuple(names), rows
-
-
-def _shares(joint: Joint, effects: bool) -> tuple[list[str], Array]:
-    kept = [
-        index for index, (name, value) in enumerate(zip(joint.names, joint.values.tolist(), strict=True))
-        if value != 0.0 and (name in _IDS or effects)
-    ]  # fmt: skip
-    values = joint.values[kept]
-    names = [_IDS.get(joint.names[index], joint.names[index].replace(" ", ".")) for index in kept]
-    return names, joint.covariance[np.ix_(kept, kept)] / np.outer(values, values)
 
 
 def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], ...]:

@@ -58,8 +58,7 @@ def mcap(table: pd.DataFrame) -> bytes | None:
                 topic = f"/run{number}_" + re.sub(r"\W", "_", short[str(name)], flags=re.ASCII)
                 connection = writer.add_connection(topic, _TYPE, typestore=store)
                 time_s = of_run["time_s"] - min(float(of_run["time_s"].min()), 0.0)  # MCAP has no times before 1970
-                rows = zip(time_s, of_run[fields].itertuples(index=False), strict=True)
-                for at_s, row in rows:
+                for at_s, row in zip(time_s, of_run[fields].itertuples(index=False), strict=True):
                     writer.write(connection, round(at_s * 1e9), store.serialize_cdr(message(*row), _TYPE))
         (file,) = Path(folder).rglob("*.mcap")
         return file.read_bytes()
