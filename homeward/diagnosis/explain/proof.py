@@ -24,7 +24,7 @@ import numpy as np
 from homeward.diagnosis import rules
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
-from homeward.diagnosis.fit.fitted import RIDGE, Fitted, bounded
+from homeward.diagnosis.fit.fitted import Fitted, bounded
 from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, cut_stretches, per_block
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.autocorrelation import independent_windows, innovations, noise_of
@@ -281,13 +281,9 @@ class Bench:
             total = np.zeros(DRAWS)
             for split, to, on in zip(splits, fitted, tested, strict=True):
                 columns = self._chosen(split, chosen)
-                weights = _ridge(split.fitted[np.ix_(columns, columns)], to[:, columns].T)
-                quadratic = (weights * (split.tested[np.ix_(columns, columns)] @ weights)).sum(axis=0)
-                total += (
-                    float(np.sum(self._left[split.held] ** 2))
-                    - 2.0 * (weights * on[:, columns].T).sum(axis=0)
-                    + quadratic
-                )
+                weights = bounded(split.fitted[np.ix_(columns, columns)], to[:, columns].T)
+                added = weights * (split.tested[np.ix_(columns, columns)] @ weights - 2.0 * on[:, columns].T)
+                total += float(np.sum(self._left[split.held] ** 2)) + added.sum(axis=0)
             return np.maximum(total, 1e-300)
 
         without = np.log(errors(()))
@@ -343,14 +339,6 @@ def _as_searched(term: Term, found: Sequence[Schedule], chosen: Mask) -> Array:
         at_work = best.at_work()[:, : columns.shape[1]]
         columns[:, : at_work.shape[1]] = term.load[:, None] * at_work
     return columns
-
-
-def _ridge(gram: Array, moments: Array) -> Array:
-    """Minimise x' gram x / 2 - moment' x for each column of `moments`."""
-    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    size[size == 0.0] = 1.0
-    scaled = gram / np.outer(size, size) + RIDGE * np.eye(len(size))
-    return np.asarray(np.linalg.solve(scaled, moments / size[:, None]) / size[:, None])
 
 
 def _of_same_spectrum(values: Array, rng: np.random.Generator) -> Array:

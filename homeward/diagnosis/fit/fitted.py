@@ -63,8 +63,10 @@ def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> A
     return np.asarray(fit.predicted + columns @ weights)
 
 
-def bounded(gram: Array, moment: Array, low: Array, high: Array) -> Array:
+def bounded(gram: Array, moment: Array, low: Array | float = -np.inf, high: Array | float = np.inf) -> Array:
     """Minimise x' gram x / 2 - moment' x within bounds: x, shape (columns,).
+
+    Without bounds also for several moments at once, shape (columns, moments).
 
     >>> bounded(np.eye(2), np.array([2.0, -1.0]), np.zeros(2), np.full(2, np.inf))
     array([2., 0.])
@@ -74,7 +76,7 @@ def bounded(gram: Array, moment: Array, low: Array, high: Array) -> Array:
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     size[size == 0.0] = 1.0
     scaled = gram / np.outer(size, size) + RIDGE * np.eye(len(moment))
-    solution = np.linalg.solve(scaled, moment / size) / size
+    solution = (np.linalg.solve(scaled, (moment.T / size).T).T / size).T
     if (solution < low).any() or (solution > high).any():
         values, vectors = np.linalg.eigh(scaled)
         root = np.sqrt(np.maximum(values, RIDGE))
