@@ -227,12 +227,8 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
 
 def _unusual(model: Corrected) -> int:
     """Parameters of its effects that differ from their defaults, such as a limit where none is reached."""
-    terms = model.model.terms
-    return sum(
-        term.shape.get(one.name, one.default) != one.default
-        for term in terms
-        for one in term.hypothesis.entry.parameters
-    )
+    numbers = ((term, one) for term in model.model.terms for one in term.hypothesis.entry.parameters)
+    return sum(term.shape.get(one.name, one.default) != one.default for term, one in numbers)
 
 
 def _error(model: Corrected, runs: Runs) -> float:
