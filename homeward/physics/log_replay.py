@@ -25,6 +25,29 @@ class Replay:
     energy_j: dict[str, float]  # battery energy by cause over the whole drive
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """Conditions of a recorded drive in the form of the kernel."""
+
+    time_s: NDArray[np.float64]  # (n,)
+    samples: NDArray[np.float64]  # (conditions, n), roughness 0 where it is the robot file's
+    usual_roughness: bool
+
+    def replay(self, robot: Robot) -> Replay:
+        """Drive a robot through these conditions."""
+        record, samples = robot.record(), self.samples
+        if self.usual_roughness and (usual := float(record["surface_usual"][0])) != 0.0:
+            samples = samples.copy()
+            samples[Conditions._fields.index("roughness")] = usual
+        output = np.empty((4, len(self.time_s)))
+        state = full_charge(robot, np.inf)
+        state["speed_mps"] = abs(samples[0, 0])  # a robot that moves at the first sample does not start there
+        _replay(record, state, self.time_s, samples, output)
+        power_w, drive_w, traction_n, wheel_force_n = output
+        energy_j = dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True))
+        return Replay(power_w, drive_w, traction_n, wheel_force_n, energy_j)
+
+
 def replay(
     robot: Robot,
     time_s: NDArray[np.float64],
@@ -66,6 +89,29 @@ def replay(
         ValueError: Times do not increase or there are fewer than two; a channel has another length, or a value that is
             not finite; a direction is neither 1 nor -1.
     """
+    recorded = conditions(
+        time_s, speed_mps, grade_rad=grade_rad, yaw_rate_radps=yaw_rate_radps, accel_mps2=accel_mps2,
+        headwind_mps=headwind_mps, roughness=roughness, temperature_c=temperature_c, sensing_hz=sensing_hz,
+        base_distance_m=base_distance_m, direction=direction,
+    )  # fmt: skip
+    return recorded.replay(robot)
+
+
+def conditions(
+    time_s: NDArray[np.float64],
+    speed_mps: Any,
+    *,
+    grade_rad: Any = 0.0,
+    yaw_rate_radps: Any = 0.0,
+    accel_mps2: Any = None,
+    headwind_mps: Any = 0.0,
+    roughness: Any = None,
+    temperature_c: Any = 20.0,
+    sensing_hz: Any = 0.0,
+    base_distance_m: Any = 0.0,
+    direction: Any = None,
+) -> Recorded:
+    """Conditions of a recorded drive, in which several robots can be replayed; arguments and errors as of `replay`."""
     time_s = np.ascontiguousarray(time_s, dtype=np.float64)
     if time_s.ndim != 1 or len(time_s) < 2 or not np.isfinite(time_s).all() or not (np.diff(time_s) > 0.0).all():
         raise ValueError("time_s must hold at least two increasing times in seconds")
@@ -73,8 +119,6 @@ def replay(
     speed_mps = np.broadcast_to(_channel("speed_mps", speed_mps, time_s), time_s.shape)
     base_distance_m = np.broadcast_to(_channel("base_distance_m", base_distance_m, time_s), time_s.shape)
     grade_rad = _channel("grade_rad", grade_rad, time_s)
-    record = robot.record()
-    roughness = record["surface_usual"][0] if roughness is None else roughness
     if accel_mps2 is None:
         accel_mps2 = np.gradient(speed_mps, time_s)
     samples = np.empty((len(Conditions._fields), len(time_s)))
@@ -87,7 +131,7 @@ def replay(
             sin_grade=np.sin(grade_rad),
             cos_grade=np.cos(grade_rad),
             yaw_rate_radps=_channel("yaw_rate_radps", yaw_rate_radps, time_s),
-            roughness=_channel("roughness", roughness, time_s),
+            roughness=_channel("roughness", 0.0 if roughness is None else roughness, time_s),
             headwind_mps=_channel("headwind_mps", headwind_mps, time_s),
             temperature_c=_channel("temperature_c", temperature_c, time_s),
             base_distance_m=base_distance_m,
@@ -96,13 +140,7 @@ def replay(
         strict=True,
     ):
         row[:] = values
-    output = np.empty((4, len(time_s)))
-    state = full_charge(robot, np.inf)
-    state["speed_mps"] = abs(samples[0, 0])  # a robot that moves at the first sample does not start there
-    _replay(record, state, time_s, samples, output)
-    power_w, drive_w, traction_n, wheel_force_n = output
-    energy_j = dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True))
-    return Replay(power_w, drive_w, traction_n, wheel_force_n, energy_j)
+    return Recorded(time_s, samples, usual_roughness=roughness is None)
 
 
 def _channel(name: str, values: Any, time_s: NDArray[np.float64]) -> Any:

@@ -136,17 +136,12 @@ class Robot:
 
     def record(self) -> NDArray[np.void]:
         """Array of shape (1,) and dtype `ROBOT_DTYPE`, the form that compiled kernels take."""
-        record = np.zeros(1, ROBOT_DTYPE)
-        for quantity in _QUANTITIES:
-            record[quantity.name] = getattr(self, quantity.name)
-        active = self.active_effects
-        for bit, effect in enumerate(EFFECTS):
-            for parameter in effect.parameters:
-                value = self.effects.get(effect.id, _OFF).get(parameter.name, parameter.default)
-                record[effect.field(parameter)] = value
-            if effect.id in active:
-                record["effects"] |= np.uint64(1 << bit)
-        return record
+        active, tables = 0, [(effect, self.effects.get(effect.id, _OFF)) for effect in EFFECTS]
+        for bit, (effect, table) in enumerate(tables):
+            active |= (table.get(effect.switch.name, 0.0) != 0.0) << bit
+        own = (getattr(self, quantity.name) for quantity in _QUANTITIES)
+        of_effects = (table.get(one.name, one.default) for effect, table in tables for one in effect.parameters)
+        return np.array([(active, *own, *of_effects)], ROBOT_DTYPE)
 
     def to_toml(self, comments: Mapping[str, str] = MappingProxyType({})) -> str:
         """Text of a robot file that `load_robot` reads back as an equal robot.

@@ -11,8 +11,9 @@ from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, wi
 from homeward.logs import rules as logs_rules
 from homeward.logs.channels import Array, Index
 from homeward.logs.times import median_step_s
-from homeward.physics import Robot, replay
+from homeward.physics import Robot
 from homeward.physics.effects import payload
+from homeward.physics.log_replay import Recorded
 from homeward.physics.terminal_power import at_terminals
 
 _MOST_WINDOWS = 100_000  # beyond it the windows get longer; chosen: bounds time and memory, 14 hours of driving
@@ -98,7 +99,7 @@ def thrust_n_per_a(robot: Robot) -> float:
 
 def power_w(run: Signals, robot: Robot) -> Array:
     """Battery power that a robot file predicts for a run, W, shape (samples,)."""
-    return _loaded(robot, run)[0]
+    return _loaded(robot, run, run.conditions)[0]
 
 
 def wheels_mps(run: Signals, robot: Robot) -> Array:
@@ -108,7 +109,7 @@ def wheels_mps(run: Signals, robot: Robot) -> Array:
 
 def current_a(run: Signals, robot: Robot, rest_current_a: float) -> Array:
     """Motor current that a robot file predicts for a run, A, shape (samples,), see `predict`."""
-    return _current_a(run, robot, _loaded(robot, run)[1], rest_current_a)
+    return _current_a(run, robot, _loaded(robot, run, run.conditions)[1], rest_current_a)
 
 
 def _current_a(run: Signals, robot: Robot, force_n: Array, rest_current_a: float) -> Array:
@@ -128,13 +129,16 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
     means = []
     outside = at_terminals(robot)
     for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
-        true = 1.0 if met.speed_factors is None else met.speed_factors[index]
-        power, force_n = _loaded(
-            outside if run.at_terminals else robot,
-            dataclasses.replace(run, speed_mps=true * run.speed_mps, accel_mps2=true * run.accel_mps2),
-            headwind_mps=0.0 if met.headwind_mps is None else met.headwind_mps[index],
-            roughness=None if met.roughness is None else cut.samples(met.roughness[runs.run == index], len(run.time_s)),
-        )
+        changed: dict[str, Any] = {}
+        if met.speed_factors is not None:
+            true = met.speed_factors[index]
+            changed |= {"speed_mps": true * run.speed_mps, "accel_mps2": true * run.accel_mps2}
+        if met.headwind_mps is not None:
+            changed["headwind_mps"] = met.headwind_mps[index]
+        if met.roughness is not None:
+            changed["roughness"] = cut.samples(met.roughness[runs.run == index], len(run.time_s))
+        recorded = run.conditions_with(**changed) if changed else run.conditions
+        power, force_n = _loaded(outside if run.at_terminals else robot, run, recorded)
         if runs.unit == "A":
             power = _current_a(run, robot, force_n, rest_current_a)
         late: Array = np.interp(run.time_s - met.lag_s, run.time_s, power) if met.lag_s != 0.0 else power
@@ -142,7 +146,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
     return np.concatenate(means)
 
 
-def _loaded(robot: Robot, run: Signals, **met: Any) -> tuple[Array, Array]:
+def _loaded(robot: Robot, run: Signals, recorded: Recorded) -> tuple[Array, Array]:
     """Power, W, and wheel force, N, of a robot with the run's recorded load beside that of its file, (samples,) each.
 
     Interpolated between a few loads: both are piecewise linear in the load, with kinks where the drive draws nothing.
@@ -156,12 +160,7 @@ def _loaded(robot: Robot, run: Signals, **met: Any) -> tuple[Array, Array]:
     own_kg = robot.effects.get(effect, {}).get(switch, 0.0)
     for number, level in enumerate(levels.tolist()):
         effects = {**robot.effects, effect: {switch: own_kg + level}}
-        loaded = dataclasses.replace(robot, effects=effects) if level else robot
-        model = replay(
-            loaded, run.time_s, run.speed_mps, grade_rad=run.grade_rad,
-            yaw_rate_radps=run.yaw_rate_radps, accel_mps2=run.accel_mps2, temperature_c=run.temperature_c,
-            sensing_hz=run.sensing_hz, base_distance_m=run.base_distance_m, direction=run.direction, **met,
-        )  # fmt: skip
+        model = recorded.replay(dataclasses.replace(robot, effects=effects) if level else robot)
         share = np.interp(load_kg, levels, np.eye(len(levels))[number])
         power_w, force_n = power_w + share * model.power_w, force_n + share * model.wheel_force_n
     return power_w, force_n

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from homeward.logs.channels import Array, Index, Mask
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
 from homeward.physics import Robot
+from homeward.physics.log_replay import Recorded, conditions
 
 Unit = Literal["W", "A"]
 
@@ -32,6 +34,7 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 
 _REACH_S = 3.0  # at top speed, along which position is compared; chosen: long against its noise
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
+_REPLAYED = ("speed_mps", "accel_mps2", "yaw_rate_radps", "direction", *_FILLED)
 _CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
 
 
@@ -63,6 +66,15 @@ class Signals:
     error: Mapping[str, float] = field(default_factory=dict)  # standard deviation of a channel's error over windows
     start_s: float = 0.0  # added to `time_s` for the time since 1970, where it is known
     tilt_error_rad: float = 0.0  # standard error of the tilt of the slope sensor; 0 where no drive shows it
+
+    @cached_property
+    def conditions(self) -> Recorded:
+        """What is replayed."""
+        return self.conditions_with()
+
+    def conditions_with(self, **changed: Any) -> Recorded:
+        """What is replayed, with some channels changed or added."""
+        return conditions(self.time_s, **{name: getattr(self, name) for name in _REPLAYED} | changed)
 
     def only(self, chosen: Mask) -> Signals:
         """The run with these samples only."""
