@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.refit import standard_errors
@@ -18,7 +19,7 @@ from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
 from homeward.physics import Robot
 
-_COARSE_S, _FINE_S = 1.0, 0.25  # steps of the search for a late channel; chosen: two windows, then half of one
+_COARSE_S = 1.0  # step of the search for a late channel, refined around the best; chosen: two windows
 _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power; chosen: up to 3 s, by half a window
 _MOST_RUNS = 5  # in the search; chosen: all have the same sensor
 _MOST_SEARCHED = 20_000  # samples of each run; chosen: half an hour at 10 Hz
@@ -71,15 +72,14 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
             errors.append(_regression(run, drive_columns(run, robot, np.zeros(1) if slope is None else slope)))
         return np.array(errors)
 
-    steps = np.arange(0.0, rules.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S)
-    errors = {late: error(late) for late in steps.tolist()}
-    best = min(errors, key=lambda late: float(errors[late].sum()))
-    for late in (best + np.arange(-0.75, 1.0, _FINE_S)).tolist():
-        errors.setdefault(late, error(late))
-    best = min(errors, key=lambda late: float(errors[late].sum()))
-    if best < rules.SHORTEST_CHANNEL_LAG_S or (errors[best] > errors[0.0]).any():
+    steps = np.arange(0.0, rules.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S).tolist()
+    about = min(steps, key=lambda late: float(error(late).sum()))
+    near = (about - _COARSE_S, about + _COARSE_S)
+    best = float(minimize_scalar(lambda late: float(error(late).sum()), bounds=near, method="bounded").x)
+    least = error(best)
+    if best < rules.SHORTEST_CHANNEL_LAG_S or (least > error(0.0)).any():
         return 0.0
-    return best if float(errors[best].sum()) < (1.0 - rules.SMALLEST_GAIN) * _by_power(searched, robot) else 0.0
+    return best if float(least.sum()) < (1.0 - rules.SMALLEST_GAIN) * _by_power(searched, robot) else 0.0
 
 
 def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
