@@ -16,15 +16,16 @@ from homeward.logs.recordings import Recording
 from homeward.physics import Robot
 
 _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
-_MOVED = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps", "grade_rad", "elevation_m")
+_SET = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps")  # they may jump with their command
+_MOVED = (*_SET, "grade_rad", "elevation_m")
 _CHANNEL_OF = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
-_JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")  # not wheel speeds: they may jump with their command
+_JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")
 
 
 def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[str, float]]:
     """The recording without faulty readings, with a note for each kind of fault; power left out is NaN.
 
-    Also the standard deviation of the error of each channel that was interpolated between readings.
+    Also the standard deviation of the error of each channel of which only some readings are fresh.
     """
     channels, notes = dict(recording.channels), list(recording.notes)
     error: dict[str, float] = {}
@@ -61,12 +62,15 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
         if name in _DRAWN:
             channels[name] = np.where(np.isin(np.arange(len(recording)), fresh), channels[name], np.nan)
             notes.append(f"{name} is held for {period_s:.2g} s at a time: only fresh readings count")
-        elif _smooth(channels[name][fresh]):
+        elif (smooth := _smooth(readings := channels[name][fresh])) or name not in _SET:
             time_s = channels["time_s"]
-            # Of a random walk between two readings (a Brownian bridge), on average over the time between them.
-            error[_CHANNEL_OF.get(name, name)] = float(np.sqrt(np.mean(np.diff(channels[name][fresh]) ** 2) / 6.0))
-            channels[name] = np.interp(time_s, time_s[fresh], channels[name][fresh])
-            notes.append(f"{name} is held for {period_s:.2g} s at a time: values between are interpolated")
+            nearest = np.searchsorted(0.5 * (time_s[fresh][1:] + time_s[fresh][:-1]), time_s)
+            channels[name] = np.interp(time_s, time_s[fresh], readings) if smooth else readings[nearest]
+            # Of a random walk: interpolated (a Brownian bridge), or as at the nearest reading, on average over time.
+            share = 1.0 / 6.0 if smooth else 1.0 / 4.0
+            error[_CHANNEL_OF.get(name, name)] = float(np.sqrt(share * np.mean(np.diff(readings) ** 2)))
+            between = "values between are interpolated" if smooth else "the nearest reading counts"
+            notes.append(f"{name} is held for {period_s:.2g} s at a time: {between}")
     resets = int((np.diff(channels.get("distance_m", np.zeros(1))) < -rules.RESET_M).sum())
     if resets:
         notes.append(f"distance_m falls back {resets} times: the counter was reset, and is not used")

@@ -119,6 +119,16 @@ def test_a_held_slope_is_interpolated_and_the_error_of_that_is_known(channels: C
     assert run.error["grade_rad"] == error["grade_rad"]  # though nothing is as smooth as a straight line
 
 
+def test_a_held_slope_that_changes_from_reading_to_reading_is_not_late(channels: Channels, husky: Robot) -> None:
+    """Each value stands for the time around its reading, and not for that after it."""
+    slope: Array = 0.05 * np.random.default_rng(0).standard_normal(SAMPLES)
+    after, notes, error = mended(held({**channels, "grade_rad": slope}, "grade_rad", 10), husky)
+    assert notes == ["grade_rad is held for 1 s at a time: the nearest reading counts"]
+    for reading in range(10, SAMPLES - 10, 10):
+        assert (after["grade_rad"][reading - 4 : reading + 5] == slope[reading]).all()
+    assert error["grade_rad"] == pytest.approx(0.05 * np.sqrt(2.0 / 4.0), rel=0.1)
+
+
 def test_a_counter_that_falls_back_was_reset(channels: Channels, husky: Robot) -> None:
     way_m = np.cumsum(np.abs(channels["speed_mps"])) * STEP_S
     assert mended({**channels, "distance_m": way_m}, husky)[1] == []
