@@ -12,7 +12,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from homeward.diagnosis import rules
-from homeward.diagnosis.fit.refit import standard_errors
+from homeward.diagnosis.fit.refit import refit, standard_errors
+from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, slope_of, windows
 from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
@@ -65,19 +66,32 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
     if not searched:
         return 0.0
 
-    def error(late_s: float) -> Array:
-        errors = []
-        for index, run in zip(sloping, searched, strict=True):
-            slope = slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
-            errors.append(_regression(run, drive_columns(run, robot, np.zeros(1) if slope is None else slope)))
-        return np.array(errors)
+    def late(late_s: float) -> list[Signals]:
+        slopes = [
+            slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
+            for index, run in zip(sloping, searched, strict=True)
+        ]
+        return [
+            replace(run, grade_rad=np.zeros(len(run.time_s)) if slope is None else slope)
+            for run, slope in zip(searched, slopes, strict=True)
+        ]
+
+    def errors(late_s: float) -> Array:
+        return np.array([_regression(run, drive_columns(run, robot, run.grade_rad)) for run in late(late_s)])
+
+    def left(late_s: float) -> float:
+        runs = average(late(late_s))
+        return float(np.sum((runs.observed - refit(runs, robot).predicted) ** 2))
 
     steps = np.arange(0.0, rules.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S).tolist()
-    about = min(steps, key=lambda late: float(error(late).sum()))
-    near = (about - _COARSE_S, about + _COARSE_S)
-    best = float(minimize_scalar(lambda late: float(error(late).sum()), bounds=near, method="bounded").x)
-    least = error(best)
-    if best < rules.SHORTEST_CHANNEL_LAG_S or (least > error(0.0)).any():
+    best = min(steps, key=lambda late_s: float(errors(late_s).sum()))
+    if best < rules.SHORTEST_CHANNEL_LAG_S:
+        return 0.0
+    # To a tenth of a window, by the replay: what is left looks like a lag of power.
+    best = float(minimize_scalar(left, bounds=(best - _COARSE_S, best + _COARSE_S), method="bounded",
+                                 options={"xatol": 0.05}).x)  # fmt: skip
+    least = errors(best)
+    if best < rules.SHORTEST_CHANNEL_LAG_S or (least > errors(0.0)).any():
         return 0.0
     return best if float(least.sum()) < (1.0 - rules.SMALLEST_GAIN) * _by_power(searched, robot) else 0.0
 
