@@ -16,5 +16,9 @@ DATA = Path(os.environ.get("HOMEWARD_DATA", "nowhere"))
 def test_turning_is_named_on_real_ground(ground: str, scrub: float) -> None:
     name = "husky_borealtc"
     diagnosis = diagnose(fetch(name, ground), "husky", DATASETS[name].columns)
-    named = {one.effect: one for one in diagnosis.missing_physics}
-    assert "turning" in named and named["turning"].parameters["scrub"].value == pytest.approx(scrub, abs=0.01)
+    turning = diagnosis.missing_physics[0]
+    assert turning.effect == "turning" and turning.where[0].condition.startswith("turning faster than")
+    assert turning.parameters["scrub"].value == pytest.approx(scrub, abs=0.01)
+    assert diagnosis.fit is not None and diagnosis.fit.held_out_by == "run"
+    assert diagnosis.fit.arms["corrected"].rmse < diagnosis.fit.arms["refit"].rmse
+    assert diagnosis.fit.arms["refit"].energy_error_pct is None and diagnosis.range_change_m is None

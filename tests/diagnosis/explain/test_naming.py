@@ -219,19 +219,14 @@ def test_a_load_that_is_taken_up_on_the_way_is_named_beside_turning(drive: Drive
     assert [one.effect for one in named] == ["turning", "payload"]
 
 
-@pytest.mark.parametrize(
-    ("kg", "loaded_from", "on_from"),
-    [(65.0, (1, 120.0), (3, 80.0)), (75.0, (3, 120.0), (1, 80.0))],
-)
-def test_a_load_that_is_taken_up_and_a_device_that_comes_on_are_told_apart(
-    kg: float, loaded_from: tuple[int, float], on_from: tuple[int, float], drive: Drive, husky: Robot
-) -> None:
+def test_a_load_that_is_taken_up_and_a_device_that_comes_on_are_told_apart(drive: Drive, husky: Robot) -> None:
     """Either alone takes a part of the other."""
-    light, loaded = (drive(husky, runs=5, minutes=4.0, mass_kg=mass_kg) for mass_kg in (50.0, kg))
+    light, loaded = (drive(husky, runs=5, minutes=4.0, mass_kg=mass_kg) for mass_kg in (50.0, 65.0))
     runs = []
     for at, (empty, full) in enumerate(zip(light, loaded, strict=True)):
         carries, is_on = (
-            (at > run) | ((at == run) & (empty.channels["time_s"] > since_s)) for run, since_s in (loaded_from, on_from)
+            (at > run) | ((at == run) & (empty.channels["time_s"] > since_s))
+            for run, since_s in ((1, 120.0), (3, 80.0))
         )
         power_w = np.where(carries, full.channels["power_w"], empty.channels["power_w"]) + 40.0 * is_on
         runs.append(dataclasses.replace(empty, channels={**empty.channels, "power_w": power_w}))
@@ -356,24 +351,6 @@ def test_the_corrected_robot_drives_in_the_environments(scrubbing: Analysis, tmp
     _, _, _, _, info = env.step(env.action_space.sample())
     assert "turning" in info["energy_j"]
     assert Diagnosis.from_json((tmp_path / "diagnosis.json").read_text()) == scrubbing.diagnosis
-
-
-def test_the_real_husky_lacks_turning_which_sets_ice_apart_from_hard_dry_ground(data_folder: Path) -> None:
-    """Of the first four recordings on each terrain."""
-    if not (data_folder / "husky_borealtc").is_dir():
-        pytest.skip("set HOMEWARD_DATA to a folder with husky_borealtc")
-    scrub: dict[str, tuple[float, float]] = {}
-    for terrain in ("FLOORING", "ASPHALT", "ICE", "SNOW"):
-        runs = sorted((data_folder / "husky_borealtc" / terrain).glob("pro_*.csv"))[:4]
-        diagnosis = diagnose(runs, "husky", "husky_borealtc")
-        turning = diagnosis.missing_physics[0]
-        assert turning.effect == "turning", terrain
-        assert turning.where[0].condition.startswith("turning faster than"), terrain
-        assert diagnosis.fit is not None and diagnosis.fit.held_out_by == "run"
-        assert diagnosis.fit.arms["corrected"].rmse < diagnosis.fit.arms["refit"].rmse, terrain
-        assert diagnosis.fit.arms["refit"].energy_error_pct is None and diagnosis.range_change_m is None
-        scrub[terrain] = turning.parameters["scrub"].ci95
-    assert scrub["ICE"][1] < 0.5 * min(scrub["FLOORING"][0], scrub["ASPHALT"][0])
 
 
 def test_turning_of_a_robot_without_a_known_track_is_named_with_an_interval_for_its_track(short_drive: Drive) -> None:
