@@ -24,9 +24,15 @@ EFFECT = Effect(
     kind="battery",
     function=cold_battery,
     parameters=(
-        Parameter("per_k", "1/K", 0.0, 0.05, "share of the energy lost per kelvin below warm_c, at reference_w"),
+        Parameter("per_k", "1/K", 0.0, 0.05, "share of the energy lost per kelvin below warm_c"),
         Parameter("warm_c", "C", -20.0, 40.0, "temperature with full capacity", 20.0),
-        Parameter("reference_w", "W", 0.0, 1000000.0, "power that the share is proportional to; 0: to none"),
+        Parameter(
+            "reference_w",
+            "W",
+            0.0,
+            1000000.0,
+            "power at which per_k holds, as it grows with power; 0: it does not",
+        ),
     ),
     sentence="The battery delivers less energy in the cold.",
     equation="P = load l / (1 - l), l = per_k max(warm_c - T, 0) (load / reference if any), at most 0.8",

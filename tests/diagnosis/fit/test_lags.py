@@ -15,10 +15,10 @@ def read(spoil: Spoil, robot: Robot, count: int = 1) -> tuple[list[Signals], lis
     return [signals(one, robot) for one in found], found
 
 
-@pytest.mark.parametrize("lag_s", [0.0, 3.0, 8.5])
+@pytest.mark.parametrize("lag_s", [0.0, 3.0, 8.37])
 def test_a_slope_that_is_late_is_found_with_its_lag(lag_s: float, husky: Robot) -> None:
     runs, found = read(lambda of, rng: late(only(of, "grade_rad"), "grade_rad", lag_s), husky)
-    assert late_slope(runs, found, husky) == pytest.approx(lag_s, abs=0.25)
+    assert late_slope(runs, found, husky) == pytest.approx(lag_s, abs=0.1)
 
 
 @pytest.mark.parametrize(
