@@ -36,6 +36,7 @@ from homeward.physics.terminal_power import lost_inside
 USABLE_ENERGY = "usable energy"
 """Name of the parameter identified from the state of charge."""
 
+_MILD_C = 20.0  # air where it is unknown, as in the replay
 _SEARCHED = 3.0  # upper end of the search, over the linear estimate; chosen: room for one that bends
 
 
@@ -74,10 +75,10 @@ def find_effects(
     """Effects identified by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, rng)
-    inside_w = _inside_w(robot, runs) + (0.0 if sag is None else sag.contribution)
-    capacity, shown = _state_of_charge(fit, runs, inside_w, block, rng)
-    if sag is not None and shown is not None and sag.hypothesis is shown.hypothesis:
-        shown = None  # a file holds an effect once
+    # A recorded `power_w` counts as what the battery gives and loses, as it does in the replay.
+    at_terminals = np.array([run.at_terminals for run in runs.signals])[runs.run]
+    inside_w = at_terminals * _inside_w(robot, runs) + (0.0 if sag is None else sag.contribution)
+    capacity, shown = _state_of_charge(fit, runs, inside_w, sag, block, rng)
     found = (sag, shown, _odometer(fit, runs))
     return capacity, tuple(one for one in found if one is not None)
 
@@ -162,12 +163,12 @@ def _matters(lost_w: Array, runs: Runs) -> bool:
 
 def _inside_w(robot: Robot, runs: Runs) -> Array:
     """What the effects of a robot's file lose inside its battery, W, shape (windows,)."""
-    air_c = runs.context.get("temperature_c", np.full(len(runs.observed), 20.0))
+    air_c = np.nan_to_num(runs.context.get("temperature_c", np.full(len(runs.observed), _MILD_C)), nan=_MILD_C)
     record, conditions = robot.record().view(np.recarray)[0], SimpleNamespace(temperature_c=air_c)
     drawn_w = total_w = np.maximum(runs.observed, 0.0)
     for one in EFFECTS:
         if lost_inside(one) and one.id in robot.effects:
-            total_w = total_w + np.nan_to_num(np.asarray(one.function(record, None, conditions, total_w)))
+            total_w = total_w + np.asarray(one.function(record, None, conditions, total_w))
     return np.asarray(total_w - drawn_w)
 
 
@@ -178,54 +179,75 @@ def _values(one: Hypothesis, size: float, ci95: tuple[float, float], shape: Numb
 
 
 def _sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffect | None:
-    """Resistance by the voltage, beside the file's, where it loses a material share of the energy; one that falls with
-    warmth is a cold battery's."""
+    """Resistance by the voltage, beside the file's, where it loses a material share of the energy."""
     voltage_v, air_c = runs.context.get("voltage_v", np.zeros(1)), runs.context.get("temperature_c")
     known = voltage_v > 0.0
     if runs.unit != "W" or not known.any():
         return None
-    one, cold = battery.INTERNAL_RESISTANCE, battery.COLD_BATTERY
-    given_ohm, of_cold = one.in_file(robot)[0], robot.effects.get(cold.id, {})
+    one, cold = battery.INTERNAL_RESISTANCE, battery.COLD_BATTERY.id
+    given_ohm, of_cold = one.in_file(robot)[0], robot.effects.get(cold, {})
     current_a = np.where(known, runs.observed / np.where(known, voltage_v, 1.0), 0.0)
     in_file_v = given_ohm * current_a
     if of_cold.get(battery.COLD_W.name):
-        in_file_w = _inside_w(dataclasses.replace(robot, effects={cold.id: of_cold}), runs)
+        in_file_w = _inside_w(dataclasses.replace(robot, effects={cold: of_cold}), runs)
         in_file_v = in_file_v + in_file_w / np.where(current_a > 0.0, current_a, np.inf)
     channel = _Reading(np.where(known, voltage_v + in_file_v, np.nan), runs, block)
     base, drawn = channel.summed(current_a)[:, None], -channel.within(current_a)[:, None]
-    found, errors = channel.fit(both := np.column_stack([base, drawn]))
+    found, errors = channel.fit(np.hstack([base, drawn]))
     ohm, wide = float(found[-1]), rules.NORMAL_95 * float(errors[-1])
     lost_w = max(ohm, 0.0) * current_a**2
     proof = channel.proof(base, drawn, rng) if _matters(lost_w, runs) else None
     if proof is None or given_ohm + ohm > one.entry.switch.high:
         return None
-    if air_c is not None and np.isfinite(air_c).all() and not of_cold:
-        warmer = channel.within(current_a * (air_c - np.mean(air_c)))[:, None]
-        by_warmth, by_run = np.column_stack([both, warmer]), np.column_stack([base, channel.per_run(drawn)])
-        (*_, mean_ohm, per_k), (*_, error) = channel.fit(by_warmth)
-        warm_c = float(np.mean(air_c) + mean_ohm / max(per_k, TINY))
-        fell = warm_c <= battery.WARM_C.high and channel.proof(both, warmer, rng) is not None
-        if fell and channel.delta_bic(by_warmth, by_run) < rules.STRONG_BIC:  # else it differs from run to run
-            reference_w = float(np.median(runs.observed[runs.observed > 0.0]))
-            per_ohm = reference_w / (np.mean(voltage_v[known]) ** 2 + mean_ohm * reference_w)  # share of the energy
-            size, wide = float(per_ohm * per_k), float(per_ohm * rules.NORMAL_95 * error)
-            shape = {battery.WARM_C.name: warm_c, battery.COLD_W.name: reference_w}
-            return ChannelEffect(
-                cold, _values(cold, size, (size - wide, size + wide), shape),
-                np.maximum(mean_ohm + per_k * (np.mean(air_c) - air_c), 0.0) * current_a**2, proof, (),
-                f"The voltage sags by {mean_ohm:.3g} ohm times the current, and by {per_k / mean_ohm:.1%} less for "
-                "each kelvin that it is warmer.",
-            )  # fmt: skip
-    rivals = (cold.id,) if air_c is None or float(np.nanmean(air_c)) < rules.COLD_C else ()
-    parameters = _values(one, given_ohm + ohm, (given_ohm + ohm - wide, given_ohm + ohm + wide), {})
-    sentence = f"The voltage sags by {given_ohm + ohm:.3g} ohm times the current."
-    return ChannelEffect(one, parameters, lost_w, proof, rivals, sentence)
+    if (by_warmth := _falls_with_warmth(channel, base, drawn, current_a, robot, runs, rng)) is not None:
+        return by_warmth
+    rivals = (cold,) if air_c is None or float(np.nanmean(air_c)) < rules.COLD_C else ()
+    return ChannelEffect(
+        one, _values(one, given_ohm + ohm, (given_ohm + ohm - wide, given_ohm + ohm + wide), {}), lost_w, proof, rivals,
+        f"The voltage sags by {given_ohm + ohm:.3g} ohm times the current.",
+    )  # fmt: skip
+
+
+def _falls_with_warmth(
+    channel: _Reading, base: Array, drawn: Array, current_a: Array, robot: Robot, runs: Runs, rng: Generator
+) -> ChannelEffect | None:
+    """A cold battery, where the resistance falls with warmth, and explains the voltage no worse than one that differs
+    from run to run or changes as the battery empties; a rival where it explains it no better."""
+    air_c, voltage_v = runs.context.get("temperature_c", np.full(1, np.nan)), runs.context["voltage_v"]
+    one, switch = battery.COLD_BATTERY, battery.COLD_BATTERY.entry.switch
+    if not np.isfinite(air_c).all() or one.in_file(robot)[0]:
+        return None
+    warmth, emptied = air_c - np.mean(air_c), pd.Series(current_a * runs.duration_s).groupby(runs.run).cumsum()
+    bent, warmer, later = (channel.within(current_a * of)[:, None] for of in (warmth**2, warmth, emptied.to_numpy()))
+    by_warmth = np.hstack([base, drawn, warmer])
+    others = np.hstack([base, channel.per_run(drawn)]), np.hstack([base, drawn, later])
+    (*_, ohm, per_k), (*_, error) = channel.fit(by_warmth)
+    warm_c = float(np.mean(air_c) + ohm / max(per_k, TINY))
+    reference_w = float(np.median(runs.observed[runs.observed > 0.0]))
+    share_per_ohm = reference_w / float(np.mean(voltage_v[voltage_v > 0.0]) ** 2 + ohm * reference_w)
+    size, wide = float(share_per_ohm * per_k), float(share_per_ohm * rules.NORMAL_95 * error)
+    possible = battery.WARM_C.low <= warm_c <= battery.WARM_C.high and size <= switch.high
+    better = max(min(channel.delta_bic(of, by) for of in (by_warmth, np.hstack([by_warmth, bent]))) for by in others)
+    falls = possible and better < rules.STRONG_BIC and channel.proof(np.hstack([base, drawn]), warmer, rng) is not None
+    if not falls or (proof := channel.proof(base, np.hstack([drawn, warmer]), rng)) is None:
+        return None
+    clear = all(channel.delta_bic(by, by_warmth) >= rules.STRONG_BIC for by in others)
+    shape = {battery.WARM_C.name: warm_c, battery.COLD_W.name: reference_w}
+    rivals = () if clear else (battery.INTERNAL_RESISTANCE.id,)
+    lost_w = np.maximum(ohm - per_k * warmth, 0.0) * current_a**2
+    return ChannelEffect(
+        one, _values(one, size, (size - wide, size + wide), shape), lost_w, proof, rivals,
+        f"The voltage sags by {ohm:.3g} ohm times the current, and by {per_k:.2g} ohm less for each kelvin of warmth.",
+    )  # fmt: skip
 
 
 def _state_of_charge(
-    fit: Refit, runs: Runs, inside_w: Array, block: Index, rng: Generator
+    fit: Refit, runs: Runs, inside_w: Array, sag: ChannelEffect | None, block: Index, rng: Generator
 ) -> tuple[Capacity | None, ChannelEffect | None]:
-    """Capacity by the state of charge, and an effect that changes its fall; None of both where it hardly fell."""
+    """Capacity by the state of charge, and an effect that changes its fall; None of both where it hardly fell.
+
+    The capacity is one for all runs, of an aged battery that of the last; the effect is not that of the voltage's sag.
+    """
     robot, soc = fit.parameters.nominal, runs.context.get("soc")
     if soc is None or runs.unit != "W":
         return None, None
@@ -234,20 +256,18 @@ def _state_of_charge(
         return None, None
     channel = _Reading(-soc, runs, block)
     drawn = channel.summed((runs.observed + inside_w) / robot.usable_energy_j)[:, None]
-    (rate,), (error,) = channel.fit(drawn)
+    (*_, rate), (*_, error) = channel.fit(channel.per_run(drawn) if battery.AGEING.in_file(robot)[0] else drawn)
     if rate <= 0.0:
         return None, None
     off = abs(rate - 1.0) > max(rules.GAUGE_ERROR, float(norm.ppf(1.0 - rules.FALSE_ALARM_RATE / 2.0)) * error)
     low, high = (robot.usable_energy_j / max(rate + sign * rules.NORMAL_95 * error, 1e-9) for sign in (1.0, -1.0))
     fitted_j = float(robot.usable_energy_j / rate)
     capacity = Capacity(robot.usable_energy_j, fitted_j, (float(low), float(high)), bool(off))
-    misread = _misread(fit, runs, channel, drawn, block, rng)
-    if misread is not None:
+    if (misread := _misread(fit, runs, channel, drawn, block, rng)) is not None:
         return dataclasses.replace(capacity, off=False), misread
-    losses = _Losses(fit, runs, channel, drawn)
+    losses = _Losses(fit, runs, channel, drawn, sag)
     both = (losses.found(rng), _fading(channel, runs, robot, drawn, rng))
-    found = sorted((one for one in both if one is not None), key=lambda one: -_gained(one.proof))
-    if not found:
+    if not (found := sorted((one for one in both if one is not None), key=lambda one: -_gained(one.proof))):
         return dataclasses.replace(capacity, rivals=losses.instead(float(rate)) if off else ()), None
     best = found[0]
     alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.RIVAL_SHARE * _gained(best.proof))
@@ -323,13 +343,16 @@ def _misread(
 class _Losses:
     """Effects of the battery that make the charge fall faster at some loads or temperatures than at others."""
 
-    def __init__(self, fit: Refit, runs: Runs, channel: _Reading, drawn: Array) -> None:
+    def __init__(
+        self, fit: Refit, runs: Runs, channel: _Reading, drawn: Array, sag: ChannelEffect | None
+    ) -> None:  # fmt: skip
         self.runs, self.channel, self.drawn, self.robot = runs, channel, drawn, fit.parameters.nominal
         setting, self.in_file_w = Setting.of(fit, runs), _inside_w(self.robot, runs)
         self.tried = [
             (one, shape, self._fallen(one, shape, TINY) / TINY)
             for one in CATALOGUE.values()
             if lost_inside(one.entry) and one.steady is not None and not one.missing(runs)
+            if self._most(one) > TINY and (sag is None or one is not sag.hypothesis)
             for given, others in (one.in_file(self.robot),)
             for shape in ([others] if given else one.shapes(setting))
         ]
@@ -338,8 +361,7 @@ class _Losses:
         """The loss that explains most beside a capacity, if one is proven."""
         tried = [added for *_, added in self.tried]
         proofs = [(self.channel.proof(self.drawn, added, rng, tried), one, shape) for one, shape, added in self.tried]
-        proven = [(proof, one, shape) for proof, one, shape in proofs if proof is not None]
-        if not proven:
+        if not (proven := [(proof, one, shape) for proof, one, shape in proofs if proof is not None]):
             return None
         proof, one, shape = max(proven, key=lambda found: _gained(found[0]))
         rate, per_size = _fit(np.column_stack([self.drawn, self._fallen(one, shape, TINY) / TINY]), self.channel.target)
@@ -378,8 +400,7 @@ class _Losses:
     def _size(self, one: Hypothesis, shape: Numbers, about: float, residual: Callable[[Array], Array]) -> float:
         """Size with the least squared residual: searched up to a multiple of the linear estimate, as sizes are
         often far below their bound."""
-        high = self._most(one)
-        most = float(np.clip(_SEARCHED * about, TINY * high, high))
+        most = float(np.clip(_SEARCHED * about, TINY * self._most(one), self._most(one)))
 
         def error(size: float) -> float:
             return float(np.sum(residual(self._fallen(one, shape, size)) ** 2))
@@ -415,8 +436,7 @@ def _fading(channel: _Reading, runs: Runs, robot: Robot, drawn: Array, rng: Gene
         return None
     rate, errors = channel.fit(per_run := channel.per_run(drawn))
     shrinks = bool((np.diff(rate) >= -rules.CLEAR * (errors[1:] + errors[:-1])).all()) and rate[-1] > rate[0]
-    proof = channel.proof(drawn, per_run[:, 1:], rng) if shrinks else None
-    if proof is None:
+    if not shrinks or (proof := channel.proof(drawn, per_run[:, 1:], rng)) is None:
         return None
     lost = np.zeros(len(runs.signals))
     lost[numbers] = np.clip(1.0 - 1.0 / np.maximum(rate, 1e-9), 0.0, None)
@@ -426,7 +446,7 @@ def _fading(channel: _Reading, runs: Runs, robot: Robot, drawn: Array, rng: Gene
     of_window = lost[runs.run]
     lost_w = np.maximum(runs.observed, 0.0) * of_window / (1.0 - of_window)
     # No battery that has lost more than the effect allows drives a robot: its reading is wrong.
-    if not _matters(lost_w, runs) or lost.max() > battery.AGEING.entry.switch.high:
+    if not _matters(lost_w, runs) or max(now, lost.max()) > battery.AGEING.entry.switch.high:
         return None
     return ChannelEffect(
         battery.AGEING, {battery.AGEING.entry.switch.name: last}, lost_w, proof, _confounders(rate, runs, numbers),
@@ -440,8 +460,7 @@ def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
     """Confounders of ageing: cold or load, where they are rank-correlated with the faster fall of the charge."""
     air = runs.context.get("temperature_c")
     load, warmth = (
-        None if one is None else np.array([np.nanmean(one[runs.run == number]) for number in numbers])
-        for one in (runs.observed, air)
+        None if of is None else pd.Series(of).groupby(runs.run).mean()[numbers] for of in (runs.observed, air)
     )
     found = [battery.CONFOUNDED_WITH_LOAD] if spearmanr(rate, load).statistic > rules.SAME else []
     if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.SAME):

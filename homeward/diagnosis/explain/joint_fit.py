@@ -316,8 +316,7 @@ def immaterial(fit: Refit, runs: Runs) -> Mask:
 
 def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
     """The refit with groups held that a flexible form contains: a line is one of the rising functions."""
-    flexible = [one.columns for one in found if one.flexible]
-    if not flexible:
+    if not (flexible := [one.columns for one in found if one.flexible]):
         return fit
     columns = np.column_stack(flexible)
     residual = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]

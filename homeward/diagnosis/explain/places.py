@@ -184,8 +184,7 @@ def total_share(contribution: Array, runs: Runs) -> float:
 
 def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> str | None:
     """The values of a channel at which an effect is at work, in words; None if they overlap too little."""
-    values = runs.context.get(channel.name)
-    if values is None:
+    if (values := runs.context.get(channel.name)) is None:
         return None
     values = np.abs(values) if channel.magnitude else values
     inside = _at_work(contribution)

@@ -332,8 +332,7 @@ def _as_searched(term: Term, found: Sequence[Schedule], chosen: Mask) -> Array:
     """
     assert term.schedule is not None and term.load is not None
     columns, level = np.zeros_like(term.columns), term.schedule.level
-    alike = [one for one in found if one.found_by[0] >= term.schedule.share]
-    if alike:
+    if alike := [one for one in found if one.found_by[0] >= term.schedule.share]:
         parts = [one for one in alike if one.found_by == alike[-1].found_by]
         best = max(parts, key=lambda one: np.count_nonzero((one.level == level)[chosen]))
         at_work = best.at_work()[:, : columns.shape[1]]

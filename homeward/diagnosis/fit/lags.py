@@ -67,14 +67,11 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
         return 0.0
 
     def late(late_s: float) -> list[Signals]:
-        slopes = [
-            slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
-            for index, run in zip(sloping, searched, strict=True)
-        ]
-        return [
-            replace(run, grade_rad=np.zeros(len(run.time_s)) if slope is None else slope)
-            for run, slope in zip(searched, slopes, strict=True)
-        ]
+        found = []
+        for index, run in zip(sloping, searched, strict=True):
+            slope = slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
+            found.append(replace(run, grade_rad=np.zeros(len(run.time_s)) if slope is None else slope))
+        return found
 
     def errors(late_s: float) -> Array:
         return np.array([_regression(run, drive_columns(run, robot, run.grade_rad)) for run in late(late_s)])

@@ -94,8 +94,7 @@ def _lacked(runs: Sequence[Signals], recorded: Collection[str]) -> list[Finding]
 def _corrected(kept: Sequence[_Run], robot: Robot, sloped: bool) -> tuple[list[Signals], list[Finding]]:
     """The runs corrected for a late or tilted slope and a drifting clock, seen from power; a check of the robot."""
     runs, notes, first = [one.read for one in kept], list[Finding](), kept[0].given.name
-    late_s = late_slope(runs, [one.mended for one in kept], robot)
-    if late_s:
+    if late_s := late_slope(runs, [one.mended for one in kept], robot):
         runs = [one.again(robot, late_s, sloped).read for one in kept]
         notes.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are corrected"))
     if any("grade_rad" in one.mended.channels for one in kept):

@@ -42,8 +42,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
                 channels[name] = np.where(bad, np.nan, channels[name])
                 spikes = "1 spike" if bad.sum() == 1 else f"{int(bad.sum())} spikes"
                 notes.append(f"{spikes} of {name}, one sample long, left out")
-    drawn = channels.get("power_w", channels.get("current_a"))
-    if drawn is not None:
+    if (drawn := channels.get("power_w", channels.get("current_a"))) is not None:
         speed, slowest_mps = np.abs(speed_of(channels)), rules.STANDSTILL_SHARE * robot.max_speed_mps
         silent = _silent(drawn, speed > slowest_mps)
         charging = _charging(np.where(silent, np.nan, drawn), speed < slowest_mps, channels["time_s"])
@@ -55,8 +54,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
             seconds = float(charging.mean()) * recording.duration_s
             notes.append(f"power flows back for {seconds:.3g} s while the robot stands: charging is left out")
     for name in (*_MOVED, *_DRAWN):
-        fresh = _updates(channels[name]) if name in channels else None
-        if fresh is None:
+        if (fresh := _updates(channels[name]) if name in channels else None) is None:
             continue
         period_s = recording.duration_s / len(fresh)
         if name in _DRAWN:
@@ -71,8 +69,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
             error[_CHANNEL_OF.get(name, name)] = float(np.sqrt(share * np.mean(np.diff(readings) ** 2)))
             between = "values between are interpolated" if smooth else "the nearest reading counts"
             notes.append(f"{name} is held for {period_s:.2g} s at a time: {between}")
-    resets = int((np.diff(channels.get("distance_m", np.zeros(1))) < -rules.RESET_M).sum())
-    if resets:
+    if resets := int((np.diff(channels.get("distance_m", np.zeros(1))) < -rules.RESET_M).sum()):
         notes.append(f"distance_m falls back {resets} times: the counter was reset, and is not used")
     return dataclasses.replace(recording, channels=channels, notes=tuple(notes)), error
 

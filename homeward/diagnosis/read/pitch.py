@@ -58,8 +58,7 @@ def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
 
     The runs hold its standard error, and where it is not clear also what it may be.
     """
-    tilts = [found for run in runs if (found := tilt(run)) is not None]
-    if not tilts:
+    if not (tilts := [found for run in runs if (found := tilt(run)) is not None]):
         return list(runs), 0.0
     angles, errors = np.array(tilts).T
     weight = 1.0 / np.maximum(errors, 1e-6) ** 2

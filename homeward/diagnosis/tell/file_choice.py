@@ -138,8 +138,7 @@ def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
     if model is not None:
         after = _held_out(robot, model, evidence)
-        worse = worse_than(evidence.predictions["refit"], after, runs, evidence.trip, rng)
-        if not worse:
+        if not (worse := worse_than(evidence.predictions["refit"], after, runs, evidence.trip, rng)):
             why = "replayed as written, it predicts held-out windows better than the refit"
             why += f"; {reason}" if reason else ""
             changed, by_file = filed(robot, model, runs)

@@ -55,8 +55,7 @@ def corrected_toml(analysis: Analysis) -> str:
     changed = comments(analysis.robot, analysis.corrected)
     head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
     head += [] if changed else ["# Nothing was changed."]
-    open_groups = [f"{one.group.symbol} ({why_open(one)})" for one in known if one.fitted is None]
-    if open_groups:
+    if open_groups := [f"{one.group.symbol} ({why_open(one)})" for one in known if one.fitted is None]:
         head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
     if analysis.evidence is not None and analysis.evidence.held:
         head.append(f"# Held as assumed: {', '.join(analysis.evidence.held)}.")

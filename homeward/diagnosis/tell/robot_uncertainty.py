@@ -113,8 +113,7 @@ def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tupl
     kept = np.flatnonzero(np.array(wanted, np.bool_) & (values != 0.0))
     names = [_IDS.get(joint.names[index], joint.names[index].replace(" ", ".")) for index in kept]
     matrix = joint.covariance[np.ix_(kept, kept)] / np.outer(values[kept], values[kept])
-    capacity = evidence.capacity
-    if capacity is not None:
+    if (capacity := evidence.capacity) is not None:
         sd = (capacity.ci95[1] - capacity.ci95[0]) / (2.0 * rules.NORMAL_95 * capacity.fitted_j)
         names = [*names, "capacity"]
         matrix = np.pad(matrix, (0, 1))
@@ -127,12 +126,10 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     """Noise of the instruments, estimated from the recordings; that of power at standstill."""
     runs, found = evidence.runs, dict[str, float]()
     stood = [run.observed[run.speed_mps == 0.0] for run in runs.signals]
-    parts = [white_noise(one) for one in stood if len(one) >= rules.FEWEST_TO_SMOOTH]
-    if parts:
+    if parts := [white_noise(one) for one in stood if len(one) >= rules.FEWEST_TO_SMOOTH]:
         found["power_noise"] = float(np.median(parts)) / mean_w
         found["reading_s"] = float(np.median([median_step_s(run.time_s) for run in runs.signals]))
-    graded = [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]
-    if graded:
+    if graded := [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]:
         found["grade_noise"] = float(np.median(graded))
     charges = [run.context["soc"][np.isfinite(run.context["soc"])] for run in runs.signals if "soc" in run.context]
     steps = np.concatenate([np.abs(np.diff(one)) for one in charges]) if charges else np.empty(0)

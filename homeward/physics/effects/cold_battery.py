@@ -31,7 +31,7 @@ EFFECT = Effect(
             "W",
             0.0,
             1000000.0,
-            "power at which per_k holds, as it grows with power; 0: it does not",
+            "power at which per_k holds, as it grows with power; 0: at all powers",
         ),
     ),
     sentence="The battery delivers less energy in the cold.",

@@ -56,12 +56,12 @@ def at_terminals(
     return recordings
 
 
-def on_a_cold_day(runs: Sequence[Recording]) -> list[Recording]:
-    """The runs with an air that warms by 2 K in each, and by 4 K from one to the next, from -10 degC."""
+def on_a_cold_day(runs: Sequence[Recording], per_run_k: float = 4.0, in_run_k: float = 2.0) -> list[Recording]:
+    """The runs with an air that warms in each, and from one to the next, from -10 degC."""
     return [
-        dataclasses.replace(run, channels={**run.channels, "temperature_c": -10.0 + 4.0 * at + warmer})
+        dataclasses.replace(run, channels={**run.channels, "temperature_c": -10.0 + per_run_k * at + warmer})
         for at, run in enumerate(runs)
-        for warmer in (2.0 * run.channels["time_s"] / run.channels["time_s"][-1],)
+        for warmer in (in_run_k * run.channels["time_s"] / run.channels["time_s"][-1],)
     ]
 
 
@@ -185,27 +185,41 @@ def test_a_resistance_that_the_file_holds_is_not_asked_for_again(short_drive: Dr
     assert found == ()
 
 
-def test_a_resistance_that_falls_with_warmth_is_that_of_a_cold_battery(short_drive: Drive, husky: Robot) -> None:
-    cold = on_a_cold_day(short_drive(husky))
+@pytest.mark.parametrize("per_run_k", [4.0, 9.0])
+def test_a_resistance_that_falls_with_warmth_is_that_of_a_cold_battery(
+    per_run_k: float, short_drive: Drive, husky: Robot
+) -> None:
+    cold = on_a_cold_day(short_drive(husky), per_run_k)
     runs = at_terminals(cold, [by_arrhenius(run.channels["temperature_c"], 0.05) for run in cold])
     _, (found,), _ = shown(runs, husky)
-    assert found.hypothesis.id == "cold_battery" and found.rivals == ()
+    assert found.hypothesis.id == "cold_battery" and set(found.rivals) <= {"internal_resistance"}
     record = dataclasses.replace(husky, effects=found.in_file).record().view(np.recarray)[0]
-    for air_c in (-10.0, 0.0, 8.0):
+    for air_c in (-8.0, 0.0, -10.0 + 2.0 * per_run_k):
         ohm = float(by_arrhenius(np.array(air_c), 0.05))
         lost_w = cold_battery(record, None, SimpleNamespace(temperature_c=air_c), np.array(200.0))
-        assert lost_w == pytest.approx(ohm * (200.0 / 23.0) ** 2, rel=0.15)
+        assert lost_w == pytest.approx(ohm * (200.0 / 23.0) ** 2, rel=0.15 if per_run_k < 5.0 else 0.3)
     _, again, _ = shown(runs, dataclasses.replace(husky, effects=found.in_file))
     assert again == ()
 
 
-@pytest.mark.parametrize("ohms", [(0.15, 0.15, 0.15, 0.15), (0.25, 0.2, 0.1, 0.15)])
+@pytest.mark.parametrize("ohms", [(0.15, 0.15, 0.15, 0.15), (0.25, 0.2, 0.1, 0.15), (0.25, 0.2, 0.15, 0.1)])
 def test_a_resistance_that_stays_or_differs_from_run_to_run_is_not_only_a_cold_battery(
     ohms: tuple[float, ...], short_drive: Drive, husky: Robot
 ) -> None:
     """Even if it happens to be smaller in the warmer runs."""
     _, (found,), _ = shown(at_terminals(on_a_cold_day(short_drive(husky)), ohms), husky)
-    assert (found.hypothesis.id, found.rivals) == ("internal_resistance", ("cold_battery",))
+    assert {found.hypothesis.id, *found.rivals} == {"internal_resistance", "cold_battery"}
+
+
+def test_a_resistance_that_rises_as_the_battery_empties_is_not_only_a_cold_battery(
+    short_drive: Drive, husky: Robot
+) -> None:
+    """While the air cools."""
+    cooling = on_a_cold_day(short_drive(husky), per_run_k=0.0, in_run_k=-5.0)
+    drawn = [np.cumsum(run.channels["power_w"]) for run in cooling]
+    rising = [0.12 + 0.18 * one / drawn[0][-1] for one in drawn]
+    _, (found,), _ = shown(at_terminals(cooling, rising), husky)
+    assert {found.hypothesis.id, *found.rivals} == {"internal_resistance", "cold_battery"}
 
 
 @pytest.mark.parametrize("law", ["warmth", "constant"])
@@ -221,8 +235,6 @@ def test_the_gauge_tells_a_cold_battery_from_a_resistance(law: str, drive: Drive
     _, (found,), _ = shown(recordings, small)
     assert (found.hypothesis.id == "cold_battery") == (law == "warmth")
     assert "internal_resistance" in (found.hypothesis.id, *found.rivals)
-    _, again, _ = shown(recordings, with_effects_of(small, found.in_file))
-    assert again == ()
 
 
 def test_noise_of_the_voltage_and_a_distance_that_agrees_show_nothing(short_drive: Drive, husky: Robot) -> None:
@@ -306,15 +318,37 @@ def test_only_where_the_load_varies_a_smaller_battery_is_told_from_a_loss_inside
 
 @pytest.mark.parametrize("cause", ["load", "age"])
 def test_what_the_gauge_showed_is_not_asked_for_again(cause: str, drive: Drive, short_drive: Drive) -> None:
+    """Where power is voltage times current: what the file's battery loses is no part of it."""
     robot = dataclasses.replace(load_robot("husky"), rated_energy_j=0.6e5 if cause == "age" else 1.2e5)
     runs = (
         with_charge(drive(robot, runs=4), robot, (0.0, 0.08, 0.16, 0.24))
         if cause == "age"
         else drawn_faster(short_drive(robot), robot, 0.3, 80.0)
     )
+    runs = at_terminals(runs, 0.0)
     _, (first,), _ = shown(runs, robot)
-    _, again, _ = shown(runs, with_effects_of(robot, first.in_file))
-    assert first.hypothesis.id not in {one.hypothesis.id for one in again}
+    capacity, again, _ = shown(runs, with_effects_of(robot, first.in_file))
+    assert capacity is not None and not capacity.off
+    assert again == ()
+
+
+def test_the_power_of_a_file_that_loses_energy_inside_is_all_that_its_charge_falls_by(
+    short_drive: Drive, small: Robot
+) -> None:
+    """Where the power itself is recorded, as the replay predicts it."""
+    for effects in ({"internal_resistance": {"ohm": 0.3}}, {"ageing": {"lost_share": 0.15}}):
+        runs = with_charge(short_drive(small, effects=effects), small, (0.0,) * 4)
+        capacity, found, _ = shown(runs, dataclasses.replace(small, effects=effects))
+        assert capacity is not None and not capacity.off and found == ()
+
+
+@pytest.mark.parametrize(
+    "effects", [{"cold_battery": {"per_k": 0.05}}, {"rate_capacity": {"excess": 1.0, "reference_w": 80.0}}]
+)
+def test_an_effect_of_the_file_may_be_at_its_bound(
+    effects: dict[str, dict[str, float]], short_drive: Drive, small: Robot
+) -> None:
+    shown(with_charge(short_drive(small), small, (0.0,) * 4), dataclasses.replace(small, effects=effects))
 
 
 @pytest.mark.parametrize(

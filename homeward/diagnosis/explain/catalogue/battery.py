@@ -26,9 +26,10 @@ def _references(setting: Setting) -> Iterator[Numbers]:
 
 def _colds(setting: Setting) -> Iterator[Numbers]:
     """Capacity lost below a temperature, and a resistance that grows below it: a share at the median power drawn."""
+    powers = list(_references(setting))[-1:]
     for shape in temperatures(WARM_C)(setting):
         yield shape
-        yield {**shape, COLD_W.name: float(np.median(setting.runs.observed[setting.runs.observed > 0.0]))}
+        yield from ({**shape, **power} for power in powers)
 
 
 def _ways(setting: Setting) -> Iterator[Numbers]:

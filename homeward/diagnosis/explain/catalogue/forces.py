@@ -31,8 +31,7 @@ def _rougher_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -
 
 def _from_one_direction(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     """A steady wind, from ahead and from the left."""
-    headings = _headings(setting.runs)
-    if headings:
+    if headings := _headings(setting.runs):
         parts = [_blowing(setting, [part(heading) for heading in headings]) for part in (np.cos, np.sin)]
         yield Term(one, np.column_stack(parts), *one.limits(2))
 
