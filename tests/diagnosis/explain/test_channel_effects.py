@@ -316,8 +316,13 @@ def test_only_where_the_load_varies_a_smaller_battery_is_told_from_a_loss_inside
     assert Diagnosis.from_json(diagnosis.to_json()) == diagnosis
 
 
+@pytest.mark.parametrize(
+    "as_power", [False, pytest.param(True, marks=pytest.mark.xfail(strict=True, reason="power_w counts with losses"))]
+)
 @pytest.mark.parametrize("cause", ["load", "age"])
-def test_what_the_gauge_showed_is_not_asked_for_again(cause: str, drive: Drive, short_drive: Drive) -> None:
+def test_what_the_gauge_showed_is_not_asked_for_again(
+    cause: str, as_power: bool, drive: Drive, short_drive: Drive
+) -> None:
     """Where power is voltage times current: what the file's battery loses is no part of it."""
     robot = dataclasses.replace(load_robot("husky"), rated_energy_j=0.6e5 if cause == "age" else 1.2e5)
     runs = (
@@ -325,7 +330,7 @@ def test_what_the_gauge_showed_is_not_asked_for_again(cause: str, drive: Drive, 
         if cause == "age"
         else drawn_faster(short_drive(robot), robot, 0.3, 80.0)
     )
-    runs = at_terminals(runs, 0.0)
+    runs = runs if as_power else at_terminals(runs, 0.0)
     _, (first,), _ = shown(runs, robot)
     capacity, again, _ = shown(runs, with_effects_of(robot, first.in_file))
     assert capacity is not None and not capacity.off
