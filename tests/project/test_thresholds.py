@@ -69,7 +69,7 @@ NUMERICS = {
     "homeward/diagnosis/explain/proof.py": {"_WORTH_A_LOOK": "bounds the time: far below what may be named"},
     "homeward/diagnosis/fit/fitted.py": {"RIDGE": "rounding"},
     "homeward/diagnosis/fit/held_out.py": {"_TREES, _RATE": "of the boosted trees"},
-    "homeward/diagnosis/fit/lags.py": {"_COARSE_S, _FINE_S": "grid", "_SHARED_S": "grid", "_COARSE_DRIFT_S": "grid"},
+    "homeward/diagnosis/fit/lags.py": {"_SHARED_S": "grid", "_COARSE_DRIFT_S": "grid"},
     "homeward/diagnosis/fit/refit.py": {"_WEAK_PRIOR": "rounding"},
     "homeward/diagnosis/read/noise.py": {"_PRECISE": "tolerance of an optimum"},
     "homeward/diagnosis/read/signals.py": {"WINDOW_S": "length of the averaging windows"},

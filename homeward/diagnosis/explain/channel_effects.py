@@ -36,7 +36,7 @@ from homeward.physics.terminal_power import lost_inside
 USABLE_ENERGY = "usable energy"
 """Name of the parameter identified from the state of charge."""
 
-_MILD_C = 20.0  # air where it is unknown, as in the replay
+_MILD_C = 20.0  # air where it is unknown; chosen: room temperature, as in the replay
 _SEARCHED = 3.0  # upper end of the search, over the linear estimate; chosen: room for one that bends
 
 
