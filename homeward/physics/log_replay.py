@@ -98,19 +98,9 @@ def replay(
 
 
 def conditions(
-    time_s: NDArray[np.float64],
-    speed_mps: Any,
-    *,
-    grade_rad: Any = 0.0,
-    yaw_rate_radps: Any = 0.0,
-    accel_mps2: Any = None,
-    headwind_mps: Any = 0.0,
-    roughness: Any = None,
-    temperature_c: Any = 20.0,
-    sensing_hz: Any = 0.0,
-    base_distance_m: Any = 0.0,
-    direction: Any = None,
-) -> Recorded:
+    time_s: NDArray[np.float64], speed_mps: Any, *, grade_rad: Any, yaw_rate_radps: Any, accel_mps2: Any,
+    headwind_mps: Any, roughness: Any, temperature_c: Any, sensing_hz: Any, base_distance_m: Any, direction: Any,
+) -> Recorded:  # fmt: skip
     """Conditions of a recorded drive, in which several robots can be replayed; arguments and errors as of `replay`."""
     time_s = np.ascontiguousarray(time_s, dtype=np.float64)
     if time_s.ndim != 1 or len(time_s) < 2 or not np.isfinite(time_s).all() or not (np.diff(time_s) > 0.0).all():

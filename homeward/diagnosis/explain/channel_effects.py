@@ -343,9 +343,7 @@ def _misread(
 class _Losses:
     """Effects of the battery that make the charge fall faster at some loads or temperatures than at others."""
 
-    def __init__(
-        self, fit: Refit, runs: Runs, channel: _Reading, drawn: Array, sag: ChannelEffect | None
-    ) -> None:  # fmt: skip
+    def __init__(self, fit: Refit, runs: Runs, channel: _Reading, drawn: Array, sag: ChannelEffect | None) -> None:
         self.runs, self.channel, self.drawn, self.robot = runs, channel, drawn, fit.parameters.nominal
         setting, self.in_file_w = Setting.of(fit, runs), _inside_w(self.robot, runs)
         self.tried = [

@@ -34,6 +34,7 @@ Longer ones hide the accelerations of small fast robots, shorter ones show curre
 
 _REACH_S = 3.0  # at top speed, along which position is compared; chosen: long against its noise
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
+_STILL: Mapping[str, Any] = {"headwind_mps": 0.0, "roughness": None}  # not recorded: no wind, the file's roughness
 _REPLAYED = ("speed_mps", "accel_mps2", "yaw_rate_radps", "direction", *_FILLED)
 _CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
 
@@ -74,7 +75,8 @@ class Signals:
 
     def conditions_with(self, **changed: Any) -> Recorded:
         """What is replayed, with some channels changed or added."""
-        return conditions(self.time_s, **{name: getattr(self, name) for name in _REPLAYED} | changed)
+        own = {name: getattr(self, name) for name in _REPLAYED}
+        return conditions(self.time_s, **{**_STILL, **own, **changed})
 
     def only(self, chosen: Mask) -> Signals:
         """The run with these samples only."""
