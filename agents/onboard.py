@@ -30,7 +30,7 @@ from homeward.envs.options import Known, known_of
 from homeward.envs.routes import Route, load_route
 from homeward.envs.state import GO
 from homeward.physics import Robot
-from homeward.physics.jit import announce_first_compilation
+from homeward.physics.jit import announce_compilation
 
 Action = tuple[float, float, str]
 """Speed (m/s, 0 where it stops), sensing rate (Hz), and `stop`, `go` or `return`; no `go` once a return is final."""
@@ -243,7 +243,7 @@ def load_onboard(
     >>> onboard.update(0.0, 0.0, soc=1.0)  # top speed, nothing sensed
     (1.0, 0.0, 'go')
     """
-    announce_first_compilation()
+    announce_compilation()
     if str(policy) in FROM_FILES:
         if mission not in IDS:
             raise AgentError(f"mission = {mission!r} is not allowed; choose from {', '.join(IDS)}")

@@ -17,7 +17,7 @@ from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
 from homeward.envs.options import OptionError, Options, constants_of
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
 from homeward.envs.threads import Threads
-from homeward.physics.jit import announce_first_compilation, uninterrupted
+from homeward.physics.jit import announce_compilation, uninterrupted
 from homeward.physics.kernel import CAUSES
 from homeward.physics.robot import ROBOT_DTYPE
 
@@ -103,7 +103,7 @@ class Batch:
     """Missions with the same options, stepped together."""
 
     def __init__(self, options: Options, count: int) -> None:
-        announce_first_compilation()
+        announce_compilation()
         self.options = options
         self.known, self.hidden = constants_of(options)
         self.count = count

@@ -3,7 +3,10 @@
 import importlib as _importlib
 from types import ModuleType as _ModuleType
 
-from homeward import installed as _installed  # noqa: F401 - first: it says in a line what is missing
+from homeward import loading as _loading  # noqa: F401 - first: Ctrl-C ends a command that loads with a line
+
+# isort: split
+from homeward import installed as _installed  # noqa: F401 - second: it says in a line what is missing
 
 # isort: split
 from homeward import physics

@@ -21,10 +21,9 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-Args = TypeVar("Args")
+from homeward.loading import INTERRUPTED, end_at_once
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C: 128 plus the number of the signal, as in shells."""
+Args = TypeVar("Args")
 
 _ANY_WIDTH = 10_000  # columns; chosen: wider than any table
 _LONGEST = 2000
@@ -134,7 +133,8 @@ def run(
 def _ctrl_c_noted(pressed: list[int]) -> Iterator[None]:
     """Append to a list when Ctrl-C is pressed, which still raises KeyboardInterrupt."""
     before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+    ends = before in (signal.default_int_handler, end_at_once)
+    if not ends or threading.current_thread() is not threading.main_thread():
         yield
         return
 

@@ -25,7 +25,7 @@ from homeward.estimation.home import home_cost, modelled_power
 from homeward.estimation.prior import PER_CAPACITY, USED, WEIGHT
 from homeward.estimation.tails import normal_risk
 from homeward.physics import Robot
-from homeward.physics.jit import announce_first_compilation
+from homeward.physics.jit import announce_compilation
 from homeward.physics.kernel import full_charge
 from homeward.physics.terminal_power import at_terminals
 
@@ -87,7 +87,7 @@ class HomeEstimator:
         route: RouteLike | None,
         forecast_mps: tuple[float, float] | None,
     ) -> None:
-        announce_first_compilation()
+        announce_compilation()
         self._robot, self._route, self._normal_risk = robot, route, normal_risk(risk)
         self._places, self._forecast_mps = places, forecast_mps or (0.0, 0.0)
         self.known, self.at_terminals = known, False

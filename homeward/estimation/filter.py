@@ -101,7 +101,7 @@ def update(
             continue
         _see(v, robot, reading, places[i])
         used_before = mean_of(hypotheses[i], USED)
-        coasts, first = _UNKNOWN, np.argmax(hypotheses[i]["log_weight"])
+        coasts, first = _UNKNOWN, _likeliest(hypotheses[i])
         for after in range(hypotheses.shape[1]):
             k = (first + after) % hypotheses.shape[1]
             if hypotheses[i, k].log_weight > -np.inf:
@@ -141,6 +141,16 @@ def mean_of(hypotheses: Any, state: int) -> float:
         if hypotheses[k].log_weight > -np.inf:
             total += np.exp(hypotheses[k].log_weight) * hypotheses[k].mean[state]
     return total
+
+
+@inline
+def _likeliest(hypotheses: Any) -> int:
+    """Number of the likeliest hypothesis."""
+    best = 0
+    for k in range(1, len(hypotheses)):
+        if hypotheses[k].log_weight > hypotheses[best].log_weight:
+            best = k
+    return best
 
 
 @inline

@@ -91,8 +91,8 @@ def compute_margins(
             x, p = h.mean, h.covariance
             capacity, start = 1.0 / x[PER_CAPACITY], robots[i].soc_start
             left = start * capacity * (1.0 + p[PER_CAPACITY, PER_CAPACITY] * capacity * capacity) - x[USED]
-            share[:] = slope
-            share[:] *= x[PER_CAPACITY]
+            for a in range(STATES):
+                share[a] = slope[a] * x[PER_CAPACITY]
             share[PER_CAPACITY] += cost
             _add(sums[0], weight, cost, variance + _quadratic(p, slope))
             _add(sums[1], weight, cost * x[PER_CAPACITY], variance * x[PER_CAPACITY] ** 2 + _quadratic(p, share))
@@ -113,7 +113,9 @@ def compute_margins(
         m.margin_j, m.margin_sd_j = v.full_j * sums[2, 0], v.full_j * _deviation(sums[2])
         m.left_j, m.left_sd_j = v.full_j * sums[3, 0], v.full_j * _deviation(sums[3])
         m.margin_low_j = v.full_j * _quantile(each[i], risk, z) if risk > 0.0 else np.nan
-        each[i, :, 1:3] *= v.full_j
+        for k in range(hypotheses.shape[1]):
+            each[i, k, 1] *= v.full_j
+            each[i, k, 2] *= v.full_j
 
 
 @inline
@@ -306,7 +308,7 @@ def _cost(
         bend[a] -= home_share * h.bend[0, a]
     cost += gusty + 0.5 * (bend[0] * p[EAST, EAST] + 2.0 * bend[1] * p[EAST, NORTH] + bend[2] * p[NORTH, NORTH])
     to_come = max(2.0 / course * (1.0 - stays) - stays * stays, 0.0) * gusts
-    wind[:] = covariance_of_wind(p, stays, to_come)
+    wind[0], wind[1], wind[2] = covariance_of_wind(p, stays, to_come)
     variance += curvature(bend, wind)[1]
     # All but driving: the model's way home at cruise, and the energy of electronics at another speed.
     if plan.elsewhere > 0.0:

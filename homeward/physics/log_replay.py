@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.physics.effects import turning
-from homeward.physics.jit import announce_first_compilation, compiled
+from homeward.physics.jit import announce_compilation, compiled
 from homeward.physics.kernel import CAUSES, Conditions, advance, full_charge
 from homeward.physics.robot import Robot
 
@@ -105,7 +105,7 @@ def conditions(
     time_s = np.ascontiguousarray(time_s, dtype=np.float64)
     if time_s.ndim != 1 or len(time_s) < 2 or not np.isfinite(time_s).all() or not (np.diff(time_s) > 0.0).all():
         raise ValueError("time_s must hold at least two increasing times in seconds")
-    announce_first_compilation()
+    announce_compilation()
     speed_mps = np.broadcast_to(_channel("speed_mps", speed_mps, time_s), time_s.shape)
     base_distance_m = np.broadcast_to(_channel("base_distance_m", base_distance_m, time_s), time_s.shape)
     grade_rad = _channel("grade_rad", grade_rad, time_s)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.physics import model, rules
 from homeward.physics.intervals import FINITE, NOT_NEGATIVE, Bounds, checked
-from homeward.physics.jit import announce_first_compilation, compiled
+from homeward.physics.jit import announce_compilation, compiled
 from homeward.physics.kernel import Conditions, advance, demand, full_charge
 from homeward.physics.robot import Robot
 
@@ -151,7 +151,7 @@ def _checked_way(grade_rad: Any, duty: Any, sensing_hz: Any) -> Any:
 def _range_by_kernel(
     robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any, energy_j: Any
 ) -> NDArray[np.float64]:
-    announce_first_compilation()
+    announce_compilation()
     speed, grade, share, rate, energy = np.broadcast_arrays(speed_mps, grade_rad, duty, sensing_hz, energy_j)
     distance_m = np.empty(speed.shape)
     record = robot.record()

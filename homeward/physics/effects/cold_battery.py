@@ -12,7 +12,8 @@ from homeward.physics.jit import inline
 def cold_battery(p: Any, s: Any, x: Any, load: Any) -> Any:
     drawn = np.maximum(load, 0.0)
     reference_w = p.cold_battery_reference_w
-    relative = np.where(reference_w > 0.0, drawn / np.maximum(reference_w, 1e-6), 1.0)
+    referred = reference_w > 0.0
+    relative = referred * drawn / np.maximum(reference_w, 1e-6) + (1.0 - referred)
     cold_k = np.maximum(p.cold_battery_warm_c - x.temperature_c, 0.0)
     # At most 0.8: chosen, as 1 would consume an infinite power.
     lost = np.minimum(p.cold_battery_per_k * cold_k * relative, 0.8)
