@@ -1,8 +1,8 @@
 """Observations on a real robot: from its readings, as the environments compute them for agents.
 
-The environments' own code updates a mission record: with the decisions as commanded, corrected to the position
-readings; the map of the way home by the slope readings; and the other instruments as read. With the same readings a
-policy therefore gets the same observations on a robot as in the environment.
+The environments' own code, in plain Python, updates a mission record: with the decisions as commanded, corrected to the
+position readings; the map of the way home by the slope readings; and the other instruments as read. With the same
+readings a policy therefore gets the same observations on a robot as in the environment.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from homeward.envs.options import OFF_COMMAND, Known
 from homeward.envs.reward import score
 from homeward.envs.routes.route import MEAN_INTEREST, Route
 from homeward.envs.state import CONSTANTS_DTYPE, GO, MISSION_DTYPE, RETURN, ROUTE_DTYPE, STOP
-from homeward.physics.jit import compiled, inline
+from homeward.physics.plain import plain
 
 Array = NDArray[np.float64]
 
@@ -83,9 +83,9 @@ class Observer:
                 f"{self._place_m:g} m"
             )
         self._forecast = forecast
-        self._constants = np.zeros(1, CONSTANTS_DTYPE)
+        self._constants = plain(np.zeros(1, CONSTANTS_DTYPE))
         self._constants["shared"], self._constants["nominal"] = s, known.robot.record()[0]
-        self._records, self._routes = np.zeros(1, MISSION_DTYPE), np.zeros(1, ROUTE_DTYPE)
+        self._records, self._routes = plain(np.zeros(1, MISSION_DTYPE)), plain(np.zeros(1, ROUTE_DTYPE))
         self._sines, self._readings = np.zeros((2, self._count))  # for each place: sum and number of readings
         self._interest = forecast.interest.copy()
         m, places = self._records[0], self._routes["places"][0, : self._count]
@@ -106,7 +106,7 @@ class Observer:
         m["metered_followed"] = 1.0 - m["soc"]
         m["metered_j"] = m["modelled_j"] = m["metered_followed"] * usable_j
         self._note_places()
-        rows = np.zeros(1, OBSERVATION_DTYPE)
+        rows = plain(np.zeros(1, OBSERVATION_DTYPE))
         _begin(self._records, self._routes, self._constants, read.position_m, rows)
         return _as_features(rows)
 
@@ -160,7 +160,7 @@ class Observer:
         m["read_w"] = _or(read.power_w, modelled_w)
         m["read_mps"] = _or(read.speed_mps, abs(way_m) / decision_s)
         m["soc"] = _or(read.soc, max(float(m["metered"] - m["read_w"] * decision_s / s["usable_j"]), 0.0))
-        rows = np.zeros(1, OBSERVATION_DTYPE)
+        rows = plain(np.zeros(1, OBSERVATION_DTYPE))
         temperature_c = _or(read.temperature_c, float(m["temperature_c"]))
         _read(self._records, self._routes, self._constants, read.position_m, temperature_c, rows)
         return _as_features(rows)
@@ -229,7 +229,6 @@ def _as_features(rows: NDArray[np.void]) -> NDArray[np.float32]:
     return rows.view(np.float32).reshape(1, len(FEATURES))
 
 
-@compiled
 def _begin(records: Any, routes: Any, constants: Any, position_m: float, rows: Any) -> None:
     m, route, c = records[0], routes[0], constants[0]
     map_place(m, c.nominal, route.places[0], c.nominal, c.shared, 0.0, 0.0)
@@ -238,7 +237,6 @@ def _begin(records: Any, routes: Any, constants: Any, position_m: float, rows: A
     observe(m, c.shared, home_cost(m, c.shared), rows[0])
 
 
-@compiled
 def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any) -> None:
     """Store slope and interest ahead of each place, and predict the present place with the slopes read since."""
     m, route, c = records[0], routes[0], constants[0]
@@ -250,13 +248,11 @@ def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any)
     m.here = here
 
 
-@compiled
 def _drive(records: Any, routes: Any, constants: Any, speed_mps: float, sensing_hz: float, mode: int) -> None:
     c = constants[0]
     decide(records[0], c.nominal, routes[0], c.nominal, c.shared, speed_mps, sensing_hz, mode)
 
 
-@compiled
 def _read(records: Any, routes: Any, constants: Any, position_m: float, temperature_c: float, rows: Any) -> None:
     """Set the robot's position and readings, and observe."""
     m, c = records[0], constants[0]
@@ -267,7 +263,6 @@ def _read(records: Any, routes: Any, constants: Any, position_m: float, temperat
     observe(m, c.shared, home_cost(m, c.shared), rows[0])
 
 
-@inline
 def _move_to(m: Any, route: Any, c: Any, position_m: float) -> None:
     """Move to the robot's position reading."""
     slack_m, outwards = _BORDER * c.shared.place_m, m.direction

@@ -34,7 +34,8 @@ FORBIDDEN = {
     "envs": {"homeward.agents", "homeward.diagnosis", "homeward.estimation", "homeward.companion"},
     "agents": {"homeward.diagnosis", "homeward.companion"},
 }  # fmt: skip
-PHYSICS_MAY_IMPORT = {"homeward", "llvmlite", "numba", "numpy"} | sys.stdlib_module_names  # llvmlite is a part of numba
+PHYSICS_MAY_IMPORT = {"homeward", "filelock", "llvmlite", "numba", "numpy"} | sys.stdlib_module_names
+"""llvmlite is a part of numba; with filelock one process compiles, and the others wait."""
 LEARNING = {"stable_baselines3", "tensorboard", "torch"}
 HEAVY = ("torch.", "stable_baselines3.", "matplotlib.pyplot.", "pandas.", "scipy.")
 

@@ -24,7 +24,7 @@ from homeward.envs.driving import decide, map_place
 from homeward.envs.reward import score
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.physics import model
-from homeward.physics.jit import compiled
+from homeward.physics.jit import called, compiled
 
 _HAIR_M = 1e-6
 """Distance of a decision that measures at one point, m. Chosen: far below the length of a place."""
@@ -33,7 +33,7 @@ CELLS = 16
 """Number of cells of energy, and of backlog, around a plan. Chosen: memory and time grow with its square."""
 
 
-@compiled
+@called
 def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: int, mode: int) -> None:
     """Apply one decision to a mission.
 
@@ -130,7 +130,7 @@ def measure(
         s.radio_hz = 0.0
 
 
-@compiled
+@called
 def _weather(works: Any, starts: Any, winds: Any) -> Any:
     """Simulate the weather of a mission, and return its highest air temperature, C.
 
@@ -148,7 +148,7 @@ def _weather(works: Any, starts: Any, winds: Any) -> Any:
     return warmest_c
 
 
-@compiled
+@called
 def _headwinds(winds: Any, place: Any) -> Any:
     """Least and greatest headwind of the way out at a place, m/s, of winds of shape (decisions, 2)."""
     least, most = np.inf, -np.inf
@@ -158,7 +158,7 @@ def _headwinds(winds: Any, place: Any) -> Any:
     return least, most
 
 
-@compiled
+@called
 def _set_weather(m: Any, headwind_mps: float, temperature_c: float) -> None:
     """Set a constant headwind of the way out (m/s) and a constant air temperature (C)."""
     m.mean_east_mps, m.mean_north_mps = headwind_mps * m.here.east, headwind_mps * m.here.north

@@ -25,7 +25,7 @@ from homeward.envs import sensing
 from homeward.envs.actions import LEVELS
 from homeward.envs.state import AHEAD
 from homeward.estimation.drive import climbing, drag, modelled_driving, rolling
-from homeward.physics.jit import compiled
+from homeward.physics.jit import called, compiled
 from homeward.physics.model import headwind
 
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
@@ -146,14 +146,14 @@ def efficient_speeds(beliefs: Any, vehicle: Any, models: Any, constants: Any, ah
                 least, speeds_mps[n] = cost, model.speeds_mps[speed]
 
 
-@compiled
+@called
 def _radio(s: Any, position_m: float, moving: bool) -> float:
     """Samples that the radio sends per second at a distance from home."""
     share = sensing.DRIVING_LINK if moving else 1.0
     return float(share * s.radio_hz / sensing.fading(position_m, s.per_link_m))
 
 
-@compiled
+@called
 def _metre(model: Any, speed: int, sine: float) -> float:
     """Energy of a metre by the model at a speed level, interpolated linearly in the sine of the slope."""
     last = model.per_m.shape[1] - 1
@@ -162,7 +162,7 @@ def _metre(model: Any, speed: int, sine: float) -> float:
     return float(model.per_m[speed, low] + (at - low) * (model.per_m[speed, low + 1] - model.per_m[speed, low]))
 
 
-@compiled
+@called
 def _best_way(
     energy_gain: float, model: Any, drive: Any, interest: float, energy_multiplier: float, sample_multiplier: float
 ) -> tuple[int, int]:
@@ -178,7 +178,7 @@ def _best_way(
     return best_speed, best_rate
 
 
-@compiled
+@called
 def _follow(b: Any, model: Any, s: Any, drives: Any, energy_multiplier: float, sample_multiplier: float) -> float:
     """Simulate the way out, place by place, and return the information found.
 
@@ -234,7 +234,7 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_multiplier: float, s
     return found
 
 
-@compiled
+@called
 def _way(
     model: Any,
     energy_gain: float,
@@ -262,7 +262,7 @@ def _way(
     return gain / _KINDS, energy / _KINDS + drive[LEVELS], samples / _KINDS, time_s / _KINDS
 
 
-@compiled
+@called
 def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
     """Write `drive` on a slope: a metre out at each speed and, last, home at the fastest, with the reserve."""
     for speed in range(LEVELS):
@@ -270,7 +270,7 @@ def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
     drive[LEVELS] = (1.0 + b.reserve) * _cost(b, v, model, s, LEVELS - 1, sine, -1.0)
 
 
-@compiled
+@called
 def _cost(b: Any, v: Any, model: Any, s: Any, speed: int, sine: float, ahead: float) -> float:
     """Energy of a metre out (`ahead` 1) or home (-1) on a slope of the way out, by the posterior mean.
 
@@ -285,14 +285,14 @@ def _cost(b: Any, v: Any, model: Any, s: Any, speed: int, sine: float, ahead: fl
     return float(max(b.gain * modelled + more_j / s.usable_j, _LEAST_RATIO * modelled))
 
 
-@compiled
+@called
 def _fits(b: Any, model: Any, s: Any, drive: Any, speed: int) -> bool:
     """Whether the margin suffices for a decision at a speed, out and home; at the lowest it always does."""
     more_m = (model.speeds_mps[speed] - model.speeds_mps[0]) * s.decision_s
     return bool(more_m * (drive[speed] + drive[LEVELS]) <= max(b.margin, 0.0))
 
 
-@compiled
+@called
 def _command(
     b: Any, model: Any, s: Any, drive: Any, energy_multiplier: float, sample_multiplier: float, command: Any
 ) -> None:

@@ -27,6 +27,7 @@ from homeward.estimation.tails import normal_risk
 from homeward.physics import Robot
 from homeward.physics.jit import announce_compilation
 from homeward.physics.kernel import full_charge
+from homeward.physics.plain import plain
 from homeward.physics.terminal_power import at_terminals
 
 _PACE = 0.2
@@ -98,7 +99,7 @@ class HomeEstimator:
 
     def _meter(self, robot: Robot) -> float:
         """Switch to the robot as the meter measures it; returns its power at cruise, W."""
-        self._record, self._state = robot.record(), full_charge(robot)
+        self._record, self._state = plain(robot.record()), plain(full_charge(robot))
         self._state["step_s"] = 1.0
         standing_w, cruising_w = (
             modelled_power(self.vehicle, self._record, self._state, speed, 0.0, 0.0, 0.0, 0.0, 1.0)[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -170,8 +171,9 @@ class Estimator:
         """
         s = self.state
         total, each = np.zeros(len(s), MARGIN_DTYPE), np.zeros((len(s), HYPOTHESES, 4))
+        z = NormalDist().inv_cdf(risk) if risk > 0.0 else -np.inf
         compute_margins(
-            self.vehicle, self.prior, plans, ways, risk, s["robot"], s["hypotheses"], s["places"], s["rollings"], total,
-            each,
+            self.vehicle, self.prior, plans, ways, risk, z, s["robot"], s["hypotheses"], s["places"],
+            s["rollings"], total, each,
         )  # fmt: skip
         return Margin(total, each[..., 0], each[..., 1], each[..., 2])

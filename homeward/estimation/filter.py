@@ -32,7 +32,7 @@ from homeward.estimation.prior import (
     USED,
 )
 from homeward.estimation.wind import covariance_of_wind, curvature, gust_variance
-from homeward.physics.jit import compiled, inline
+from homeward.physics.jit import called, compiled, inline
 
 READING_DTYPE = np.dtype(
     [
@@ -74,7 +74,7 @@ HYPOTHESIS_DTYPE = np.dtype(
 PLACE_DTYPE = np.dtype([(name, np.float64) for name in ("sine", "east", "north", "readings", "sine_driven")])
 """Mean of the slope readings, direction of the way out, number of readings, and slope that was used for driving."""
 
-_UNKNOWN = -1  # of whether the robot coasts: neither 0 nor 1
+_UNKNOWN = math.nan  # whether the robot coasts: neither 1 nor 0, and no integer, as numba compiles once more for those
 
 
 @compiled
@@ -176,11 +176,11 @@ def _speed(robot: Any, reading: Any, dt_s: float) -> float:
     return float(reading.speed_mps if reading.speed_mps > rules.STOOD * by_way_mps else by_way_mps)
 
 
-@compiled
+@called
 def _drive(
     v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any,
-    slope: Any, shared: Any, jump: Any, bend: Any, coasts: int,
-) -> int:  # fmt: skip
+    slope: Any, shared: Any, jump: Any, bend: Any, coasts: float,
+) -> float:  # fmt: skip
     """Predict a hypothesis to a reading, and update it with the power that was read.
 
     Returns `coasts`: whether the robot coasted, which the likeliest hypothesis, updated first, determines. `slope` is
@@ -283,17 +283,17 @@ def _update_with_power(
     shared: Any,
     jump: Any,
     change: float,
-    coasts: int,
-) -> int:
+    coasts: float,
+) -> float:
     """Update with a reading of energy, over the file's usable energy; returns `coasts`."""
     x, p = h.mean, h.covariance
     if not np.isfinite(read):
         spread(p, jump, change * prior.patch_sd**2)
         return coasts
     variance += (prior.power_noise * read) ** 2
-    if coasts == _UNKNOWN:
-        coasts = int(read - predicted + drive < rules.COASTS * rolls and rolls > 0.0)
-    if coasts:
+    if math.isnan(coasts):
+        coasts = 1.0 if read - predicted + drive < rules.COASTS * rolls and rolls > 0.0 else 0.0
+    if coasts == 1.0:
         # All hypotheses use the same decision, as the density of one and the probability of another cannot be compared.
         may = 0.5 * math.erfc((drive - rules.COASTS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
         h.log_weight += rules.TEMPER * np.log(max(may, rules.LEAST_CHANCE))
@@ -306,7 +306,7 @@ def _update_with_power(
             return coasts
     east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
     log_likelihood, nis = kalman_update(x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read)
-    if not coasts:
+    if coasts == 0.0:
         h.log_weight += rules.TEMPER * log_likelihood
     # A normalised innovation squared above 1 indicates gusts that change faster.
     gust_s = h.gust_s * np.exp(-rules.ADAPT * (min(nis, rules.DOUBT) - 1.0))
@@ -336,7 +336,7 @@ def _predict_gusts(prior: Any, dt_s: float, h: Any) -> None:
         p[gust, gust] += variance * (1.0 - kept * kept)
 
 
-@compiled
+@called
 def _way(
     v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any, slope: Any,
     bend: Any, part: Any,
@@ -416,7 +416,7 @@ def _remember(v: Any, robot: Any, reading: Any, places: Any) -> None:
     robot.time_s, robot.position_m = reading.time_s, reading.position_m
 
 
-@compiled
+@called
 def _update_with_charge(
     prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_before: float, hypotheses: Any
 ) -> None:

@@ -12,7 +12,6 @@ from homeward.physics.jit import compiled
 from homeward.physics.kernel import Conditions, demand
 
 
-@compiled
 def modelled_power(
     v: Any, robots: Any, states: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, sine: float,
     yaw_rate_radps: float, ahead: float,
@@ -23,7 +22,7 @@ def modelled_power(
 
     Args:
         v: `Vehicle`.
-        robots: `ROBOT_DTYPE`, shape (1,).
+        robots: `ROBOT_DTYPE`, shape (1,), as `homeward.physics.plain` makes them, like the next ones.
         states: `ROBOT_STATE_DTYPE`, shape (1,); written.
         speed_mps: Speed, m/s.
         sensing_hz: Sensing rate, Hz.

@@ -8,7 +8,7 @@ import numpy as np
 
 from homeward.estimation import rules
 from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES, USED
-from homeward.physics.jit import compiled, inline
+from homeward.physics.jit import called, inline
 
 
 @inline
@@ -63,7 +63,7 @@ def spread(p: Any, direction: Any, variance: float) -> None:
             p[a, b] += variance * direction[a] * direction[b]
 
 
-@compiled
+@called
 def kalman_update(
     x: Any,
     p: Any,

@@ -21,7 +21,7 @@ from homeward.estimation.prior import (
     USED,
 )
 from homeward.estimation.wind import covariance_of_wind, curvature, gust_variance
-from homeward.physics.jit import compiled, inline
+from homeward.physics.jit import called, compiled, inline
 
 PLAN_DTYPE = np.dtype(
     [
@@ -46,15 +46,14 @@ MARGIN_DTYPE = np.dtype(
 )
 """Energy left, energy of a plan and margin, as metered, and their standard deviations; the energy of the plan as a
 share of a full battery; and the margin at the given risk."""
-_BISECTIONS, _FARTHEST = 50, 20.0  # deviations within which a quantile is searched; chosen: to rounding
 _MOST_STEPS = 100  # five or six are enough, unless the probability jumps; chosen: bounds the search
 _EXACTLY = 1e-3  # relative accuracy of a quantile's probability; chosen: far below that of any risk
 
 
 @compiled
 def compute_margins(
-    v: Any, prior: Any, plans: Any, ways: Any, risk: float, robots: Any, hypotheses: Any, places: Any, rollings: Any,
-    margins: Any, each: Any,
+    v: Any, prior: Any, plans: Any, ways: Any, risk: float, z: float, robots: Any, hypotheses: Any, places: Any,
+    rollings: Any, margins: Any, each: Any,
 ) -> None:  # fmt: skip
     """Compute the margins of plans.
 
@@ -64,6 +63,7 @@ def compute_margins(
         plans: `PLAN_DTYPE`, shape (n,); one without a way home, NaN, is left out.
         ways: `WAY_DTYPE`, shape (m,): the way home of plans that lead home elsewhere.
         risk: Probability that the margin is below `margin_low_j`; 0 leaves that out, which takes a third of the time.
+        z: The same quantile of a standard normal distribution.
         robots: See `homeward.estimation.filter`, like the next three.
         hypotheses: Shape (n, hypotheses).
         places: Shape (n, places).
@@ -74,7 +74,6 @@ def compute_margins(
     """
     slope, share, part = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
     sums, bend, wind = np.zeros((4, 2)), np.zeros(3), np.zeros(3)
-    z = _normal_quantile(risk)
     for i in range(len(plans)):
         if np.isnan(plans[i].home_cost_j):
             continue
@@ -179,16 +178,7 @@ def _deviations(z: float, skewness: float) -> float:
     return z
 
 
-@compiled
-def _normal_quantile(risk: float) -> float:
-    low, high = -_FARTHEST, _FARTHEST
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _below(middle, 0.0) < risk else (low, middle)
-    return low
-
-
-@compiled
+@called
 def _quantile(each: Any, risk: float, z: float) -> float:
     """Quantile of a mixture of distributions of given mean, deviation and skewness.
 
@@ -235,7 +225,7 @@ def _log_below(each: Any, value: float) -> float:
     return float(np.log(max(below, 1e-300)))
 
 
-@compiled
+@called
 def _cost(
     v: Any, prior: Any, robot: Any, plan: Any, ways: Any, h: Any, places: Any, rollings: Any, slope: Any, bend: Any,
     wind: Any, part: Any,

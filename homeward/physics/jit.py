@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import signal
 import sys
 import threading
@@ -27,6 +28,12 @@ def inline(function: Function) -> Function:
     Without its wrapper for C, which nothing calls, it compiles faster by a seventh.
     """
     marked: Function = register_jitable(forceinline=True, no_cfunc_wrapper=True)(function)
+    return marked
+
+
+def called(function: Function) -> Function:
+    """As `inline`, for long functions that kernels rather call: each copy that is inlined takes time to compile."""
+    marked: Function = register_jitable(no_cfunc_wrapper=True)(function)
     return marked
 
 
@@ -99,13 +106,20 @@ def announce_compilation() -> None:
 
 
 class _Announcement(event.Listener):
-    """Names kernels, not the functions that they are made of."""
+    """Names kernels, not the functions that they are made of.
+
+    Meanwhile Python looks for no garbage: numba makes millions of objects that stay, and looking takes a tenth of the
+    time.
+    """
 
     def __init__(self) -> None:
-        self._depth = 0
+        self._depth, self._collects = 0, False
 
     def on_start(self, event: Any) -> None:
         kernel = event.data["dispatcher"].py_func
+        if self._depth == 0:
+            self._collects = gc.isenabled()
+            gc.disable()
         if self._depth == 0 and str(kernel.__module__).startswith("homeward."):
             often = "once" if cache_base() else "at every start, because no folder can keep it"
             name = f"{kernel.__module__}.{kernel.__qualname__}".removeprefix("homeward.")
@@ -114,3 +128,5 @@ class _Announcement(event.Listener):
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
+        if self._depth == 0 and self._collects:
+            gc.enable()

@@ -102,7 +102,8 @@ def _compose(kind: Kind, *, cumulative: bool) -> Callable[..., float]:
             masks |= 1 << index
     names["of_kind"] = np.uint64(masks)
     exec(_SUM.format(terms=terms), names)
-    return inline(names["total"])
+    total: Callable[..., float] = inline(names["total"])
+    return total
 
 
 _extra_force = _compose("force", cumulative=True)

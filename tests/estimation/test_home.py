@@ -15,6 +15,7 @@ from homeward.estimation.home import home_cost, modelled_power
 from homeward.physics import Robot, ancillary_power, load_robot, mission_energy
 from homeward.physics.kernel import full_charge
 from homeward.physics.model import drive_power, traction_force
+from homeward.physics.plain import plain
 
 ROBOT = load_robot("husky")
 PLACE_M = 25.0
@@ -60,9 +61,9 @@ def power(
     speed_mps: float, sensing_hz: float, sine: float = 0.0, accel_mps2: float = 0.0, yaw_rate_radps: float = 0.0,
     robot: Robot = ROBOT,
 ) -> tuple[float, float, float]:  # fmt: skip
-    state = full_charge(robot)
+    record, state = plain(robot.record()), plain(full_charge(robot))
     total_w, drive_w, steady_w = modelled_power(
-        VEHICLE, robot.record(), state, speed_mps, sensing_hz, accel_mps2, sine, yaw_rate_radps, 1.0
+        VEHICLE, record, state, speed_mps, sensing_hz, accel_mps2, sine, yaw_rate_radps, 1.0
     )
     assert state["speed_mps"][0] == speed_mps
     return float(total_w), float(drive_w), float(steady_w)

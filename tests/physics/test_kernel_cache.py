@@ -271,7 +271,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_a_process_that_waits_in_vain_compiles_and_writes_nothing(cache: Any, tmp_path: Path) -> None:
     """Of two that write at once, numba could give each the code of the other."""
     signature = (numba.types.float64,)
-    first, second = (jit.compiled(double) for _ in range(2))
+    first: Any = jit.compiled(double)
+    second: Any = jit.compiled(double)
     first._cache, second._cache = cache(), cache()
     assert first._cache.load_overload(signature, first.targetctx) is None  # and now it compiles
     assert second(21.0) == 42.0
@@ -284,7 +285,7 @@ def test_where_no_lock_can_be_had_nothing_is_kept(cache: Any, tmp_path: Path, mo
     def refuse(*_: object) -> None:
         raise NotImplementedError("this file system has no locks")
 
-    kernel = jit.compiled(double)
+    kernel: Any = jit.compiled(double)
     kernel._cache = cache()
     monkeypatch.setattr(kernel._cache._lock, "acquire", refuse)
     assert kernel(21.0) == 42.0
