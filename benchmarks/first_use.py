@@ -15,12 +15,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))  # as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
 
 import homeward
 from benchmarks.tables import table
 
+ROOT = Path(__file__).parents[1]
 FIRST_USES = {
     "reset and step": """
 import gymnasium

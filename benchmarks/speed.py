@@ -65,7 +65,7 @@ def main() -> None:
     ]
     tasks += [scalar_step, replay_rate, lambda: diagnosis_time({}, "20 s")]
     tasks += [lambda: diagnosis_time({"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}}, "60 s")]
-    tasks += [import_time, first_use, ppo_rate]
+    tasks += [import_time, ppo_rate]
     console = Console()
     if (free := free_share()) < QUIET:
         console.print(f"The machine is busy: {1.0 - free:.0%} of its cores are taken, and what is printed is too slow.")
@@ -208,17 +208,6 @@ def import_time() -> Timing:
         seconds = statistics.median(float(_python(code, folder)) for _ in range(5))
         compiled = sum(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
     return Timing("import homeward", f"{seconds:.2f} s", f"{compiled} kernels compiled", None, "0.5 s, 0 kernels")
-
-
-def first_use() -> Timing:
-    """Seconds to the first step of a scalar env in a new process: compiling, and from the cache."""
-    code = (
-        "import time, gymnasium, homeward; start = time.perf_counter(); env = gymnasium.make('homeward/Survey-v0'); "
-        "env.reset(seed=0); env.step([4, 2, 1]); print(time.perf_counter() - start)"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        cold_s, warm_s = float(_python(code, folder)), float(_python(code, folder))
-    return Timing("first use of an env", f"cold {cold_s:.1f} s", f"from the cache {warm_s:.2f} s", None, "")
 
 
 def _python(code: str, cache: str) -> str:

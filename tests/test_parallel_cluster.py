@@ -18,18 +18,13 @@ from numpy.typing import NDArray
 import evaluate
 from homeward import load_robot
 from homeward.agents.evaluation import tasks as evaluation_tasks
-from homeward.commands import fleet, sweep, train
 from homeward.parallel import TaskError, run_tasks
 from tests.parallel_cases import (
-    SETTINGS,
-    STEPS,
     TASKS,
     assert_equal,
     draws,
     draws_slowly,
     fails,
-    policies,
-    write_recording,
 )
 
 
@@ -100,26 +95,6 @@ def test_an_evaluation_is_the_local_one(cluster: Any, tmp_path: Path, monkeypatc
     for out, address in (("local", None), ("cluster", cluster.address)):
         evaluate.main(dataclasses.replace(args, out=tmp_path / out, cluster=address))
     assert Path("cluster/episodes.csv").read_bytes() == Path("local/episodes.csv").read_bytes()
-
-
-def test_a_sweep_trains_the_local_policies(cluster: Any, tmp_path: Path) -> None:
-    pytest.importorskip("stable_baselines3")
-    for out, address in (("local", None), ("cluster", cluster.address)):
-        base = train.Args(steps=STEPS, out=tmp_path / out, ppo=SETTINGS, curve=1)
-        sweep.main(sweep.Args(seeds=(0, 1), cluster=address, train=base))
-    assert len(policies(tmp_path / "cluster")) == 2
-    assert policies(tmp_path / "cluster") == policies(tmp_path / "local")
-
-
-def test_a_fleet_gets_the_local_diagnoses(cluster: Any, tmp_path: Path) -> None:
-    for name, payload in (("as_filed", 0.0), ("loaded", 0.5)):
-        write_recording(tmp_path / "fleet" / name / "run.csv", payload)
-    local, remote = (
-        fleet.main(fleet.Args(tmp_path / "fleet", robot="rusti", out=tmp_path / out, cluster=address))
-        for out, address in (("local", None), ("cluster", cluster.address))
-    )
-    assert list(remote) == ["as_filed", "loaded"]
-    assert [one.to_json() for one in remote.values()] == [one.to_json() for one in local.values()]
 
 
 def test_a_lost_node_loses_nothing(

@@ -80,7 +80,7 @@ def test_an_effect_that_a_file_holds_too_large_is_named_with_its_true_size(short
 
 @pytest.mark.parametrize(
     ("effect", "number", "size"),
-    [("turning", "scrub", 0.3), ("no_load", "power_w", 20.0), ("copper_loss", "w_per_n2", 2e-3)],
+    [("turning", "scrub", 0.3), ("no_load", "power_w", 20.0)],
 )
 def test_an_effect_that_a_file_holds_without_cause_is_taken_out(
     effect: str, number: str, size: float, short_drive: Drive, husky: Robot

@@ -1,0 +1,158 @@
+"""Print which small faults the tests notice: one changed operator, comparison or number in each of some lines.
+
+    python benchmarks/mutants.py --lines 30 --seed 1
+
+The lines are drawn from those of `homeward`, `envs` and `agents` that hold something to change. Each fault is made in a
+copy of the checkout and run against the tests of its own folder and, if they pass, against all others.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tyro
+from rich.console import Console
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
+
+from benchmarks.tables import table
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("homeward", "envs", "agents")
+SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
+    ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.And: ast.Or, ast.Or: ast.And,
+}  # fmt: skip
+"""What each operator becomes."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """Which faults."""
+
+    lines: int = 30
+    """Number of lines."""
+    seed: int = 0
+    """Seed of the draw."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A changed line of a file."""
+
+    file: Path
+    line: int
+    before: str
+    after: str
+    source: str
+
+    @property
+    def place(self) -> str:
+        return f"{self.file.relative_to(ROOT)}:{self.line}"
+
+
+def changeable(file: Path) -> dict[int, list[int]]:
+    """Nodes of a file that can be changed: their numbers in the order of `ast.walk`, by line."""
+    nodes: dict[int, list[int]] = {}
+    for number, node in enumerate(ast.walk(ast.parse(file.read_text("utf-8")))):
+        if isinstance(node, ast.expr) and _change(node):
+            nodes.setdefault(node.lineno, []).append(number)
+    return nodes
+
+
+def mutant_of(file: Path, number: int) -> Mutant:
+    """A file with one node changed."""
+    tree = ast.parse(file.read_text("utf-8"))
+    before = ast.unparse(tree).splitlines()
+    node = list(ast.walk(tree))[number]
+    _change(node)
+    source = ast.unparse(tree)
+    pairs = zip(before, source.splitlines(), strict=False)
+    old, new = next(pair for pair in pairs if pair[0] != pair[1])
+    assert isinstance(node, ast.expr)
+    return Mutant(file, node.lineno, old.strip(), new.strip(), source)
+
+
+def _change(node: ast.AST) -> bool:
+    """Change a node in place; False if there is nothing to change."""
+    if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in SWAPPED:
+        node.op = SWAPPED[type(node.op)]()  # type: ignore[assignment]
+        return True
+    if isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPPED:
+        node.ops[0] = SWAPPED[type(node.ops[0])]()  # type: ignore[call-overload]
+        return True
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        node.value = not node.value if isinstance(node.value, bool) else node.value + 1
+        return True
+    return False
+
+
+def drawn(count: int, rng: np.random.Generator) -> list[Mutant]:
+    """Faults of different lines: all lines that can be changed are equally likely, and then all changes of a line."""
+    files = [file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
+    lines = [(file, nodes) for file in files for nodes in changeable(file).values()]
+    chosen = rng.choice(len(lines), count, replace=False)
+    return [mutant_of(lines[line][0], int(rng.choice(lines[line][1]))) for line in chosen]
+
+
+def noticed_by(mutant: Mutant, checkout: Path) -> str:
+    """Which tests fail with a fault: those of its folder, others, or none."""
+    inside = mutant.file.relative_to(ROOT)
+    place = checkout / inside
+    original = place.read_text("utf-8")
+    folder = Path("tests", *[part for part in inside.parts[:-1] if part != "homeward"])
+    while not (checkout / folder).is_dir():
+        folder = folder.parent
+    own = [str(folder)]
+    if folder == Path("tests"):  # of a file at the top: without the other folders
+        own = [str(path.relative_to(checkout)) for path in sorted((checkout / "tests").glob("test_*.py"))]
+    place.write_text(mutant.source, "utf-8")
+    try:
+        if not _pass(checkout, own):
+            return "its folder"
+        others = [str(path) for path in ("tests", "homeward", "README.md", "docs")]
+        return "none" if _pass(checkout, [*others, *(f"--ignore={path}" for path in own)]) else "others"
+    finally:
+        place.write_text(original, "utf-8")
+
+
+def _pass(checkout: Path, tests: list[str]) -> bool:
+    """Whether tests pass in a checkout; it stops at the first that fails."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "2", "--dist", "worksteal", "-p", "no:cacheprovider"]
+    environment = os.environ | {"PYTHONPATH": str(checkout)}
+    code = subprocess.run([*command, *tests], cwd=checkout, env=environment, capture_output=True).returncode
+    return code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+
+
+def main(args: Args) -> None:
+    """Draw the faults, try each, and print the table."""
+    console, rng = Console(), np.random.default_rng(args.seed)
+    shown = table(f"{args.lines} lines, seed {args.seed}", ("line", "before", "after", "noticed by"), ())
+    tally = {"its folder": 0, "others": 0, "none": 0}
+    with tempfile.TemporaryDirectory() as folder:
+        checkout = Path(folder) / "checkout"
+        tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        for name in filter(None, tracked.split("\0")):
+            (checkout / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, checkout / name, follow_symlinks=False)
+        for mutant in drawn(args.lines, rng):
+            by = noticed_by(mutant, checkout)
+            tally[by] += 1
+            shown.add_row(mutant.place, mutant.before, mutant.after, by)
+            console.print(f"{mutant.place}: {by}", markup=False, highlight=False)
+    console.print(shown)
+    console.print(f"noticed: {args.lines - tally['none']} of {args.lines}", tally)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Args, description=__doc__))
