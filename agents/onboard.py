@@ -30,6 +30,7 @@ from homeward.envs.options import Known, known_of
 from homeward.envs.routes import Route, load_route
 from homeward.envs.state import GO
 from homeward.physics import Robot
+from homeward.physics.battery import energy_share
 from homeward.physics.jit import announce_compilation
 
 Action = tuple[float, float, str]
@@ -123,7 +124,7 @@ class Onboard:
             position_m: Metres from home along the way.
             speed_mps: Speed, m/s.
             power_w: Mean power out of the battery since the reading before, W.
-            soc: State of charge, 0 to 1.
+            soc: State of charge, 0 to 1: a share of charge, as gauges show it.
             grade_rad: Slope in the direction of travel, rad, uphill positive.
             heading_rad: Direction of travel, rad counter-clockwise from east.
             temperature_c: Air temperature, C.
@@ -145,6 +146,7 @@ class Onboard:
             self._observer.see(position_m, sign * grade_rad, interest, heading_rad + turned_rad, self._outwards)
         else:  # a standing robot may have turned round, and reads no other slope
             self._observer.see(position_m, interest=interest, outwards=self._outwards)
+        soc = float(energy_share(self.robot.curve, soc))
         read = Read(position_m, soc=soc, speed_mps=speed_mps, temperature_c=temperature_c)
         if first:
             self._due_s, self._time_s = time_s + self.decision_s, time_s

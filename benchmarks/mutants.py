@@ -110,25 +110,36 @@ def noticed_by(mutant: Mutant, checkout: Path) -> str:
     inside = mutant.file.relative_to(ROOT)
     place = checkout / inside
     original = place.read_text("utf-8")
-    folder = Path("tests", *[part for part in inside.parts[:-1] if part != "homeward"])
-    while not (checkout / folder).is_dir():
-        folder = folder.parent
-    own = [str(folder)]
-    if folder == Path("tests"):  # of a file at the top: without the other folders
-        own = [str(path.relative_to(checkout)) for path in sorted((checkout / "tests").glob("test_*.py"))]
     place.write_text(mutant.source, "utf-8")
     try:
-        if not _pass(checkout, own):
+        own, *wider = _folders(inside, checkout)
+        if not _pass(checkout, own, []):
             return "its folder"
-        others = [str(path) for path in ("tests", "homeward", "README.md", "docs")]
-        return "none" if _pass(checkout, [*others, *(f"--ignore={path}" for path in own)]) else "others"
+        seen = own
+        for tests in wider:
+            if not _pass(checkout, tests, seen):
+                return "others"
+            seen = tests
+        return "none"
     finally:
         place.write_text(original, "utf-8")
 
 
-def _pass(checkout: Path, tests: list[str]) -> bool:
-    """Whether tests pass in a checkout; it stops at the first that fails."""
+def _folders(inside: Path, checkout: Path) -> list[list[str]]:
+    """Tests of a file, from its own folder to all: those near it usually notice a fault first."""
+    folder = Path("tests", *[part for part in inside.parts[:-1] if part != "homeward"])
+    folders = [
+        [str(place)] for place in (folder, *folder.parents) if len(place.parts) > 1 and (checkout / place).is_dir()
+    ]
+    if not folders:  # of a file at the top: without the other folders
+        folders = [[str(path.relative_to(checkout)) for path in sorted((checkout / "tests").glob("test_*.py"))]]
+    return [*folders, ["tests", "homeward", "README.md", "docs"]]
+
+
+def _pass(checkout: Path, tests: list[str], seen: list[str]) -> bool:
+    """Whether tests pass in a checkout, without those that were seen to; it stops at the first that fails."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "2", "--dist", "worksteal", "-p", "no:cacheprovider"]
+    command += [f"--ignore={path}" for path in seen]
     environment = os.environ | {"PYTHONPATH": str(checkout)}
     code = subprocess.run([*command, *tests], cwd=checkout, env=environment, capture_output=True).returncode
     return code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)

@@ -38,7 +38,7 @@ class Read(NamedTuple):
     Attributes:
         position_m: Position along the route at its end, m; home is 0.
         power_w: Mean power out of the battery, W.
-        soc: State of charge at its end, 0 to 1.
+        soc: State of charge at its end, 0 to 1, as a share of the energy (`homeward.physics.battery.energy_share`).
         speed_mps: Speed at its end, m/s.
         temperature_c: Air temperature at its end, C.
     """

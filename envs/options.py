@@ -280,6 +280,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     s["min_speed_mps"], s["max_speed_mps"] = robot.min_speed_mps, robot.max_speed_mps
     s["max_sensing_hz"] = robot.max_sensing_hz
     s["places"], s["length_m"], s["place_m"], s["reach_m"] = places, length_m, length_m / places, reach_m
+    s["curve"], s["curved"] = tuple(robot.curve), robot.curve.mean_v > 0.0
     s["usable_j"], s["cruise_mps"] = robot.usable_energy_j, float(optimal_speed(robot))
     s["cruise_w"] = robot.usable_energy_j * s["cruise_mps"] / d_max(robot)
     s["saturation_per_m"] = _HALF_INFORMATION * scale.max_sensing_hz / cruise

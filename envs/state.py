@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from homeward.physics.battery import CURVE_DTYPE
 from homeward.physics.kernel import STATE_FIELDS
 from homeward.physics.robot import ROBOT_DTYPE
 
@@ -138,6 +139,7 @@ SHARED_DTYPE = np.dtype(
         ("inexact", np.bool_),  # whether instruments have errors
         ("shaped", np.bool_),
         ("discrete", np.bool_),
+        ("curved", np.bool_),  # whether the battery's voltage changes with its charge
         ("max_decisions", np.int64),
         ("return_decisions", np.int64),  # in a row that choose it make the return final
         ("places", np.int64),  # of a route
@@ -175,6 +177,7 @@ SHARED_DTYPE = np.dtype(
         ("soc_per_metered", np.float64),  # prior: state of charge used over energy by the meter, as shares
         ("soc_prior", np.float64),  # weight of that, as a sum of squares of metered shares
         *((name, np.float64) for name in INVERSES),
+        ("curve", CURVE_DTYPE),  # of the robot's file
     ],
     align=True,
 )

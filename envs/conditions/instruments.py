@@ -11,6 +11,7 @@ import numpy as np
 
 from homeward.envs.conditions.draws import GRADE, POWER, SOC, SPEED, normal
 from homeward.files import read_toml
+from homeward.physics import battery
 from homeward.physics import rules as physics_rules
 from homeward.physics.intervals import Bounds
 from homeward.physics.jit import inline
@@ -146,8 +147,10 @@ def read(m: Any, shared: Any, used_j: float) -> None:
     m.read_mps = m.speed_mps * (1.0 + shared.speed_noise * normal(m.key, m.decisions, SPEED))
     noise = shared.power_noise * normal(m.key, m.decisions, POWER)
     m.read_w = power_w * (m.meter_gain + noise) + m.meter_offset_w
-    # A first-order lag behind a charge that falls evenly over the decision, whatever its length.
+    # A gauge shows a share of charge, and lags by a first order behind one that falls evenly over the decision.
     before = (m.energy_j + used_j) / m.capacity_j
+    if shared.curved:
+        soc, before = battery.charge_share(shared.curve, soc), battery.charge_share(shared.curve, before)
     behind = (before - soc) * shared.soc_lag_decisions
     m.soc_followed = soc + behind + (m.soc_followed - before - behind) * shared.soc_keeps
     shown = m.soc_followed
@@ -155,8 +158,14 @@ def read(m: Any, shared: Any, used_j: float) -> None:
         shown += shared.soc_noise * normal(m.key, m.decisions, SOC)
     if shared.soc_step > 0.0:
         shown = shared.soc_step * np.floor(shown * shared.per_soc_step + 0.5)
-    m.soc = min(max(shown, 0.0), 1.0)
+    m.soc = in_energy(shared, min(max(shown, 0.0), 1.0))
     meter(m, shared)
+
+
+@inline
+def in_energy(shared: Any, soc: Any) -> Any:
+    """Share of the usable energy that a state of charge is, by the robot's file."""
+    return battery.energy_share(shared.curve, soc) if shared.curved else soc
 
 
 @inline

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
+import itertools
 import numbers
 import os
 from collections.abc import Mapping
@@ -18,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.files import STANDARD_INPUT, read_toml
-from homeward.physics import model, rules
+from homeward.physics import battery, model, rules
 from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
 from homeward.physics.intervals import Bounds
 from homeward.physics.plausible import warn_of_implausible
@@ -83,6 +85,9 @@ class Robot:
     track_m: float = _quantity("body", "distance between left and right wheels, m (0: unknown)", _NOT_NEGATIVE, 0.0)
     traction_n_per_a: float = _quantity("drive", "wheel thrust per ampere, N/A (0: unknown)", _NOT_NEGATIVE, 0.0)
     description: str = ""
+    chemistry: str = battery.FLAT
+    cells_in_series: int = 0
+    open_circuit_v: tuple[tuple[float, float], ...] = ()
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict, hash=False)
     uncertainty: Uncertainty | None = None
 
@@ -107,6 +112,7 @@ class Robot:
                 f"energy; allowed: at least {rules.LEAST_HEALTH:g}. Their units are those of cycle_fade and age_fade"
             )
         object.__setattr__(self, "effects", _checked_effects(self.effects))
+        object.__setattr__(self, "open_circuit_v", _checked_curve(self))
         if "turning" in self.active_effects and self.track_m == 0.0:
             raise RobotError(
                 "body.track_m = 0 (unknown), but effects.turning needs it; allowed: the distance of the wheels, above 0"
@@ -134,6 +140,14 @@ class Robot:
         """Energy of a full charge after the robot's own cycles and age (Eq. 6), J."""
         return float(model.usable_energy(self, self.cycles, self.age))
 
+    @functools.cached_property
+    def curve(self) -> battery.Curve:
+        """Open-circuit curve of the pack: its own, that of its chemistry, or a constant voltage."""
+        if self.chemistry == battery.FLAT:
+            return battery.curve_of(self.open_circuit_v)
+        cell = battery.CHEMISTRIES[self.chemistry]
+        return battery.curve_of([(share, self.cells_in_series * volts) for share, volts in cell])
+
     def record(self) -> NDArray[np.void]:
         """Array of shape (1,) and dtype `ROBOT_DTYPE`, the form that compiled kernels take."""
         active, tables = 0, [(effect, self.effects.get(effect.id, _OFF)) for effect in EFFECTS]
@@ -157,6 +171,8 @@ class Robot:
                     note = comments.get(quantity.name, quantity.metadata["meaning"])
                     printable = "".join(c if c.isprintable() else " " for c in note)  # nor a second line
                     lines.append(f"{quantity.name} = {getattr(self, quantity.name)!r}  # {printable}")
+            if section == "battery":
+                lines += self._curve_lines()
         for effect_id, parameters in self.effects.items():
             lines += ["", f"[effects.{effect_id}]"]
             lines += [f"{name} = {value!r}" for name, value in parameters.items()]
@@ -164,7 +180,20 @@ class Robot:
             lines += ["", self.uncertainty.to_toml().rstrip("\n")]
         return "\n".join(lines) + "\n"
 
+    def _curve_lines(self) -> list[str]:
+        """Lines of a robot file for the open-circuit curve, none for a constant voltage."""
+        if self.open_circuit_v:
+            points = ", ".join(f"[{share!r}, {volts!r}]" for share, volts in self.open_circuit_v)
+            return [f"open_circuit_v = [{points}]  # [share of charge, V of the pack], at rest"]
+        if self.chemistry == battery.FLAT:
+            return []
+        return [
+            f"chemistry = {_toml_string(self.chemistry)}  # its open-circuit curve: homeward.physics.battery",
+            f"cells_in_series = {self.cells_in_series}",
+        ]
 
+
+_CURVE_FIELDS = ("chemistry", "cells_in_series", "open_circuit_v")
 _QUANTITIES = tuple(quantity for quantity in fields(Robot) if "section" in quantity.metadata)
 _OFF: Mapping[str, float] = MappingProxyType({})
 _EFFECT_BY_ID: dict[str, Effect] = {effect.id: effect for effect in EFFECTS}
@@ -244,7 +273,9 @@ def _from_tables(data: dict[str, Any]) -> Robot:
         table = data.get(section, {})
         if not isinstance(table, dict):
             raise RobotError(f"{section} = {table!r} is not a table; write [{section}] with {', '.join(quantities)}")
-        _refuse_unknown(table, list(quantities), f"{section}.")
+        of_curve = _CURVE_FIELDS if section == "battery" else ()
+        _refuse_unknown(table, [*quantities, *of_curve], f"{section}.")
+        values |= {name: table[name] for name in of_curve if name in table}
         for name, quantity in quantities.items():
             if name in table:
                 values[name] = table[name]
@@ -279,6 +310,62 @@ def _checked(name: str, value: Any, bounds: Bounds) -> float:
     if not bounds.hold(value):
         raise RobotError(f"{name} = {value!r} is not allowed; allowed: a number in {bounds}")
     return float(value)
+
+
+def _checked_curve(robot: Robot) -> tuple[tuple[float, float], ...]:
+    """The points of a robot's own open-circuit curve, none if its chemistry has one."""
+    known = (battery.FLAT, *battery.CHEMISTRIES)
+    if robot.chemistry not in known:
+        raise RobotError(f"battery.chemistry = {robot.chemistry!r} is not known; choose {', '.join(known)}")
+    if robot.chemistry != battery.FLAT:
+        _check_cells(robot)
+        return ()
+    if robot.cells_in_series:
+        raise RobotError("battery.cells_in_series needs a chemistry; add one, or remove it")
+    points = robot.open_circuit_v
+    if not isinstance(points, list | tuple) or not all(isinstance(point, list | tuple) for point in points):
+        raise RobotError(f"battery.open_circuit_v = {points!r} is no list of [share of charge, V] pairs")
+    if not points:
+        return ()
+    checked = tuple(_checked_point(point) for point in points)
+    shares, volts = zip(*checked, strict=True)
+    if len(checked) not in range(2, battery.MOST_KNOTS + 1) or (shares[0], shares[-1]) != (0.0, 1.0):
+        raise RobotError(
+            f"battery.open_circuit_v has {len(checked)} points from share {shares[0]:g} to {shares[-1]:g}; give 2 to "
+            f"{battery.MOST_KNOTS} points from 0 (empty) to 1 (full)"
+        )
+    rises = all(low < high for low, high in itertools.pairwise(shares))
+    if not rises or any(low > high for low, high in itertools.pairwise(volts)):
+        raise RobotError("battery.open_circuit_v does not rise with the share of charge; sort its points")
+    return checked
+
+
+def _checked_point(point: Any) -> tuple[float, float]:
+    if len(point) != 2:
+        raise RobotError(f"battery.open_circuit_v has the point {point!r}; give [share of charge, V of the pack]")
+    share, volts = point
+    return _checked("battery.open_circuit_v share", share, Bounds(0.0, 1.0)), _checked(
+        "battery.open_circuit_v voltage", volts, _POSITIVE
+    )
+
+
+def _check_cells(robot: Robot) -> None:
+    """Raise an error unless the cells of a chemistry make about the nominal voltage."""
+    cells = robot.cells_in_series
+    if isinstance(cells, bool) or not isinstance(cells, int) or cells < 1:
+        raise RobotError(
+            f"battery.cells_in_series = {cells!r} is not allowed with a chemistry; give how many cells are in series, "
+            "such as 12 for a lead-acid battery of 24 V"
+        )
+    if robot.open_circuit_v:
+        raise RobotError("battery has a chemistry and an open_circuit_v; keep one of them")
+    cell = battery.CHEMISTRIES[robot.chemistry]
+    empty_v, full_v = cells * cell[0][1], cells * cell[-1][1]
+    if not empty_v <= robot.nominal_voltage_v <= full_v:
+        raise RobotError(
+            f"battery.cells_in_series = {cells} of {robot.chemistry} have {empty_v:.3g} to {full_v:.3g} V, but "
+            f"battery.nominal_voltage_v = {robot.nominal_voltage_v:g}; correct one of them"
+        )
 
 
 def _checked_effects(effects: Any) -> Mapping[str, Mapping[str, float]]:

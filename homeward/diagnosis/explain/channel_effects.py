@@ -30,6 +30,7 @@ from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Proof, Value
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot
+from homeward.physics.battery import energy_share
 from homeward.physics.effects import EFFECTS
 from homeward.physics.terminal_power import lost_inside
 
@@ -254,7 +255,7 @@ def _state_of_charge(
     of_run = pd.Series(soc).groupby(runs.run)  # NaN of a run that lacks it
     if float((of_run.max() - of_run.min()).sum()) < rules.LEAST_FALL:
         return None, None
-    channel = _Reading(-soc, runs, block)
+    channel = _Reading(-energy_share(robot.curve, soc), runs, block)
     drawn = channel.summed((runs.observed + inside_w) / robot.usable_energy_j)[:, None]
     (*_, rate), (*_, error) = channel.fit(channel.per_run(drawn) if battery.AGEING.in_file(robot)[0] else drawn)
     if rate <= 0.0:
@@ -288,7 +289,8 @@ def not_contradicted(
     faults = [term for term in candidates if term.misread]
     if soc is None or runs.unit != "W" or not np.isfinite(soc).any() or not (faults or misread.any()):
         return list(candidates)
-    channel, read = _Reading(-soc, runs, block), runs.observed - misread
+    energy = energy_share(setting.parameters.nominal.curve, soc)
+    channel, read = _Reading(-energy, runs, block), runs.observed - misread
 
     def fallen(power: Array) -> Array:
         """The charge as it falls by the energy and by a loss inside the battery that grows with the square of power."""

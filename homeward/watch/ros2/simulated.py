@@ -24,6 +24,7 @@ from cyclonedds.topic import Topic
 
 from homeward.companion import CompanionError
 from homeward.physics import Robot, RobotError, ancillary_power, load_robot, model
+from homeward.physics.battery import charge_share, energy_share
 from homeward.watch.ros2.idl import message, struct_of
 
 _VOLTAGE_V = 25.0  # chosen: near a Husky's 24 V and a Jackal's 25.6 V; readers multiply it by the current
@@ -85,7 +86,7 @@ def main(args: Args) -> None:
         for name, kind in _TOPICS.items()
     }
     rng, began_s, tick = np.random.default_rng(args.seed), time.time(), 0
-    left_j, x_m, yaw_rad = args.soc * robot.usable_energy_j, args.x, 0.0
+    left_j, x_m, yaw_rad = float(energy_share(robot.curve, args.soc)) * robot.usable_energy_j, args.x, 0.0
     while (since_s := tick / args.hz) < args.seconds:
         time.sleep(max(began_s + since_s - time.time(), 0.0))
         back = (since_s // args.out_s) % 2 == 1
@@ -95,7 +96,7 @@ def main(args: Args) -> None:
         left_j -= power_w / args.hz
         x_m += math.cos(yaw_rad) * args.speed / args.hz
         stamp_s = began_s + since_s + (args.jump_s if since_s >= args.jump_at_s else 0.0)
-        soc = left_j / robot.usable_energy_j
+        soc = float(charge_share(robot.curve, left_j / robot.usable_energy_j))
         contents = _contents(stamp_s, power_w, soc, x_m, yaw_rad, -slope if back else slope, args.speed)
         for (name, kind), content in zip(_TOPICS.items(), contents, strict=True):
             if rng.random() >= args.lost:

@@ -19,6 +19,8 @@ from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
+from homeward.physics import load_robot
+from homeward.physics.battery import energy_share
 from homeward.physics.robot import preset_names
 from tests.envs.rollouts import MISSIONS, feature, make, mission
 
@@ -351,3 +353,18 @@ def test_the_worst_of_instruments_stay_within_the_observation_space() -> None:
         assert observations in envs.observation_space
         observations, rewards, *_ = envs.step(np.column_stack((rng.integers(0, 5, (100, 2)), np.full(100, GO))))
         assert np.isfinite(rewards).all()
+
+
+def test_a_gauge_shows_charge_and_agents_see_its_energy() -> None:
+    """Of a lead-acid battery a quarter of the charge is less than a quarter of the energy."""
+    robot = dataclasses.replace(load_robot("husky"), chemistry="lead_acid", cells_in_series=12)
+    coarse = Instruments(soc_step=0.25)
+    env = HomewardEnv(mission="OutAndBack", robot=robot, difficulty="known", instruments=coarse)
+    env.reset(seed=0)
+    shown, over = set(), False
+    while not over:
+        observation, _, terminated, truncated, _ = env.step([4, 0, 1])
+        shown.add(round(float(observation[INDEX["energy"]]), 6))
+        over = terminated or truncated
+    steps = [float(energy_share(robot.curve, share)) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    assert shown <= {round(float(np.float32(step)), 6) for step in steps} and len(shown) == 5
