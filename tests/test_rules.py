@@ -5,10 +5,9 @@ import math
 import pytest
 
 from homeward import rules
-from homeward.companion.readings import Readings
+from homeward.companion import Companion
 from homeward.envs.routes.route import LIMITS
 from homeward.logs.channels import CHANNELS
-from homeward.physics import load_robot
 
 
 def test_recordings_and_readings_have_the_same_limits() -> None:
@@ -20,13 +19,11 @@ def test_recordings_and_readings_have_the_same_limits() -> None:
 
 @pytest.mark.parametrize("times", [0.999, 1.001])
 def test_a_reading_beyond_a_limit_is_left_out(times: float) -> None:
-    given: dict[str, float | None] = dict.fromkeys(
-        ("power_w", "voltage_v", "current_a", "soc", "position", "temperature_c", "interest", "sensing_hz"), None
+    advice = Companion("husky", home="here").update(
+        0.0, speed_mps=0.5, grade_rad=times * rules.STEEPEST_RAD, heading_rad=times * rules.MOST_HEADING_RAD
     )
-    readings = Readings(load_robot("husky"))
-    given |= {"speed_mps": 0.5, "grade_rad": times * rules.STEEPEST_RAD, "heading_rad": times * rules.MOST_HEADING_RAD}
-    readings.take(0.0, given)
-    assert readings.counts == ({} if times < 1.0 else {"impossible grade_rad": 1, "impossible heading_rad": 1})
+    said = [text.split(" left out")[0] for text in advice.warnings]
+    assert said == ([] if times < 1.0 else ["impossible grade_rad", "impossible heading_rad"])
 
 
 def test_limits_detect_another_unit() -> None:

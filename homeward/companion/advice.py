@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -18,10 +19,18 @@ class UncertainValue(NamedTuple):
     Attributes:
         mean: Mean.
         sd: Standard deviation.
+        least: What it cannot be below.
+        most: What it cannot exceed.
     """
 
     mean: float
     sd: float
+    least: float = -math.inf
+    most: float = math.inf
+
+    def within(self, least: float, most: float) -> UncertainValue:
+        """The same number, known to be within limits."""
+        return UncertainValue(min(max(self.mean, least), most), self.sd, least, most)
 
     def quantile(self, share: float) -> float:
         """Quantile: the number is below it with this probability.
@@ -29,7 +38,7 @@ class UncertainValue(NamedTuple):
         >>> round(UncertainValue(100.0, 10.0).quantile(0.05), 1)
         81.1
         """
-        return self.mean + self.sd * deviations(share)
+        return min(max(self.mean + self.sd * deviations(share), self.least), self.most)
 
     @property
     def low(self) -> float:
@@ -67,9 +76,10 @@ class Advice:
     Attributes:
         time_s: Time of the reading, s since the first one.
         way_home_m: Length of the way home that the robot would take, m.
-        energy_left_j: Energy in the battery, down to the cut-off voltage if one was given.
-        energy_home_j: Energy that the way home consumes, turning now, at the companion's `cruise_mps`.
-        margin_j: Energy left less that of the way home.
+        energy_left_j: Energy in the battery, down to the cut-off voltage if one was given: from 0 to what a full
+            battery holds by the robot's file.
+        energy_home_j: Energy that the way home consumes, turning now, at the companion's `cruise_mps`; at least 0.
+        margin_j: Energy left less that of the way home; negative if it is not enough.
         chance_home: Probability of getting home when turning now.
         risk: Accepted probability of not getting home, used for the next three.
         turn_in_m: How far the robot may drive on before it must turn, m; 0 if it must turn now.
@@ -112,8 +122,8 @@ class Advice:
 
     def __str__(self) -> str:
         left, home = (
-            f"{quantities.energy(one.mean)} ({quantities.energy(max(one.low, 0.0))} to {quantities.energy(one.high)})"
-            for one in (self.energy_left_j, self.energy_home_j)
+            f"{quantities.energy(value.mean)} ({quantities.energy(value.low)} to {quantities.energy(value.high)})"
+            for value in (self.energy_left_j, self.energy_home_j)
         )
         turn = "turn now" if self.turn_now else (
             f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"

@@ -5,12 +5,10 @@ Readings in SI units go to `homeward.estimation`, the estimator that the planner
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
-import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +19,11 @@ from homeward.companion.advice import Action, Advice, UncertainValue
 from homeward.companion.checks import check_home, check_number, check_route, check_wind
 from homeward.companion.cutoff import Cutoff
 from homeward.companion.home_estimator import HomeEstimator, WayHome
+from homeward.companion.limits import limits_of
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.prior_knowledge import PriorKnowledge, known_of
 from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
+from homeward.companion.saved import DAMAGE, check_sealed, digest, put_values, sealed, values_of
 from homeward.companion.turn_advice import chance, latest
 from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
@@ -41,7 +41,6 @@ _LONGEST_PLACES, _PLACES = 160.0, 128
 Chosen: a place is then 0.6 % of d_max."""
 _CRUMBS = 8.0
 """Points of the trail per place. Chosen: a bend is cut by an eighth of a place at most."""
-_SCHEMA = 1  # of a saved state; other schemas are refused
 
 
 class Companion:
@@ -82,6 +81,11 @@ class Companion:
     (599, False, True)
     """
 
+    SAVED: ClassVar = (
+        "_readings", "_way", "_window", "_estimator", "_cutoff", "_other_way_m", "_turned", "_charged", "_mismatched",
+        "_stands", "_has", "_action",
+    )  # fmt: skip
+
     def __init__(
         self,
         robot: str | Path | Robot,
@@ -115,9 +119,10 @@ class Companion:
         ):  # fmt: skip
             if value is not None:
                 check_number(name, value, low, high)
+        self._limits = limits_of(self.robot, range_m)
         check_home(home)
         check_wind(forecast_mps)
-        check_route(route)
+        check_route(route, self._limits.way_m)
         if policy is not None and policy.robot != self.robot:
             raise CompanionError(
                 f"the policy is for robot {policy.robot.name!r}, whose parameters differ from those of the companion's "
@@ -133,25 +138,24 @@ class Companion:
         place_m = range_m / _LONGEST_PLACES if place_m is None else place_m
         if route is not None:
             places, place_m = len(route.grade_rad), float(route.place_m)
-        self._crumb_m = max(place_m / _CRUMBS, 1.0)
-        self._start_soc, self._home, self._route, self._cutoff_v = soc, home, route, cutoff_v
+        self._start_soc, self._route, self._cutoff_v = soc, route, cutoff_v
         self._estimator = HomeEstimator(
             self.robot, known_of(self.robot, forecast_mps is not None) if prior is None else PriorKnowledge(prior, ()),
             places=places, place_m=place_m, cruise_mps=cruise, risk=risk, route=route, forecast_mps=forecast_mps,
         )  # fmt: skip
-        self._begin()
-
-    def _begin(self) -> None:
-        self._readings = Readings(self.robot)
-        self._way = Way(self._home, self._route, self._crumb_m)
+        self._made_for = digest(repr((
+            self.robot, places, place_m, cruise, self._window_s, home, cutoff_v, self._estimator.known.prior,
+            policy is None, self._estimator.estimates.dtype.descr, self._estimator.places.tobytes(),
+        )))  # fmt: skip
+        self._way = Way(home, route, max(place_m / _CRUMBS, 1.0), self._limits.way_m)
+        self._readings = Readings(self._limits, self._way.is_possible)
         self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
         self._window = Window()
-        self._moved_home: Position | None = None
-        self._other_way: tuple[RouteLike, float] | None = None
+        self._other_way: RouteLike | None = None
+        self._other_way_m: float | None = None
         self._turned, self._charged, self._mismatched, self._stands = False, False, 0, 0
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
-        self._advice: Advice | None = None
-        self._action: Action | None = None
+        self._action: tuple[float, float, str] | None = None
         if self._policy is not None:
             self._policy.begin()
 
@@ -200,9 +204,13 @@ class Companion:
         )  # fmt: skip
         if power_w is None and None not in (voltage_v, current_a):
             self._estimator.see_terminals()
-        if reading is None:
-            self._advice = self._advise() if self._advice is None else _with_warnings(self._advice, self._readings)
-            return self._advice
+        if reading is not None:
+            self._process(reading)
+        with self._estimator.with_open(self._window, self._way.position_m):
+            return self._advise()
+
+    def _process(self, reading: Reading) -> None:
+        """Process the readings of a moment that are new."""
         self._charge_first(reading.soc)
         if math.isnan(reading.speed_mps) and reading.position is None:
             reading = reading._replace(speed_mps=self._estimator.speed_mps)  # it drives on as before
@@ -212,9 +220,6 @@ class Companion:
         self._window.add(reading, step, *self._estimator.model(reading, step))
         if self._window.time_s >= self._window_s * (1.0 - 1e-6):
             self._flush()
-        with self._estimator.with_open(self._window, self._way.position_m):
-            self._advice = self._advise()
-        return self._advice
 
     def _ask_policy(self, reading: Reading, step: Step) -> None:
         if self._policy is None:
@@ -224,7 +229,7 @@ class Companion:
             soc=reading.soc, grade_rad=reading.grade_rad, heading_rad=step.heading_rad,
             temperature_c=reading.temperature_c, interest=reading.interest,
         )  # fmt: skip
-        self._action = None if asked is None else Action(*asked)
+        self._action = None if asked is None or not all(map(math.isfinite, asked[:2])) else asked
 
     def swap_battery(self, soc: float = 1.0) -> None:
         """Tell the companion that the battery was swapped or charged: estimates of the old one are dropped.
@@ -253,11 +258,13 @@ class Companion:
             CompanionError: `home` is neither.
         """
         checked = checked_position("home", home)
-        if checked is None:
+        if checked is None or not self._way.is_possible(checked):
             raise CompanionError(
-                f"home = {home!r} is not allowed; give (east, north) in metres, or metres along the way"
+                f"home = {home!r} is not allowed; give (east, north) in metres, or metres along the way, within "
+                f"{self._limits.way_m:.4g} m of where it was"
             )
-        self._moved_home, self._other_way, self._turned = checked, None, False
+        self._way.moved_home, self._turned = checked, False
+        self._other_way = self._other_way_m = None
 
     def take_home(self, route: RouteLike | None) -> None:
         """Tell the companion to go home by another way than the way out; None: by the way out again.
@@ -268,9 +275,9 @@ class Companion:
         Raises:
             CompanionError: It is not a route.
         """
-        check_route(route)
-        self._other_way = None if route is None else (route, 0.0)
-        self._moved_home, self._turned = None, False
+        check_route(route, self._limits.way_m)
+        self._other_way, self._other_way_m = route, None if route is None else 0.0
+        self._way.moved_home, self._turned = None, False
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """Energy that a way from here consumes, by the present estimates, J as metered.
@@ -341,25 +348,18 @@ class Companion:
             ("heading", step.heading_rad), ("position", math.nan if reading.position is None else 0.0),
         ):  # fmt: skip
             self._has[name] |= math.isfinite(value)
-        if self._other_way is not None:
-            route, driven_m = self._other_way
-            self._other_way = route, driven_m + step.way_m
+        if self._other_way_m is not None:
+            self._other_way_m += step.way_m
 
     def _way_home(self) -> WayHome:
         """The way home from here: along the way out, or another one."""
-        unsure_m, cruise_mps = rules.DEAD_RECKONING_ERROR * self._way.reckoned_m, self.vehicle.cruise_mps
-        if self._other_way is not None:
-            ways = along_route(*self._other_way, cruise_mps)
-        elif self._moved_home is not None:
-            from_m, leg_m = self._way.beyond(self._moved_home)
-            ways = back_over(
-                self._estimator.places,
-                self.vehicle.place_m,
-                self._way.position_m,
-                from_m,
-                rules.DETOUR * leg_m,
-                cruise_mps,
-            )
+        unsure_m = rules.DEAD_RECKONING_ERROR * self._way.reckoned_m
+        if self._other_way is not None and self._other_way_m is not None:
+            ways = along_route(self._other_way, self._other_way_m, self.vehicle.cruise_mps)
+        elif self._way.moved_home is not None:
+            from_m, leg_m = self._way.beyond(self._way.moved_home)
+            here_m = self._way.position_m
+            ways = back_over(self._estimator.places, self.vehicle, here_m, from_m, rules.DETOUR * leg_m)
         else:
             return self._estimator.way_home(self._way.position_m, unsure_m)
         return self._estimator.way_home(float(ways["way_m"].sum()), unsure_m, ways)
@@ -370,6 +370,7 @@ class Companion:
         total = now.total[0]
         withheld_j = self._withheld_j(float(total["left_j"]))
         low_j = float(total["margin_low_j"]) - withheld_j
+        left = UncertainValue(float(total["left_j"]) - withheld_j, float(total["left_sd_j"]))
 
         def low_after_j(onwards_m: float) -> float:
             return float(estimator.leaves(home, onwards_m).total[0]["margin_low_j"]) - withheld_j
@@ -387,8 +388,8 @@ class Companion:
         return Advice(
             time_s=self._readings.clock_s,
             way_home_m=home.way_m,
-            energy_left_j=UncertainValue(float(total["left_j"]) - withheld_j, float(total["left_sd_j"])),
-            energy_home_j=UncertainValue(float(total["cost_j"]), float(total["cost_sd_j"])),
+            energy_left_j=left.within(0.0, self.vehicle.full_j),
+            energy_home_j=UncertainValue(float(total["cost_j"]), float(total["cost_sd_j"])).within(0.0, math.inf),
             margin_j=UncertainValue(float(total["margin_j"]) - withheld_j, float(total["margin_sd_j"])),
             chance_home=chance(now, withheld_j),
             risk=self.risk,
@@ -400,14 +401,13 @@ class Companion:
             and looks_back(estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s),
             rests_on=rests_on(self._has, estimator.known, self._what_home(), self._cutoff is not None),
             warnings=(*self._readings.warnings(), *self._off_route()),
-            action=self._action,
+            action=None if self._action is None else Action(*self._action),
         )
 
     def _withheld_j(self, left_j: float) -> float:
-        """Energy that the cut-off voltage keeps in the battery."""
-        if self._cutoff is None:
-            return 0.0
-        return max(left_j - self._cutoff.left() * self.vehicle.full_j, 0.0)
+        """Energy of the estimate that cannot be used: the cut-off voltage keeps it in the battery, or none holds it."""
+        share = 1.0 if self._cutoff is None else min(self._cutoff.left(), 1.0)
+        return max(left_j - share * self.vehicle.full_j, 0.0)
 
     def _off_route(self) -> tuple[str, ...]:
         off_m = self._way.off_route_m
@@ -416,55 +416,49 @@ class Companion:
     def _what_home(self) -> str:
         if self._other_way is not None:
             return "other way"
-        if self._moved_home is not None:
+        if self._way.moved_home is not None:
             return "moved"
         if self._route is None:
             return "trail"
         return "loop" if self._way.ends_at_home else "route"
 
     def state(self) -> dict[str, Any]:
-        """State for a restart, for JSON; some tens of kilobytes."""
-        self._flush()
-        return {
-            "schema": _SCHEMA, "robot": self.robot.name, **self._estimator.state(), "way": self._way.state(),
-            "cutoff": None if self._cutoff is None else self._cutoff.state(), "turned": self._turned, "has": self._has,
-            "moved_home": self._moved_home, "other_way_m": None if self._other_way is None else self._other_way[1],
-            "clock_s": self._readings.clock_s, "counts": self._readings.counts,
-            **({} if self._policy is None else {"policy": self._policy.state()}),
-        }  # fmt: skip
+        """State for a restart, for JSON; some tens of kilobytes. Nothing changes by asking for it."""
+        policy = {} if self._policy is None else {"policy": self._policy.state()}
+        return sealed({"robot": self.robot.name, "made_for": self._made_for, "companion": values_of(self), **policy})
 
     def restore(self, state: dict[str, Any], other_way: RouteLike | None = None) -> None:
-        """Continue from `state`, in a companion with the same arguments.
+        """Continue from `state`, in a companion with the same arguments; if that is refused, it is as before.
 
         Args:
             state: Value of `state`.
             other_way: The argument of `take_home`, if it was called.
 
         Raises:
-            CompanionError: The state is invalid, or of a companion with other arguments.
+            CompanionError: The state is damaged, of another version, or of a companion with other arguments.
         """
+        check_route(other_way, self._limits.way_m)
+        check_sealed(state)
+        if state["robot"] != self.robot.name:
+            raise CompanionError(f"the state is of robot {state['robot']!r}, not of {self.robot.name!r}")
+        if state["made_for"] != self._made_for:
+            raise CompanionError("the state is of another robot file, version or route, or of other arguments")
+        before, other_way_before = self.state(), self._other_way
         try:
-            if state["schema"] != _SCHEMA or state["robot"] != self.robot.name:
-                raise CompanionError(f"the state is of robot {state['robot']!r}, not of {self.robot.name!r}")
-            if other_way is None and state["other_way_m"] is not None:
-                raise CompanionError("the state is of a robot that takes another way home; pass it as other_way=")
-            check_route(other_way)
-            self._estimator.restore(state)
-            self._begin()
-            self._way.restore(state["way"])
-            if self._cutoff is not None and state["cutoff"]:
-                self._cutoff.restore(state["cutoff"])
-            self._turned = bool(state["turned"])
-            self._has, self._charged = {name: bool(one) for name, one in state["has"].items()}, True
-            moved = state["moved_home"]
-            self._moved_home = tuple(moved) if isinstance(moved, list) else moved
-            self._other_way = None if other_way is None else (other_way, float(state["other_way_m"] or 0.0))
-            self._readings.clock_s = float(state["clock_s"])
-            self._readings.counts.update(state["counts"])
-            if self._policy is not None:
-                self._policy.restore(state["policy"])
-        except (KeyError, TypeError, ValueError, zlib.error) as error:
+            self._put(state, other_way)
+        except DAMAGE as error:
+            self._put(before, other_way_before)
             raise CompanionError(f"the state cannot be used: {error}") from None
+
+    def _put(self, state: dict[str, Any], other_way: RouteLike | None) -> None:
+        put_values(self, state["companion"])
+        if other_way is None and self._other_way_m is not None:
+            raise CompanionError("the state is of a robot that takes another way home; pass it as other_way=")
+        self._other_way = other_way
+        if other_way is not None and self._other_way_m is None:
+            self._other_way_m = 0.0
+        if self._policy is not None:
+            self._policy.restore(state["policy"])
 
     def save(self, path: str | Path) -> None:
         """Write `state` to a file, completely or not at all.
@@ -488,7 +482,3 @@ class Companion:
         except ValueError as error:
             raise CompanionError(f"{path}: {error}") from None
         self.restore(state, other_way)
-
-
-def _with_warnings(advice: Advice, readings: Readings) -> Advice:
-    return dataclasses.replace(advice, warnings=readings.warnings())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,6 +23,8 @@ class Cutoff:
     Args:
         voltage_v: Cut-off voltage, V.
     """
+
+    SAVED: ClassVar = ("_normal", "_moment", "_windows", "_first", "_now")
 
     def __init__(self, voltage_v: float) -> None:
         self.voltage_v = voltage_v
@@ -49,17 +51,3 @@ class Cutoff:
             return math.inf
         fall = float(np.linalg.lstsq(self._normal, self._moment, rcond=1e-9)[0][2])
         return (voltage_v - self.voltage_v) / fall if fall > 0.0 else math.inf
-
-    def state(self) -> dict[str, Any]:
-        """State for a restart."""
-        return {
-            "normal": self._normal.tolist(), "moment": self._moment.tolist(), "windows": self._windows,
-            "first": self._first, "now": list(self._now),
-        }  # fmt: skip
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Continue from `state`."""
-        self._normal, self._moment = np.array(state["normal"]), np.array(state["moment"])
-        self._windows, self._first = int(state["windows"]), float(state["first"])
-        voltage_v, current_a, used = state["now"]
-        self._now = voltage_v, current_a, used

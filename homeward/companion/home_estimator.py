@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import math
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +13,13 @@ from numpy.typing import NDArray
 from homeward.companion import rules
 from homeward.companion.advice import UncertainValue
 from homeward.companion.prior_knowledge import PriorKnowledge
-from homeward.companion.readings import CompanionError, Reading
+from homeward.companion.readings import Reading
 from homeward.companion.way import RouteLike, Step
 from homeward.companion.window import Window
 from homeward.estimation import PLAN_DTYPE, READING_DTYPE, Estimator, Margin, vehicle_of
 from homeward.estimation.drive import modelled_driving
 from homeward.estimation.estimator import NO_WAYS
+from homeward.estimation.filter import place_of
 from homeward.estimation.home import home_cost, modelled_power
 from homeward.estimation.prior import PER_CAPACITY, USED, WEIGHT
 from homeward.estimation.tails import normal_risk
@@ -32,8 +31,6 @@ from homeward.physics.terminal_power import at_terminals
 
 _PACE = 0.2
 """Weight of the last window in the present pace. Chosen: some five windows count."""
-_MOST_STATE = 10_000_000
-"""Upper limit of the unpacked state, bytes. Chosen: bounds the memory that a damaged text may take."""
 _ONE = np.ones(1, np.bool_)
 
 
@@ -69,12 +66,15 @@ class HomeEstimator:
     Attributes:
         known: The prior, as its meter measures.
         vehicle: Parameters of the robot's own model in the form that the estimator takes.
-        at_terminals: Whether power is voltage times current, which excludes losses inside the battery.
         windows: Number of windows processed.
         pace_mps: Recent mean speed, including stops.
         pace_w: Recent mean power by the robot's own model, beyond steady driving.
         speed_mps: Last speed reading.
     """
+
+    SAVED: ClassVar = (
+        "at_terminals", "estimates", "_extra", "_state", "windows", "pace_mps", "pace_w", "speed_mps", "_heading_rad",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -91,41 +91,65 @@ class HomeEstimator:
         announce_compilation()
         self._robot, self._route, self._normal_risk = robot, route, normal_risk(risk)
         self._places, self._forecast_mps = places, forecast_mps or (0.0, 0.0)
-        self.known, self.at_terminals = known, False
+        self._known, self._at_terminals = known, False
         self.vehicle = vehicle_of(robot, place_m, cruise_mps)
-        self._meter(robot)
+        self._estimator = Estimator(self.vehicle, known.prior, places, 1)
+        self.at_terminals = False
         self.begin()
         self._compile()
 
-    def _meter(self, robot: Robot) -> float:
-        """Switch to the robot as the meter measures it; returns its power at cruise, W."""
-        self._record, self._state = plain(robot.record()), plain(full_charge(robot))
-        self._state["step_s"] = 1.0
-        standing_w, cruising_w = (
-            modelled_power(self.vehicle, self._record, self._state, speed, 0.0, 0.0, 0.0, 0.0, 1.0)[0]
-            for speed in (0.0, self.vehicle.cruise_mps)
-        )
-        self.vehicle = self.vehicle._replace(idle_w=float(standing_w))
-        return float(cruising_w)
+    def _modelled_w(self, robot: Robot, speed_mps: float) -> float:
+        """Power by the model of a robot with a full battery at a steady speed on level ground, W."""
+        record, state = plain(robot.record()), plain(full_charge(robot))
+        state["step_s"] = 1.0
+        return float(modelled_power(self.vehicle, record, state, speed_mps, 0.0, 0.0, 0.0, 0.0, 1.0)[0])
+
+    @property
+    def at_terminals(self) -> bool:
+        """Whether power is voltage times current, which excludes losses inside the battery."""
+        return self._at_terminals
+
+    @at_terminals.setter
+    def at_terminals(self, measured_so: bool) -> None:
+        self._at_terminals = measured_so
+        robot = at_terminals(self._robot) if measured_so else self._robot
+        self._record = plain(robot.record())
+        self.vehicle = self.vehicle._replace(idle_w=self._modelled_w(robot, 0.0))
+        prior, share = self._known.prior, self._metered_share
+        prior = prior._replace(capacity=share * prior.capacity, capacity_sd=share * prior.capacity_sd)
+        self.known = self._known._replace(prior=prior)
+        self._estimator.vehicle, self._estimator.prior = self.vehicle, prior
+
+    @property
+    def _metered_share(self) -> float:
+        """Share of the energy out of the cells that the meter measures at cruise."""
+        if not self.at_terminals:
+            return 1.0
+        cruise_mps = self.vehicle.cruise_mps
+        return self._modelled_w(at_terminals(self._robot), cruise_mps) / self._modelled_w(self._robot, cruise_mps)
 
     def see_terminals(self) -> None:
-        """From now on power is voltage times current, which excludes losses inside the battery."""
+        """From now on power is voltage times current."""
         if self.at_terminals:
             return
-        inside, self.at_terminals = self._meter(self._robot), True
-        share = self._meter(at_terminals(self._robot)) / inside
-        prior = self.known.prior
-        prior = prior._replace(capacity=share * prior.capacity, capacity_sd=share * prior.capacity_sd)
-        self.known = self.known._replace(prior=prior)
-        self._estimator.vehicle, self._estimator.prior = self.vehicle, prior
-        h = self._estimator.state["hypotheses"]
+        self.at_terminals = True
+        h, share = self._estimator.state["hypotheses"], self._metered_share
         h["mean"][..., PER_CAPACITY] /= share
         h["covariance"][..., PER_CAPACITY, :] /= share
         h["covariance"][..., :, PER_CAPACITY] /= share
 
+    @property
+    def estimates(self) -> NDArray[np.void]:
+        """State of the estimator, shape (1,)."""
+        return self._estimator.state
+
+    @estimates.setter
+    def estimates(self, estimates: NDArray[np.void]) -> None:
+        self._estimator.state[:] = estimates
+
     def begin(self) -> None:
         """Restart from the prior."""
-        self._estimator = Estimator(self.vehicle, self.known.prior, self._places, 1)
+        self._state = plain(full_charge(self._robot))
         forecast = np.array(self._forecast_mps)
         self._estimator.begin(_ONE, forecast[:1], forecast[1:])
         self._estimator.state["hypotheses"]["covariance"][..., WEIGHT, WEIGHT] += self.known.weight_sd**2
@@ -216,7 +240,7 @@ class HomeEstimator:
         """
         self._update(window, position_m)
         self.windows += 1
-        place_m, here = self.vehicle.place_m, self._place_at(position_m)
+        place_m, here = self.vehicle.place_m, place_of(self.vehicle, position_m, self._extra)
         self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
         self.pace_w = (1.0 - _PACE) * self.pace_w + _PACE * ((window.other_j - window.extra_j) / window.time_s)
         if window.way_m > rules.DRIVEN_SHARE * place_m:
@@ -257,12 +281,11 @@ class HomeEstimator:
         if not straight:
             self._estimator.relocate(position_m)
 
-    def _place_at(self, position_m: float) -> int:
-        return min(int(position_m / self.vehicle.place_m), self._places - 1)
-
     def _sine_noted(self, position_m: float) -> float:
         """Slope that the route has, 0 without one."""
-        return 0.0 if self._route is None else float(np.sin(self._route.grade_rad[self._place_at(position_m)]))
+        if self._route is None:
+            return 0.0
+        return math.sin(self._route.grade_rad[place_of(self.vehicle, position_m, self._route.grade_rad)])
 
     def way_home(self, way_m: float, unsure_m: float, ways: NDArray[np.void] | None = None) -> WayHome:
         """The way home and its energy by the robot's own model.
@@ -334,34 +357,3 @@ class HomeEstimator:
     def _standing_j(self, way_m: float) -> float:
         """Energy of standing for as long as a way takes at cruise."""
         return self.vehicle.idle_w / self.vehicle.cruise_mps * way_m
-
-    def state(self) -> dict[str, Any]:
-        """State for a restart."""
-        content = self._estimator.state.tobytes() + self._extra.tobytes()
-        return {
-            "dtype": self._digest(), "estimator": base64.b85encode(zlib.compress(content, 9)).decode(),
-            "windows": self.windows, "pace_mps": self.pace_mps, "pace_w": self.pace_w,
-            "at_terminals": self.at_terminals,
-        }  # fmt: skip
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Continue from `state`, with the same arguments.
-
-        Raises:
-            CompanionError: It is of another version or of another route.
-            KeyError, TypeError, ValueError, zlib.error: It is invalid.
-        """
-        if state["dtype"] != self._digest():
-            raise CompanionError("the state is of another version or of another route; start without it")
-        content = zlib.decompressobj().decompress(base64.b85decode(state["estimator"]), _MOST_STATE)
-        size = self._estimator.state.nbytes
-        self.begin()
-        if state["at_terminals"]:
-            self.see_terminals()
-        self._estimator.state[:] = np.frombuffer(content[:size], self._estimator.state.dtype)
-        self._extra[:] = np.frombuffer(content[size:], np.float64)
-        self.windows, self.pace_mps = int(state["windows"]), float(state["pace_mps"])
-        self.pace_w = float(state["pace_w"])
-
-    def _digest(self) -> str:
-        return f"{zlib.crc32(repr(self._estimator.state.dtype.descr).encode()):08x}"

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections import deque
-from typing import Any, NamedTuple
-
-import numpy as np
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
 
 from homeward import rules as shared
 from homeward.companion import rules
-from homeward.physics import Robot, ancillary_power, model
+from homeward.companion.limits import Limits
 
 Position = float | tuple[float, float]
+_MOST_SAID = 8
+"""Number of warnings kept. Chosen: more than a robot has instruments that fail at a time."""
 
 
 class CompanionError(ValueError):
@@ -40,6 +40,8 @@ class Reading(NamedTuple):
 class _Held:
     """The last value of an instrument, and its typical interval."""
 
+    SAVED: ClassVar = ("value", "at_s", "every_s")
+
     def __init__(self) -> None:
         self.value, self.at_s, self.every_s = math.nan, math.nan, math.nan
 
@@ -65,17 +67,23 @@ class _Held:
 class Readings:
     """Checks readings as they arrive.
 
+    Args:
+        limits: What the robot cannot exceed.
+        is_possible: Whether the robot can be at a position at all.
+
     Attributes:
         clock_s: Time since the first reading, s: it never goes back.
         counts: How many readings were left out, by reason.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    SAVED: ClassVar = (
+        "clock_s", "counts", "_last_s", "_ignored_s", "_back", "_power", "_grade", "_heading", "_clock", "_motion",
+        "_place", "_place_at_s", "_jumps", "_anchor", "_driven_m", "_said",
+    )  # fmt: skip
+
+    def __init__(self, limits: Limits, is_possible: Callable[[Position], bool]) -> None:
+        self._limits, self._is_possible = limits, is_possible
         self.clock_s, self.counts = 0.0, dict[str, int]()
-        force_n = float(model.traction_force(robot, robot.max_speed_mps, rules.STEEP_RAD))
-        full_w = float(model.drive_power(robot, force_n, robot.max_speed_mps))
-        self._most_w = rules.POWERS * (full_w + float(ancillary_power(robot, robot.max_sensing_hz)))
-        self._most_mps = rules.TOP_SPEEDS * robot.max_speed_mps
         self._last_s, self._ignored_s, self._back = math.nan, math.nan, 0
         self._power, self._grade, self._heading = _Held(), _Held(), _Held()
         self._clock, self._motion = _Held(), _Held()
@@ -83,7 +91,7 @@ class Readings:
         self._place_at_s, self._jumps = 0.0, 0
         self._anchor: Position | None = None
         self._driven_m = 0.0
-        self._said: deque[tuple[float, str]] = deque(maxlen=8)
+        self._said: tuple[tuple[float, str], ...] = ()
 
     def take(self, time_s: float, given: dict[str, Any]) -> Reading | None:
         """Check the readings of a moment; None if nothing is new.
@@ -106,11 +114,11 @@ class Readings:
         self._clock.see(0.0, self.clock_s)
         if dt_s > rules.GAP_INTERVALS * usual_s and dt_s > rules.LEAST_HOLD_S:
             self.say(f"no reading for {dt_s:.0f} s")
-        speed = self._within("speed_mps", given["speed_mps"], -self._most_mps, self._most_mps, "km/h?")
+        speed = self._within("speed_mps", given["speed_mps"], -self._limits.speed_mps, self._limits.speed_mps, "km/h?")
         voltage = self._within("voltage_v", given["voltage_v"], rules.LEAST_VOLTAGE_V, shared.MOST_VOLTAGE_V, "mV?")
         current = self._within("current_a", given["current_a"], -shared.MOST_CURRENT_A, shared.MOST_CURRENT_A, "mA?")
         power = given["power_w"] if math.isfinite(given["power_w"]) else voltage * current
-        power = self._within("power_w", power, -self._most_w, self._most_w, "mW?")
+        power = self._within("power_w", power, -self._limits.power_w, self._limits.power_w, "mW?")
         soc = self._within("soc", given["soc"], -rules.SOC_SLACK, 1.0 + rules.SOC_SLACK, "per cent?")
         grade = self._within("grade_rad", given["grade_rad"], -shared.STEEPEST_RAD, shared.STEEPEST_RAD, "degrees?")
         heading = self._within(
@@ -157,8 +165,8 @@ class Readings:
     def say(self, text: str, kind: str | None = None) -> None:
         """Warn for a while; a warning replaces one of the same kind."""
         kind = kind or text
-        kept = [(at_s, other) for at_s, other in self._said if not other.startswith(kind)]
-        self._said = deque([*kept, (self.clock_s, text)], maxlen=8)
+        others = [(at_s, other) for at_s, other in self._said if not other.startswith(kind)]
+        self._said = (*others, (self.clock_s, text))[-_MOST_SAID:]
 
     def warnings(self) -> tuple[str, ...]:
         """Present warnings, a sentence each."""
@@ -173,10 +181,12 @@ class Readings:
             self._last_s = time_s
             return 0.0
         dt_s = time_s - self._last_s
-        if dt_s > 0.0:
+        if dt_s > self._limits.gap_s:
+            return self._clock_was_set("forward", time_s, 1)
+        if dt_s >= rules.LEAST_STEP_S:
             self._last_s, self._back = time_s, 0
             return dt_s
-        if dt_s == 0.0:
+        if dt_s >= 0.0:
             self._leave_out("repeated readings")
             return None
         self._back = self._back + 1 if self._back == 0 or time_s > self._ignored_s else 1
@@ -184,10 +194,15 @@ class Readings:
         if self._back < rules.LATE:
             self._leave_out("late readings")
             return None
-        self.say(f"the clock was set back by {-dt_s:.0f} s: time continues as before")
+        return self._clock_was_set("back", time_s, rules.LATE)
+
+    def _clock_was_set(self, way: str, time_s: float, readings: int) -> float:
+        """Time since the last reading if the clock cannot say it: that of so many readings."""
+        by_s = abs(time_s - self._last_s)
+        self.say(f"the clock was set {way} by {_size(by_s)} s: time continues as before", f"the clock was set {way}")
         self._last_s, self._back = time_s, 0
         every_s = self._clock.every_s
-        return rules.LATE * every_s if math.isfinite(every_s) else 0.0
+        return readings * every_s if math.isfinite(every_s) else 0.0
 
     def _within(self, name: str, value: float, low: float, high: float, hint: str) -> float:
         if math.isnan(value) or low <= value <= high:
@@ -206,9 +221,12 @@ class Readings:
                 away_s = self.clock_s - self._place_at_s
                 self.say(f"no position for {away_s:.0f} s: dead reckoning", "no position")
             return None
+        if not self._is_possible(position):
+            self._leave_out("impossible position", f" (the last {_said(position)}: farther than the robot can drive)")
+            return None
         if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
-            apart_m = float(np.linalg.norm(np.subtract(position, self._place)))
-            most_m = self._most_mps * (self.clock_s - self._place_at_s) + 2.0 * shared.POSITION_M
+            apart_m = _apart_m(position, self._place)
+            most_m = self._limits.speed_mps * (self.clock_s - self._place_at_s) + 2.0 * shared.POSITION_M
             if apart_m > most_m and self._jumps < rules.JUMPS:
                 self._jumps += 1
                 self._leave_out("impossible position", f" (the last {apart_m:.0f} m away from the one before)")
@@ -224,7 +242,7 @@ class Readings:
         """Whether positions stay while the speed is not 0: dead reckoning is then the safer of both."""
         self._driven_m += driven_m
         same_kind = isinstance(position, float) == isinstance(self._anchor, float)
-        if self._anchor is None or not same_kind or np.linalg.norm(np.subtract(position, self._anchor)) > rules.STILL_M:
+        if self._anchor is None or not same_kind or _apart_m(position, self._anchor) > rules.STILL_M:
             self._anchor, self._driven_m = position, 0.0
         elif self._driven_m > rules.DRIVEN_M:
             text = f"the positions stay within {rules.STILL_M:g} m while the speed integrates to {self._driven_m:.0f} m"
@@ -237,10 +255,39 @@ def _number(name: str, value: Any) -> float:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise CompanionError(f"{name} = {value!r} is not a number; give a number, or None if nothing was read")
-    number = float(value)
+    number = as_float(value)
     return number if math.isfinite(number) else math.nan
 
 
+def as_float(value: Any) -> float:
+    """A number as a float, infinite if it is a whole number beyond all floats."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _apart_m(position: Position, other: Position) -> float:
+    """Distance of two positions of one kind, m."""
+    if isinstance(position, tuple) and isinstance(other, tuple):
+        return math.dist(position, other)
+    assert isinstance(position, float) and isinstance(other, float)
+    return abs(position - other)
+
+
+def _said(position: Position) -> str:
+    """A position in a few characters, whatever its size."""
+    if isinstance(position, float):
+        return f"{_size(position)} m"
+    return f"({_size(position[0])}, {_size(position[1])}) m"
+
+
+def _size(number: float) -> str:
+    """A whole number where that is short."""
+    return f"{number:.0f}" if abs(number) < _LONG else f"{number:.3g}"
+
+
+_LONG = 1e9  # from which a number is written with an exponent; chosen: ten digits are read at a glance
 _PLACE = "metres from home along the way, or (east, north) in metres"
 _ALLOWED = {"home": "(east, north) in metres, or 'here'", "forecast_mps": "(east, north) in m/s"}
 
@@ -254,9 +301,10 @@ def checked_position(name: str, value: Any) -> Position | None:
     if value is None:
         return None
     if isinstance(value, numbers.Real) and not isinstance(value, bool):
-        return float(value) if math.isfinite(value) else None
+        metres = as_float(value)
+        return metres if math.isfinite(metres) else None
     try:
-        east_m, north_m = (float(one) for one in value)
+        east_m, north_m = map(as_float, value)
     except (TypeError, ValueError):
         raise CompanionError(f"{name} = {value!r} is not allowed; give {_ALLOWED.get(name, _PLACE)}") from None
     return (east_m, north_m) if math.isfinite(east_m + north_m) else None

@@ -64,6 +64,17 @@ LARGEST_HOME_M = 1000.0
 
 # --- Readings: what is left out ---------------------------------------------------------------------------------------
 
+RANGES = 10.0
+"""Multiple of the distance driven on one charge above which a way home is impossible. Chosen: batteries that are
+swapped on the way, a tail wind and a way downhill make it several; another unit, or a broken receiver, a thousand."""
+
+EARTH_M = 4.0075e7
+"""Largest coordinate, m: the circumference of the earth at the equator (WGS 84). Beyond it is no frame on it."""
+
+LEAST_STEP_S = 1e-6
+"""Time, s, below which a reading repeats the last one. Chosen: above the resolution of seconds since 1970 in double
+precision, 0.24 microseconds."""
+
 TOP_SPEEDS = 2.0
 """Multiple of the robot's top speed above which a speed is impossible. Chosen: wide enough for any drive of the robot,
 narrow enough to detect a broken instrument or another unit."""

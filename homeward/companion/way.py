@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion import rules
 from homeward.companion.readings import CompanionError, Position, Reading
-from homeward.estimation import WAY_DTYPE
+from homeward.estimation import WAY_DTYPE, Vehicle
+from homeward.estimation.filter import place_of
 
 Array = NDArray[np.float64]
 
@@ -53,10 +54,21 @@ class Way:
         home: Coordinates of home, `"here"` for the place of the first reading, or None if positions are metres.
         route: The route, if there is one.
         crumb_m: Distance between points of the trail, and from the trail at which the robot may join it.
+        most_m: Longest way home that is possible, m.
+
+    Attributes:
+        position_m: Way home along the trail or route, m.
+        moved_home: Where home has moved to, None if it has not.
     """
 
-    def __init__(self, home: Position | str | None, route: RouteLike | None, crumb_m: float) -> None:
-        self.home, self.crumb_m = home, crumb_m
+    SAVED: ClassVar = (
+        "crumb_m", "position_m", "reckoned_m", "off_route_m", "moved_home", "_heading_rad", "_sign", "_xy", "_crumbs",
+        "_at_m", "_count", "_told_metres",
+    )  # fmt: skip
+
+    def __init__(self, home: Position | str | None, route: RouteLike | None, crumb_m: float, most_m: float) -> None:
+        self.home, self.crumb_m, self._most_m, self._route = home, crumb_m, most_m, route
+        self.moved_home: Position | None = None
         self.position_m, self.reckoned_m = 0.0, 0.0
         self.route_m = None if route is None else float(route.place_m) * len(route.grade_rad)
         self._heading_rad, self._sign = math.nan, 1.0
@@ -67,7 +79,6 @@ class Way:
         if route is not None:
             along = route.place_m * np.stack((np.cos(route.heading_rad), np.sin(route.heading_rad)), axis=-1)
             self._corners = np.concatenate((np.zeros((1, 2)), np.cumsum(along, axis=0)))
-            self._route_heading = np.asarray(route.heading_rad, dtype=np.float64)
             self._place_m = float(route.place_m)
             self.ends_at_home = len(along) > 2 and float(np.hypot(*self._corners[-1])) <= self._place_m
         self.off_route_m = 0.0
@@ -80,7 +91,8 @@ class Way:
             CompanionError: The position cannot be determined, or home was not set.
         """
         before_m, speed = self.position_m, reading.speed_mps
-        driven_m = abs(speed) * reading.dt_s if math.isfinite(speed) else math.nan
+        # Not more in a gap than a robot can drive at all; `min` keeps NaN where it comes first.
+        driven_m = min(abs(speed) * reading.dt_s, self._most_m)
         if isinstance(reading.position, float):
             self._told_metres = True
             self.position_m, self.reckoned_m = max(reading.position, 0.0), 0.0
@@ -138,8 +150,9 @@ class Way:
     def _along_route(self, driven_m: float, heading: float, speed: float) -> None:
         sign = math.copysign(1.0, speed) if math.isfinite(speed) and speed else 1.0
         if math.isfinite(heading):
-            place = min(int(self.position_m / self._place_m), len(self._route_heading) - 1)
-            sign = math.copysign(1.0, math.cos(heading - self._route_heading[place])) * sign
+            assert self._route is not None
+            ahead_rad = self._route.heading_rad[place_of(self._route, self.position_m, self._route.heading_rad)]
+            sign = math.copysign(1.0, math.cos(heading - ahead_rad)) * sign
         self._sign = sign
         assert self.route_m is not None
         self.position_m = min(max(self.position_m + sign * driven_m, 0.0), self.route_m)
@@ -181,6 +194,24 @@ class Way:
         self.off_route_m = float(apart_m[best])
         return float(at_m[best] + self.off_route_m)
 
+    def is_possible(self, position: Position) -> bool:
+        """Whether the robot can come to a position from home, on several charges; without a home, whether it is on
+        the earth."""
+        if isinstance(position, float):
+            home_m = self.moved_home if isinstance(self.moved_home, float) else 0.0
+            return abs(position - home_m) <= self._most_m
+        home = self._home_place()
+        if home is None:
+            return math.hypot(*position) <= rules.EARTH_M
+        return math.dist(position, home) <= self._most_m
+
+    def _home_place(self) -> tuple[float, float] | None:
+        """East and north coordinate of home, None if it has none."""
+        for home in (self.moved_home, self.home):
+            if isinstance(home, tuple):
+                return home
+        return (float(self._crumbs[0, 0]), float(self._crumbs[0, 1])) if self._count else None
+
     def beyond(self, home: Position) -> tuple[float, float]:
         """For a home that moved: from which metre of the trail to leave it, and the length of the leg then, m."""
         if isinstance(home, float):
@@ -192,24 +223,6 @@ class Way:
         leg_m = np.hypot(*(crumbs - np.asarray(home)).T)
         best = int(np.argmin(self.position_m - at_m + leg_m))
         return float(at_m[best]), float(leg_m[best])
-
-    def state(self) -> dict[str, Any]:
-        """State for a restart."""
-        used = self._count
-        return {
-            "position_m": self.position_m, "reckoned_m": self.reckoned_m, "sign": self._sign, "xy": self._xy.tolist(),
-            "crumb_m": self.crumb_m, "crumbs": self._crumbs[:used].round(3).tolist(),
-            "at_m": self._at_m[:used].round(3).tolist(), "told_metres": self._told_metres,
-        }  # fmt: skip
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Continue from `state`."""
-        self.position_m, self.reckoned_m, self._sign = (float(state[k]) for k in ("position_m", "reckoned_m", "sign"))
-        self._xy, self.crumb_m = np.array(state["xy"], dtype=np.float64), float(state["crumb_m"])
-        self._count = len(state["at_m"])
-        self._crumbs[: self._count] = np.reshape(state["crumbs"], (-1, 2))
-        self._at_m[: self._count] = state["at_m"]
-        self._told_metres = bool(state["told_metres"])
 
 
 def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray[np.void]:
@@ -223,24 +236,27 @@ def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray
 
 
 def back_over(
-    places: NDArray[np.void], place_m: float, here_m: float, from_m: float, leg_m: float, cruise_mps: float
+    places: NDArray[np.void], vehicle: Vehicle, here_m: float, from_m: float, leg_m: float
 ) -> NDArray[np.void]:
     """Back along the way out to a given metre, and then a leg over unknown ground, `WAY_DTYPE`.
 
     Args:
         places: The estimator's notes on the places of the way out, shape (places,).
-        place_m: Length of a place, m.
+        vehicle: The robot's own model, with the length of a place and the speed.
         here_m: Position of the robot on it, m.
         from_m: Position on it to go back to, m.
         leg_m: Length of the leg, m.
-        cruise_mps: Speed, m/s.
     """
-    edges = np.arange(math.floor(min(from_m, here_m) / place_m), math.floor(here_m / place_m) + 1)
-    lengths = np.minimum((edges + 1) * place_m, here_m) - np.maximum(edges * place_m, from_m)
+    place_m = vehicle.place_m
+    first, last = place_of(vehicle, min(from_m, here_m), places), place_of(vehicle, here_m, places)
+    edges = np.arange(first, last + 1)
+    # The last place goes on for as long as the way does.
+    ends_m = np.where(edges == last, here_m, (edges + 1) * place_m)
+    lengths = ends_m - np.maximum(edges * place_m, from_m)
     edges, lengths = edges[lengths > 0.0], lengths[lengths > 0.0]
     ways = np.zeros(len(edges) + (leg_m > 0.0), WAY_DTYPE)
-    ways["speed_mps"] = cruise_mps
-    back, noted = ways[: len(edges)], places[np.minimum(edges, len(places) - 1)]
+    ways["speed_mps"] = vehicle.cruise_mps
+    back, noted = ways[: len(edges)], places[edges]
     back["way_m"], back["sine"] = lengths, -noted["sine_driven"]
     back["east"], back["north"] = -noted["east"], -noted["north"]
     if leg_m > 0.0:

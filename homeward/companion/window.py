@@ -30,6 +30,7 @@ class Window:
         self._read_j = self._read_s = self._sine_m = self._graded_m = 0.0
         self._east_m = self._north_m = self._headed_m = self._speed_m = self._speedy_m = 0.0
         self._volt_s = self._amp_s = self._electric_s = 0.0
+        self.SAVED = tuple(vars(self))
 
     def add(self, reading: Reading, step: Step, modelled_w: float, drive_w: float, steady_w: float) -> None:
         """Add a reading, with the model's mean powers since the last one: total, of the drive, of steady driving."""
@@ -37,7 +38,8 @@ class Window:
         self.time_s += dt_s
         self.way_m += way_m
         self.stood_s += dt_s if reading.speed_mps == 0.0 else 0.0
-        driving_j = steady_w * (way_m / abs(reading.speed_mps) if reading.speed_mps > 0.0 else dt_s)  # NaN: by the way
+        # By the way: energy per metre, which is finite also where a speed is next to nothing. Without a speed: by time.
+        driving_j = steady_w / reading.speed_mps * way_m if reading.speed_mps > 0.0 else steady_w * dt_s
         self.modelled_j += (modelled_w - steady_w) * dt_s + driving_j
         self.other_j += (modelled_w - steady_w) * dt_s
         self.extra_j += (drive_w - steady_w) * dt_s

@@ -129,8 +129,12 @@ def update(
 
 @inline
 def place_of(v: Any, position_m: float, places: Any) -> int:
-    """Number of the place that a position is in."""
-    return min(int(position_m / v.place_m), len(places) - 1)
+    """Number of the place that a position is in; of one before the first place, or of none, the first."""
+    number = position_m / v.place_m
+    if not number > 0.0:  # also NaN
+        return 0
+    # Compared before it is converted: a float beyond 64 bits has no integer, and no place.
+    return int(number) if number < len(places) - 1 else len(places) - 1
 
 
 @inline

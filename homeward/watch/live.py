@@ -58,9 +58,8 @@ def _with_bar(share: float, text: str, style: str) -> Table:
     return rows
 
 
-def _between(one: UncertainValue) -> str:
-    low, high = quantities.energy(max(one.low, 0.0)), quantities.energy(max(one.high, 0.0))
-    return f"{quantities.energy(max(one.mean, 0.0))} ({low} to {high})"
+def _between(value: UncertainValue) -> str:
+    return f"{quantities.energy(value.mean)} ({quantities.energy(value.low)} to {quantities.energy(value.high)})"
 
 
 def kind_of(warning: str) -> str:

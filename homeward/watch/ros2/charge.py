@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from homeward.watch import rules
 
 
 class Charge:
     """Distinguishes a charged or swapped battery from one that recovers while the robot rests."""
+
+    SAVED: ClassVar = ("_from", "_charging")
 
     def __init__(self) -> None:
         self._from, self._charging = math.inf, False

@@ -11,9 +11,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any, ClassVar, NamedTuple
 
 from homeward import quantities
 from homeward.companion import rules as companion_rules
@@ -46,6 +44,7 @@ _SETTLES_S = 2.0
 _MOST = 1000
 """Values of a channel that are kept until there is motion. Chosen: bounds memory."""
 _ELECTRIC = {name for names in POWER for name in names}
+_PER_CENT = 100.0
 _LAST = {"heading", "heading_rad", "soc"}
 """Channels of which the last value is used, not the mean: directions have none."""
 _VOID = _ELECTRIC | {"grade", "heading"}
@@ -96,6 +95,10 @@ class Listener:
         odometry: The frame of the positions.
     """
 
+    SAVED: ClassVar = (
+        "odometry", "_charge", "_per_cent", "_as_charging", "_as_discharging", "_voltage_v", "_turned_rad",
+    )  # fmt: skip
+
     def __init__(self, mapping: Topics | None, max_speed_mps: float) -> None:
         self._mapping = mapping
         self.wanted: dict[str, str] = {}
@@ -107,13 +110,14 @@ class Listener:
         self._getters: dict[str, dict[str, Callable[[Any], float]]] = {}
         self._values: dict[str, deque[float]] = {}
         self._place: tuple[float, float, float] | None = None
-        self._stamps = Stamps()
+        self.stamps = Stamps()
         self._stamp: tuple[float | None, float] | None = None
         self._first_motion_s: float | None = None
         self._said: dict[str, tuple[str, float]] = {}  # by kind: what, and when
         self._at: dict[str, tuple[float, float]] = {}  # of each topic: when it last came, and how often it does
         self._charge = Charge()
-        self._voltage_v, self._per_cent, self._signs = math.nan, False, [0, 0]
+        self._voltage_v, self._per_cent = math.nan, False
+        self._as_charging = self._as_discharging = 0  # readings of the current while driving, by their sign
         self._turned_rad: float | None = None
         self._past: deque[tuple[float, float, float]] = deque()  # time, acceleration, speed
 
@@ -172,10 +176,12 @@ class Listener:
             yaw_rad = heading_of(values, self._chosen["pose"][0])
             speed = self._values["speed_mps"][-1] if "speed_mps" in self._values else math.nan
             pose = values[POSE[0]], values[POSE[1]], 0.0 if math.isnan(yaw_rad) else yaw_rad
-            if all(map(math.isfinite, pose)):
+            if not math.hypot(*pose[:2]) <= companion_rules.EARTH_M:
+                self._place = pose  # as it is, so that the companion says it; no frame is moved for it
+            else:
                 self._place, moved = self.odometry.place(pose, speed, publisher, now_s)
                 if moved:
-                    self._say(f"{name} was restarted elsewhere: the way continues from where the robot was", now_s)
+                    self.say(f"{name} was restarted elsewhere: the way continues from where the robot was", now_s)
         motion = next((one for one in _MOTION if one in self._chosen), None)
         if motion in spoke:
             self._first_motion_s = now_s if self._first_motion_s is None else self._first_motion_s
@@ -192,11 +198,11 @@ class Listener:
         """
         if self._stamp is None or self._first_motion_s is None:
             return None
-        before_s = self._stamps.time_s
-        time_s = self._stamps.see(*self._stamp)
+        before_s = self.stamps.time_s
+        time_s = self.stamps.see(*self._stamp)
         self._stamp = None
-        if self._stamps.said:
-            self._say(self._stamps.said, now_s)
+        if self.stamps.said:
+            self.say(self.stamps.said, now_s)
         if time_s is None:
             return None
         if now_s - self._first_motion_s < _SETTLES_S:
@@ -206,14 +212,14 @@ class Listener:
 
     def silence(self, now_s: float) -> Heard:
         """Readings since the last call without motion: the passed time, and whatever else there is."""
-        return self._heard_by(self._stamps.without(now_s), 0.0, now_s)
+        return self._heard_by(self.stamps.without(now_s), 0.0, now_s)
 
     def warnings(self, now_s: float) -> list[str]:
         """Present warnings about messages, a line each."""
         for name, (at_s, usual_s) in self._at.items():
             allowed_s = max(rules.SILENT_INTERVALS * usual_s, rules.SHORTEST_SILENCE_S)
             if name in self.sources.values() and now_s - at_s > allowed_s:
-                self._say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
+                self.say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
         self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= companion_rules.STAYS_S}
         return [text for text, _ in self._said.values()]
 
@@ -233,7 +239,8 @@ class Listener:
 
     def _heard_by(self, time_s: float, dt_s: float, now_s: float) -> Heard:
         values = {
-            name: several[-1] if name in _LAST else float(np.mean(several)) for name, several in self._values.items()
+            name: several[-1] if name in _LAST else sum(several) / len(several)
+            for name, several in self._values.items()
         }
         self._values, place, self._place = {}, self._place, None
         speed = values.get(
@@ -242,8 +249,8 @@ class Listener:
         reading: dict[str, Any] = {"speed_mps": speed, "sensing_hz": values.get("sensing_hz")}
         reading |= self._power(values, speed, now_s)
         if "soc" in values:
-            self._per_cent |= values["soc"] > CHANNELS["soc"].high
-            reading["soc"] = values["soc"] * (0.01 if self._per_cent else 1.0)
+            self._per_cent |= CHANNELS["soc"].high < values["soc"] <= _PER_CENT * CHANNELS["soc"].high
+            reading["soc"] = values["soc"] / (_PER_CENT if self._per_cent else 1.0)
         slope = values.get("grade_rad", values.get("grade", math.nan))
         if math.isnan(slope):
             slope = self._slope_felt(time_s, values.get(ACCELERATION, math.nan), speed)
@@ -251,9 +258,11 @@ class Listener:
         if place is not None:
             reading["position"] = place[:2]
         reading["heading_rad"] = self._heading(values, place, dt_s)
-        charged = "soc" in reading and self._charge.see(reading["soc"])
+        # The companion says which states of charge are impossible; they show no charge either.
+        possible = abs(reading.get("soc", math.nan) - 0.5) <= 0.5 + companion_rules.SOC_SLACK
+        charged = possible and self._charge.see(reading["soc"])
         if charged:
-            self._say(f"the battery was charged or swapped: {reading['soc']:.0%}", now_s, "the battery was charged")
+            self.say(f"the battery was charged or swapped: {reading['soc']:.0%}", now_s, "the battery was charged")
         return Heard(time_s, reading, reading["soc"] if charged else None)
 
     def _heading(self, values: dict[str, float], place: tuple[float, float, float] | None, dt_s: float) -> float:
@@ -264,8 +273,10 @@ class Listener:
             if name in values:
                 return values[name]
         if place is None and "yaw_rate_radps" in values and not {"heading_rad", "heading", "pose"} & set(self._chosen):
-            self._turned_rad = (self._turned_rad or 0.0) + values["yaw_rate_radps"] * dt_s
-            return self._turned_rad
+            turned_rad = (self._turned_rad or 0.0) + values["yaw_rate_radps"] * dt_s
+            if math.isfinite(turned_rad):
+                self._turned_rad = math.remainder(turned_rad, math.tau)
+            return self._turned_rad or 0.0
         return math.nan
 
     def _power(self, values: dict[str, float], speed: float, now_s: float) -> dict[str, float]:
@@ -277,11 +288,12 @@ class Listener:
         current = values["current_a"]
         if self._chosen["current_a"][1].msgtype == BATTERY:
             if abs(speed) > logs_rules.STANDSTILL_MPS and current:
-                self._signs[current > 0.0] += 1
-            charging, discharging = self._signs
-            if charging > discharging and charging + discharging >= rules.FEWEST_SIGNS:
+                self._as_charging += current < 0.0
+                self._as_discharging += current > 0.0
+            readings = self._as_charging + self._as_discharging
+            if self._as_charging > self._as_discharging and readings >= rules.FEWEST_SIGNS:
                 current = -current
-                self._say(
+                self.say(
                     f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
                     "of BatteryState; it is used as discharge", now_s,
                 )  # fmt: skip
@@ -300,7 +312,7 @@ class Listener:
         if passed_s < rules.LEAST_OF_WINDOW * grade.ACCELERATION_S:
             return math.nan
         own = (speed - self._past[0][2]) / passed_s
-        sine = (float(np.mean([one[1] for one in self._past])) - own) / grade.GRAVITY_MPS2
+        sine = (sum(mps2 for _, mps2, _ in self._past) / len(self._past) - own) / grade.GRAVITY_MPS2
         return math.asin(min(max(sine, -1.0), 1.0))
 
     def _heard(self, name: str, now_s: float) -> None:
@@ -317,5 +329,6 @@ class Listener:
         step_s = min(since_s, step_s + rules.SHORTEST_INTERVAL_S)
         self._at[name] = now_s, (1.0 - new) * usual_s + new * step_s
 
-    def _say(self, text: str, now_s: float, kind: str | None = None) -> None:
+    def say(self, text: str, now_s: float, kind: str | None = None) -> None:
+        """Warn for a while; a warning replaces one of the same kind."""
         self._said[kind or text] = text, now_s

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+
+from cyclonedds.core import DDSException
 
 from homeward.companion import Advice, Companion, CompanionError
+from homeward.companion.saved import DAMAGE, check_sealed, put_values, sealed, values_of
 from homeward.files import read_json, write_whole
 from homeward.logs.bags.topics import Topics
 from homeward.watch import rules
 from homeward.watch.ros2 import advice_messages
-from homeward.watch.ros2.listener import Listener
+from homeward.watch.ros2.listener import Heard, Listener
 from homeward.watch.ros2.network import Network
 
 PERIOD_S = 0.1
@@ -50,6 +53,7 @@ class Node:
         self.messages = 0
         self._network = Network(domain)
         self._found: dict[str, str] = {}
+        self._failures: dict[str, str] = {}  # by what was attempted
         self._heard_s = self._published_s = -1e9
         self._published: tuple[bool, bool] | None = None
 
@@ -57,6 +61,11 @@ class Node:
     def found(self) -> dict[str, str]:
         """Topics of the network that may be subscribed, with the types of their messages."""
         return self._found
+
+    @property
+    def failures(self) -> list[str]:
+        """What failed when it was last attempted, a line each."""
+        return list(self._failures.values())
 
     @property
     def silent(self) -> bool:
@@ -67,7 +76,6 @@ class Node:
         """Process new messages, and publish what is due; whether there is a new advice.
 
         Raises:
-            CompanionError: The robot's position cannot be determined.
             RecordingError: The mapping names a field that a message does not have.
         """
         found = {name: kind for name, kind in self._network.found().items() if self._meant(name)}
@@ -86,13 +94,31 @@ class Node:
         elif self.advice is not None and self.silent and now_s - self._published_s >= _PUBLISH_S:
             heard = self.listener.silence(now_s)
         if heard is not None:
-            if heard.charged is not None:
-                self.companion.swap_battery(min(max(heard.charged, 0.0), 1.0))
-            self.advice = self.companion.update(heard.time_s, **heard.reading)
+            self.attempt("advising", lambda: self._advise(heard))
         unreadable = [f"messages of {name} do not fit their type and are left out" for name in self._network.unreadable]
-        self.warnings = [*unreadable, *self.listener.warnings(now_s), *(self.advice.warnings if self.advice else ())]
-        self._publish(now_s)
+        advised = self.advice.warnings if self.advice else ()
+        self.warnings = [*self.failures, *unreadable, *self.listener.warnings(now_s), *advised]
+        self.attempt("publishing", lambda: self._publish(now_s))
         return heard is not None
+
+    def attempt(self, what: str, act: Callable[[], object]) -> None:
+        """Do what may fail for a while, as on a full disk: a failure is a warning until it succeeds, and ends nothing.
+
+        Args:
+            what: What is done, for the warning.
+            act: What does it.
+        """
+        try:
+            act()
+        except (OSError, DDSException, CompanionError) as error:
+            self._failures[what] = f"{what} failed: {' '.join(str(error).split())}"
+        else:
+            self._failures.pop(what, None)
+
+    def _advise(self, heard: Heard) -> None:
+        if heard.charged is not None:
+            self.companion.swap_battery(min(max(heard.charged, 0.0), 1.0))
+        self.advice = self.companion.update(heard.time_s, **heard.reading)
 
     def _meant(self, name: str) -> bool:
         return name.startswith(f"{self._namespace}/") and f"/{advice_messages.OWN}/" not in name
@@ -114,18 +140,24 @@ class Node:
         Raises:
             OSError: It cannot be written.
         """
-        state = {"companion": self.companion.state(), "odometry": self.listener.odometry.state()}
+        state = sealed({
+            "companion": self.companion.state(), "listener": values_of(self.listener),
+            "time_s": self.listener.stamps.without(time.monotonic()), "unix_s": time.time(),
+        })  # fmt: skip
         write_whole(path, json.dumps(state) + "\n")
 
     def load(self, path: Path) -> None:
-        """Continue from a file that `save` wrote.
+        """Continue from a file that `save` wrote. The time since then has passed, by this computer's clock.
 
         Raises:
-            CompanionError: It is invalid.
+            CompanionError: It is damaged, or of another version or other arguments; nothing has changed.
+            OSError: It cannot be read.
         """
         try:
-            state: dict[str, Any] = read_json(path)
-            self.listener.odometry.restore(state["odometry"])
+            state = read_json(path)
+            check_sealed(state)
             self.companion.restore(state["companion"])
-        except (OSError, KeyError, TypeError, ValueError) as error:
-            raise CompanionError(f"the state in {path} cannot be used: {error}; delete it to start anew") from None
+            put_values(self.listener, state["listener"])
+            self.listener.stamps.time_s = state["time_s"] + max(time.time() - state["unix_s"], 0.0)
+        except DAMAGE as error:
+            raise CompanionError(f"the state in {path} cannot be used: {error}") from None

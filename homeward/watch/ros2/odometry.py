@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from homeward.watch import rules
 
@@ -17,6 +18,8 @@ class Odometry:
     Args:
         max_speed_mps: Top speed of the robot.
     """
+
+    SAVED: ClassVar = ("_turn_rad", "_east_m", "_north_m")
 
     def __init__(self, max_speed_mps: float) -> None:
         self._max_speed_mps = max_speed_mps
@@ -60,11 +63,3 @@ class Odometry:
         x_m, y_m, _ = self._here(pose)
         self._east_m = east_m + way_m * math.cos(yaw_rad) - x_m
         self._north_m = north_m + way_m * math.sin(yaw_rad) - y_m
-
-    def state(self) -> list[float]:
-        """State for a restart of this process: the frame."""
-        return [self._turn_rad, self._east_m, self._north_m]
-
-    def restore(self, state: list[float]) -> None:
-        """Continue from `state`."""
-        self._turn_rad, self._east_m, self._north_m = (float(one) for one in state)

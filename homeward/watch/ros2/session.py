@@ -6,12 +6,13 @@ import contextlib
 import dataclasses
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from homeward import quantities
+from homeward import cli, quantities
 from homeward.cli import Terminal
-from homeward.companion import Companion
+from homeward.companion import Companion, CompanionError
 from homeward.logs.bags.topics import load_topics
 from homeward.physics import Robot
 from homeward.watch.live import LiveView, kind_of
@@ -35,11 +36,12 @@ class Session:
         mapping: Mapping of topics, shipped name or TOML file; by default the shipped one that covers most.
         namespace: See `Node`.
         home: Home in the frame of the odometry, m; by default the first position received.
-        state: File of the state: read if it exists, and written every minute and at the end.
+        state: File of the state: read if it exists, and written every minute and at the end. One that cannot be used
+            is left out with a warning.
         keywords: Arguments of the companion.
 
     Raises:
-        CompanionError: An argument or the state is invalid, or the domain cannot be joined.
+        CompanionError: An argument is invalid, or the domain cannot be joined.
         RecordingError: The mapping is invalid.
     """
 
@@ -52,20 +54,19 @@ class Session:
         self.node = Node(companion, domain, topics, namespace)
         self._where = f"{robot.name} on domain {domain}"
         self._state = state
-        if state is not None and state.is_file():
-            self.node.load(state)
+        if state is not None:
+            self._load(state)
 
     def run(self, console: Terminal, quiet: bool, done: Callable[[], bool] = lambda: False) -> None:
         """Subscribe and advise until it is done or interrupted.
 
         Raises:
-            CompanionError, RecordingError: See `Node.step`.
-            OSError: The state cannot be written.
+            RecordingError: See `Node.step`.
         """
         began_s = saved_s = time.monotonic()
         full_j = self.node.companion.robot.usable_energy_j
         with contextlib.ExitStack() as stack:
-            stack.callback(self._save)
+            stack.callback(self._end)
             live = None
             if console.is_terminal and not quiet:
                 live = stack.enter_context(LiveView(console, full_j))
@@ -75,17 +76,34 @@ class Session:
                 news = self.node.step()
                 if live is not None and news and (advice := self.node.advice) is not None:
                     shown = dataclasses.replace(advice, warnings=tuple(self.node.warnings))
-                    live.show(self._where, shown, advice.time_s, float("inf"))
+                    self.node.attempt("showing", partial(live.show, self._where, shown, advice.time_s, float("inf")))
                 elif not quiet:
-                    printer.say(now_s - began_s, live is None)
+                    self.node.attempt("printing", partial(printer.say, now_s - began_s, live is None))
                 if now_s - saved_s >= _SAVED_S:
                     saved_s = now_s
                     self._save()
                 time.sleep(max(now_s + PERIOD_S - time.monotonic(), 0.0))
 
+    def _load(self, state: Path) -> None:
+        try:
+            self.node.load(state)
+        except FileNotFoundError:
+            return  # the first start
+        except (OSError, CompanionError) as error:
+            text = f"begun without the state: {error}; without --home, home is where the robot is now"
+            cli.remark(self._where, text)
+            self.node.listener.say(text, time.monotonic())
+
+    def _end(self) -> None:
+        """Save, and say what cannot be shown any more."""
+        self._save()
+        for text in self.node.failures:
+            with contextlib.suppress(OSError):  # nothing is left to say it to
+                cli.remark(self._where, text)
+
     def _save(self) -> None:
         if self._state is not None and self.node.advice is not None:
-            self.node.save(self._state)
+            self.node.attempt("saving the state", partial(self.node.save, self._state))
 
 
 class _Printer:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from homeward.logs import rules as logs_rules
 from homeward.logs.bags import grade
 from homeward.logs.bags.topics import ACCELERATION, ORIENTATION, Topic
 
@@ -29,7 +30,9 @@ def _quaternion(values: dict[str, float], topic: Topic) -> np.ndarray[Any, np.dt
     path = topic.vectors[ORIENTATION]
     if values.get(f"{path}_covariance[0]") == -1.0:
         return np.full((4, 1), np.nan)
-    return np.array([[values[f"{path}.{axis}"]] for axis in "xyzw"])
+    quaternion = np.array([[values[f"{path}.{axis}"]] for axis in "xyzw"])
+    # No part of a rotation is longer than 1.
+    return np.where(np.abs(quaternion) <= 1.0 + logs_rules.UNIT_LENGTH_ERROR, quaternion, np.nan)
 
 
 def slope(topic: Topic) -> Value:

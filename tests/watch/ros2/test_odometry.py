@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from homeward.companion.saved import put_values, values_of
 from homeward.watch.ros2.odometry import Odometry
 
 
@@ -22,7 +23,7 @@ def test_one_that_is_restarted_goes_on_where_the_robot_was() -> None:
     place, moved = odometry.place((2.0, -1.0, 0.1), 0.5, 2, 12.0)
     assert not moved and place == pytest.approx((41.0, 37.0, 0.5 * math.pi + 0.1))
     other = Odometry(1.0)
-    other.restore(odometry.state())
+    put_values(other, values_of(odometry))
     assert other.place((2.0, -1.0, 0.1), 0.5, 2, 0.0)[0] == pytest.approx(place)
 
 

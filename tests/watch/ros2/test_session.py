@@ -1,5 +1,6 @@
 """A session of `homeward watch --ros2`: what is printed, and that it goes on from its state."""
 
+import contextlib
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,8 +11,9 @@ import pytest
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
 from homeward.cli import Terminal
-from homeward.companion import Companion, CompanionError
+from homeward.companion import Companion
 from homeward.physics import load_robot
+from homeward.watch.ros2 import session as session_module
 from homeward.watch.ros2.node import Node
 from homeward.watch.ros2.session import Session, _Printer
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
@@ -48,9 +50,48 @@ def test_a_session_goes_on_from_its_state(tmp_path: Path, capsys: pytest.Capture
     assert "topic mapping any_robot: " in printed and "from /odom" in printed and "turn within" in printed
     assert other.node.advice is None and other.node.messages == 0
     assert "waiting for motion; subscribed by the topic mapping : none; 0 other topics" in capsys.readouterr().out
-    state.write_text('{"companion": {}}')
-    with pytest.raises(CompanionError, match="cannot be used"):
-        drive(0.0)
+
+
+@pytest.mark.parametrize(
+    "content", ['{"companion": {}}', "nonsense", "[]", "", '{"schema": 2, "companion": {}, "seal": ""}']
+)
+def test_a_state_that_cannot_be_used_is_said_and_left_out(
+    content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = tmp_path / "state.json"
+    state.write_text(content)
+    session = Session(load_robot("husky"), DOMAIN, state=state)
+    session.node.step()
+    (said,) = session.node.warnings
+    assert said.startswith("begun without the state: the state in ") and "home is where the robot is now" in said
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_disk_that_cannot_be_written_ends_nothing_and_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither for the state, nor for what is printed."""
+    monkeypatch.setattr(session_module, "_SAVED_S", 0.1)
+    monkeypatch.setattr(session_module, "_PRINTED_S", 0.1)
+    (tmp_path / "folder").mkdir()
+    state = tmp_path / "folder" / "state.json"
+    session = Session(load_robot("husky"), DOMAIN, state=state)
+    (tmp_path / "folder").rmdir()
+    (tmp_path / "folder").touch()  # a folder that no file can be made in, also by root
+    node, end_s, said = session.node, time.monotonic() + LONGEST_S, set[str]()
+
+    def done() -> bool:
+        assert time.monotonic() < end_s, node.warnings
+        said.update(text.split(" failed: ")[0] for text in node.warnings)
+        return {"saving the state", "printing"} <= said and node.advice is not None and node.advice.way_home_m > 2.0
+
+    console, went_on = Terminal(), False
+    with contextlib.suppress(OSError), Path("/dev/full").open("w") as full, robot("--speed", "1"):
+        console.file = full
+        session.run(console, quiet=False, done=done)
+        went_on = True
+    assert went_on  # only closing the full file failed
+    assert f"saving the state failed: [Errno 17] File exists: '{state.parent}'" in capsys.readouterr().err
 
 
 class Lines:

@@ -1,0 +1,208 @@
+"""A companion that goes on from a saved state is as one that was never stopped; damage is refused in one line."""
+
+import copy
+import dataclasses
+import json
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from homeward.companion import Advice, Companion, CompanionError
+from homeward.envs.routes import Route
+
+SECONDS = 700
+
+
+def hill() -> Route:
+    nothing = np.zeros(60)
+    return Route(50.0, 0.05 * np.sin(np.arange(60.0)), nothing, nothing, nothing)
+
+
+KINDS: dict[str, dict[str, Any]] = {
+    "positions": {"home": (0.0, 0.0)},
+    "first place": {"home": "here", "soc": 0.9},
+    "metres": {"home": None},
+    "dead reckoning": {"home": (0.0, 0.0)},
+    "route": {"route": hill()},
+    "cut-off": {"home": (0.0, 0.0), "cutoff_v": 21.0, "window_s": 10.0},
+    "moved home": {"home": (0.0, 0.0)},
+}
+
+
+def step(companion: Companion, kind: str, second: int) -> Advice:
+    """A second of a drive out and back, with readings that are noisy, lost, repeated and late."""
+    rng = np.random.default_rng(second)
+    if kind == "moved home" and second == 300:
+        companion.move_home((150.0, 40.0))
+    if second == 450:
+        companion.swap_battery(0.8)
+    # A gap, and a clock that is set back.
+    time_s = second + (120.0 if second > 200 else 0.0) - (500.0 if second > 550 else 0.0)
+    if second % 37 == 0:
+        time_s -= 5.0
+    outwards = second < 400
+    way_m = float(second if outwards else 800 - second)
+    reading: dict[str, Any] = {
+        "speed_mps": 1.0 + 0.05 * rng.normal(), "soc": round(1.0 - second * 150.0 / 1.73e6, 3),
+        "grade_rad": 0.02 * math.sin(0.01 * way_m),
+        "heading_rad": 0.3 * math.sin(0.02 * second) + (0.0 if outwards else math.pi),
+    }  # fmt: skip
+    power_w = 150.0 + 20.0 * rng.normal()
+    reading |= {"voltage_v": 24.0, "current_a": power_w / 24.0} if kind == "cut-off" else {"power_w": power_w}
+    if kind == "metres":
+        reading["position"] = way_m
+    elif kind not in ("route", "dead reckoning") and second % 90 < 80:
+        reading["position"] = (way_m + rng.normal(), rng.normal())
+    lost = rng.choice(["power_w", "soc", "grade_rad", "heading_rad", "none"])
+    reading.pop(str(lost), None)
+    if second % 101 == 50:
+        reading["speed_mps"] = 99.0
+    return companion.update(time_s, **reading)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_restart_at_any_moment_changes_nothing(kind: str, tmp_path: Path) -> None:
+    """Before the first reading, in the middle of a window, in a gap, after home moved, after a swap."""
+    moments = (0, 1, 7, 61, 199, 201, 202, 299, 301, 449, 451, 552, 555, 640)
+    companion = Companion("husky", **KINDS[kind])
+    advised = []
+    for second in range(SECONDS):
+        if second in moments:
+            companion.save(tmp_path / f"{second}.json")
+        advised.append(step(companion, kind, second))
+    assert len({advice.energy_home_j.mean for advice in advised}) > 0.9 * SECONDS
+    for moment in moments:
+        other = Companion("husky", **KINDS[kind])
+        other.load(tmp_path / f"{moment}.json")
+        for second in range(moment, min(moment + 80, SECONDS)):
+            assert step(other, kind, second) == advised[second], (moment, second)
+
+
+def test_a_state_does_not_change_with_its_companion() -> None:
+    companion = Companion("husky", home=(0.0, 0.0))
+    advised = []
+    for second in range(150):
+        if second == 50:
+            state = companion.state()
+        advised.append(step(companion, "positions", second))
+    companion.restore(state)  # back in time, in the same companion
+    assert [step(companion, "positions", second) for second in range(50, 150)] == advised[50:]
+
+
+def test_another_way_home_goes_on_too() -> None:
+    first, second, way = Companion("husky", home=(0.0, 0.0)), Companion("husky", home=(0.0, 0.0)), hill()
+    for moment in range(100):
+        step(first, "positions", moment)
+        if moment == 50:
+            first.take_home(way)
+    second.restore(json.loads(json.dumps(first.state())), way)
+    for moment in range(100, 150):
+        assert step(first, "positions", moment) == step(second, "positions", moment)
+
+
+def paths(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Paths to the values of a state."""
+    if isinstance(value, dict):
+        return [deeper for name, inner in value.items() for deeper in paths(inner, (*path, name))]
+    if isinstance(value, list):
+        return [deeper for index, inner in enumerate(value) for deeper in paths(inner, (*path, index))]
+    return [path]
+
+
+def test_a_state_on_another_route_is_refused() -> None:
+    way = hill()
+    steeper = dataclasses.replace(way, grade_rad=1.1 * way.grade_rad)
+    with pytest.raises(CompanionError, match="of another robot file, version or route"):
+        Companion("husky", route=steeper).restore(Companion("husky", route=way).state())
+
+
+@pytest.fixture(scope="module")
+def driven() -> Companion:
+    companion = Companion("husky", home=(0.0, 0.0), cutoff_v=21.0)
+    for second in range(150):
+        step(companion, "cut-off", second)
+    return companion
+
+
+def test_no_damage_is_taken_for_a_state(driven: Companion) -> None:
+    good = json.loads(json.dumps(driven.state()))
+    other = Companion("husky", home=(0.0, 0.0), cutoff_v=21.0)
+    for second in range(20):
+        step(other, "cut-off", second)
+    before = other.state()
+    wrong = st.one_of(
+        st.none(), st.booleans(), st.floats(), st.integers(), st.text(max_size=5), st.just([]), st.just({})
+    )
+
+    @settings(max_examples=300, deadline=None)
+    @given(st.sampled_from(paths(good)), wrong, st.booleans())
+    def refused(path: tuple[Any, ...], value: Any, left_out: bool) -> None:
+        state = copy.deepcopy(good)
+        place = state
+        for name in path[:-1]:
+            place = place[name]
+        if left_out:
+            del place[path[-1]]
+        elif json.dumps(place[path[-1]]) == json.dumps(value):
+            return
+        else:
+            place[path[-1]] = value
+        with pytest.raises(CompanionError, match=r"^the state ") as caught:
+            other.restore(state)
+        assert "\n" not in str(caught.value)
+        assert other.state() == before
+
+    refused()
+
+
+@pytest.mark.parametrize("at", range(0, 4000, 97))
+def test_a_file_that_was_cut_or_flipped_is_refused(driven: Companion, at: int, tmp_path: Path) -> None:
+    driven.save(tmp_path / "state.json")
+    content = bytearray((tmp_path / "state.json").read_bytes())
+    flipped = content.copy()
+    flipped[at % len(content)] ^= 1
+    for damaged in (bytes(content[:at]), bytes(flipped)):
+        (tmp_path / "state.json").write_bytes(damaged)
+        other = Companion("husky", home=(0.0, 0.0), cutoff_v=21.0)
+        with pytest.raises(CompanionError):
+            other.load(tmp_path / "state.json")
+
+
+@pytest.mark.parametrize(
+    ("keywords", "said"),
+    [
+        ({"robot": "jackal", "home": (0.0, 0.0)}, "of robot 'husky', not of 'jackal'"),
+        ({"robot": "husky", "home": (5.0, 0.0)}, "of another robot file, version or route"),
+        ({"robot": "husky", "home": (0.0, 0.0), "place_m": 99.0}, "of another robot file, version or route"),
+        ({"robot": "husky", "home": (0.0, 0.0)}, "of another robot file, version or route"),
+    ],
+)
+def test_a_state_of_other_arguments_is_refused(driven: Companion, keywords: dict[str, Any], said: str) -> None:
+    with pytest.raises(CompanionError, match=said):
+        Companion(**keywords).restore(driven.state())
+
+
+def test_an_older_state_is_refused_in_one_line() -> None:
+    with pytest.raises(CompanionError, match=r"^the state is of another version than 2, or is none$"):
+        Companion("husky").restore({"schema": 1, "robot": "husky"})
+
+
+def test_memory_stays_as_it_is() -> None:
+    """Of all that the companion holds, after a trail is at its longest."""
+    companion = Companion("husky", home="here")
+    sizes = []
+    for update in range(6000):
+        wild = 1e300 if update % 7 == 0 else 150.0
+        companion.update(
+            20.0 * update, speed_mps=0.9, heading_rad=0.01 * update % 6.0, power_w=wild, soc=0.5,
+            position=(1e300, 0.0) if update % 11 == 0 else None,
+        )  # fmt: skip
+        if update % 1500 == 1499:
+            sizes.append(len(pickle.dumps(companion)))
+    assert max(sizes[1:]) < 1.05 * sizes[1], sizes
