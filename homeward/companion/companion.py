@@ -18,6 +18,7 @@ from homeward.companion import rules
 from homeward.companion.advice import Action, Advice, UncertainValue
 from homeward.companion.checks import check_home, check_number, check_route, check_wind
 from homeward.companion.cutoff import Cutoff
+from homeward.companion.gauge import FOLLOWS, OWN
 from homeward.companion.home_estimator import HomeEstimator, WayHome
 from homeward.companion.limits import limits_of
 from homeward.companion.policy import OnboardPolicy
@@ -32,6 +33,7 @@ from homeward.estimation import Prior, Vehicle
 from homeward.estimation.excitation import looks_back
 from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
+from homeward.physics.battery import energy_share
 
 WINDOWS = 200.0
 """Number of updates of the estimator while the battery lasts at cruise, as of decisions in the environments
@@ -211,15 +213,21 @@ class Companion:
 
     def _process(self, reading: Reading) -> None:
         """Process the readings of a moment that are new."""
+        charge = reading.soc
+        reading = reading._replace(soc=self._energy_share(charge))
         self._charge_first(reading.soc)
         if math.isnan(reading.speed_mps) and reading.position is None:
             reading = reading._replace(speed_mps=self._estimator.speed_mps)  # it drives on as before
         step = self._way.follow(reading)
         self._note(reading, step)
-        self._ask_policy(reading, step)
+        self._ask_policy(reading._replace(soc=charge), step)
         self._window.add(reading, step, *self._estimator.model(reading, step))
         if self._window.time_s >= self._window_s * (1.0 - 1e-6):
             self._flush()
+
+    def _energy_share(self, charge: float) -> float:
+        """Share of the energy that a state of charge is: gauges show charge."""
+        return float(energy_share(self.robot.curve, charge))
 
     def _ask_policy(self, reading: Reading, step: Step) -> None:
         if self._policy is None:
@@ -242,7 +250,7 @@ class Companion:
         """
         check_number("soc", soc, 0.0, 1.0)
         self._flush()
-        self._estimator.recharge(soc)
+        self._estimator.recharge(self._energy_share(soc), as_read=False)
         self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
         self._turned = False
         if self._policy is not None:
@@ -308,18 +316,25 @@ class Companion:
             self._window = Window()
 
     def _check_charge(self, soc: float) -> None:
-        """Warn if the state of charge is far from the energy drawn; a lower reading is accepted, which is safe."""
-        above = soc - self._estimator.soc
-        self._mismatched = self._mismatched + 1 if abs(above) > rules.SOC_MISMATCH else 0
-        if self._mismatched < rules.SOC_MISMATCH_WINDOWS:
+        """Say which reading is not believed. A lower one after a jump is accepted, as of a weaker battery: that is
+        safe."""
+        believed, differs = self._estimator.gauge.believed, soc - self._estimator.soc
+        if believed == FOLLOWS:
+            self._mismatched = 0
             return
-        kind = "the state of charge reads"
-        text = f"{kind} {abs(above):.0%} {'more' if above > 0.0 else 'less'} than the energy drawn implies"
-        if above > 0.0:
-            self._readings.say(f"{text}: is it stuck, or was the battery swapped without a call of swap_battery?", kind)
+        kind = "the state of charge"
+        less_or_more = f"{abs(differs):.0%} {'more' if differs > 0.0 else 'less'}"
+        if believed == OWN:
+            text = f"{kind} does not follow the energy drawn, as of a map of the voltage: it reads {less_or_more}"
+            self._readings.say(f"{text}; power alone is used", kind)
+            return
+        text = f"{kind} has jumped or stays: it reads {less_or_more} than the energy drawn implies"
+        self._mismatched = self._mismatched + 1 if differs < -rules.SOC_MISMATCH else 0
+        if self._mismatched < rules.SOC_MISMATCH_WINDOWS:
+            self._readings.say(f"{text}; power alone is used", kind)
             return
         self._readings.say(f"{text}: another battery? Estimates of the old one are dropped", kind)
-        self._estimator.recharge(soc)
+        self._estimator.recharge(soc, as_read=True)
         self._mismatched = 0
 
     def _check_speed(self, window: Window) -> None:
@@ -337,9 +352,10 @@ class Companion:
         if self._charged:
             return
         self._charged = True
-        start = self._start_soc if self._start_soc is not None else soc
+        as_read = self._start_soc is None
+        start = soc if self._start_soc is None else self._energy_share(self._start_soc)
         if math.isfinite(start) and start < 1.0 - 0.5 * self._estimator.known.prior.soc_step:
-            self._estimator.recharge(start)
+            self._estimator.recharge(start, as_read=as_read)
 
     def _note(self, reading: Reading, step: Step) -> None:
         """Record which readings there have been."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from homeward.companion import rules
 from homeward.companion.advice import UncertainValue
+from homeward.companion.gauge import EXPLANATIONS, FOLLOWS, JUMPED, OWN, GaugeTrust, Predicted, prediction
 from homeward.companion.prior_knowledge import PriorKnowledge
 from homeward.companion.readings import Reading
 from homeward.companion.way import RouteLike, Step
@@ -31,7 +32,7 @@ from homeward.physics.terminal_power import at_terminals
 
 _PACE = 0.2
 """Weight of the last window in the present pace. Chosen: some five windows count."""
-_ONE = np.ones(1, np.bool_)
+_EVERY = np.ones(EXPLANATIONS, np.bool_)
 
 
 class WayHome(NamedTuple):
@@ -74,6 +75,7 @@ class HomeEstimator:
 
     SAVED: ClassVar = (
         "at_terminals", "estimates", "_extra", "_state", "windows", "pace_mps", "pace_w", "speed_mps", "_heading_rad",
+        "gauge", "_explanations",
     )  # fmt: skip
 
     def __init__(
@@ -93,7 +95,7 @@ class HomeEstimator:
         self._places, self._forecast_mps = places, forecast_mps or (0.0, 0.0)
         self._known, self._at_terminals = known, False
         self.vehicle = vehicle_of(robot, place_m, cruise_mps)
-        self._estimator = Estimator(self.vehicle, known.prior, places, 1)
+        self._estimator = Estimator(self.vehicle, known.prior, places, EXPLANATIONS)
         self.at_terminals = False
         self.begin()
         self._compile()
@@ -140,7 +142,7 @@ class HomeEstimator:
 
     @property
     def estimates(self) -> NDArray[np.void]:
-        """State of the estimator, shape (1,)."""
+        """States of the estimator, shape (EXPLANATIONS,): that of the believed explanation of the gauge first."""
         return self._estimator.state
 
     @estimates.setter
@@ -150,8 +152,9 @@ class HomeEstimator:
     def begin(self) -> None:
         """Restart from the prior."""
         self._state = plain(full_charge(self._robot))
-        forecast = np.array(self._forecast_mps)
-        self._estimator.begin(_ONE, forecast[:1], forecast[1:])
+        self.gauge, self._explanations = GaugeTrust(), np.arange(EXPLANATIONS)
+        east_mps, north_mps = np.repeat(np.array(self._forecast_mps)[:, None], EXPLANATIONS, axis=1)
+        self._estimator.begin(_EVERY, east_mps, north_mps)
         self._estimator.state["hypotheses"]["covariance"][..., WEIGHT, WEIGHT] += self.known.weight_sd**2
         self._extra, self.windows = np.zeros(self._places), 0
         self.pace_mps, self.pace_w = self.vehicle.cruise_mps, self.vehicle.idle_w
@@ -167,7 +170,7 @@ class HomeEstimator:
         kept = self._estimator.state.copy()
         reading = np.zeros(1, READING_DTYPE)
         reading["time_s"], reading["position_m"], reading["east"] = 1.0, self.vehicle.place_m, 1.0
-        self._estimator.update(reading, _ONE)
+        self._estimator.update(reading, _EVERY[:1])
         self._estimator.relocate(0.5 * self.vehicle.place_m)
         self.leaves(self.way_home(1.0, 0.0))
         self._estimator.state[:] = kept
@@ -196,9 +199,18 @@ class HomeEstimator:
             self.vehicle.cruise_mps
         )
 
-    def recharge(self, soc: float) -> None:
-        """Replace the battery by one of a given state of charge, with the prior of its capacity."""
+    def recharge(self, soc: float, *, as_read: bool) -> None:
+        """Replace the battery by one of a given state of charge, with the prior of its capacity.
+
+        Args:
+            soc: State of charge, as a share of the energy.
+            as_read: Whether the gauge shows that, and nobody else says so.
+        """
         self._estimator.recharge(soc, self.known.prior.soc_sd)
+        self.gauge, self._explanations = GaugeTrust(), np.arange(EXPLANATIONS)
+        if as_read:
+            h = self._estimator.state["hypotheses"][OWN]
+            h["covariance"][:, USED, USED] += (rules.OWN_START_SD / h["mean"][:, PER_CAPACITY]) ** 2
 
     def model(self, reading: Reading, step: Step) -> tuple[float, float, float]:
         """Power since the last reading by the robot's own model, see `modelled_power`, W."""
@@ -238,7 +250,9 @@ class HomeEstimator:
             window: A window of positive length.
             position_m: Way home at its end, m.
         """
-        self._update(window, position_m)
+        predicted, used_before = self._predicted_soc(), self._used_without_gauge()
+        self._update(window, position_m, every=True)
+        self._weigh_gauge(window.soc, predicted, used_before)
         self.windows += 1
         place_m, here = self.vehicle.place_m, place_of(self.vehicle, position_m, self._extra)
         self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
@@ -248,8 +262,43 @@ class HomeEstimator:
             share = min(window.way_m / place_m, 1.0)
             self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
 
-    def _update(self, window: Window, position_m: float) -> None:
-        """Update the estimator with a window."""
+    def _weigh_gauge(self, soc: float, before: Predicted, used_before: UncertainValue) -> None:
+        """Weigh the explanations of the gauge by a window's reading, and put the believed one first.
+
+        Args:
+            soc: The reading, as a share of the energy; NaN: none.
+            before: Prediction at the start of the window, if the gauge follows the charge.
+            used_before: Energy used by then, without the gauge, over that of a full battery by the robot's file.
+        """
+        used = self._used_without_gauge()
+        self.gauge.see(soc, before.after(used.mean - used_before.mean, used.sd**2 - used_before.sd**2))
+        states = self._estimator.state
+        if self.gauge.surely_follows:
+            states[self._place_of(JUMPED)] = states[self._place_of(FOLLOWS)]
+        elif self.gauge.surely_not:
+            states[self._place_of(FOLLOWS)] = states[self._place_of(self.gauge.believed)]
+        swapped = [0, self._place_of(self.gauge.believed)]
+        states[swapped] = states[swapped[::-1]]
+        self._explanations[swapped] = self._explanations[swapped[::-1]]
+
+    def _place_of(self, explanation: int) -> int:
+        """Where the estimate by an explanation of the gauge is."""
+        return int(np.flatnonzero(self._explanations == explanation)[0])
+
+    def _predicted_soc(self) -> Predicted:
+        """Prediction of a gauge that follows the charge."""
+        state = self._estimator.state[self._place_of(FOLLOWS)]
+        return prediction(state["hypotheses"], state["robot"], self.known.prior)
+
+    def _used_without_gauge(self) -> UncertainValue:
+        """Energy used by power alone, over that of a full battery by the robot's file."""
+        estimate, place = self._estimator.estimate(), self._place_of(OWN)
+        return UncertainValue(
+            float(estimate.mean[place, USED]), math.sqrt(max(float(estimate.covariance[place, USED, USED]), 0.0))
+        )
+
+    def _update(self, window: Window, position_m: float, *, every: bool = False) -> None:
+        """Update the estimator with a window: by the believed explanation of the gauge, or by every one."""
         robot = self._estimator.state["robot"][0]
         change_m = position_m - float(robot["position_m"])
         straight = window.straight(change_m)
@@ -276,7 +325,9 @@ class HomeEstimator:
             changes["slope_noise"] = rules.NO_SLOPE_SD
         changes["power_noise"] = math.hypot(prior.power_noise * window.of_the_mean, window.power_noise)
         self._estimator.prior = prior._replace(**changes)
-        self._estimator.update(reading, _ONE)
+        readings = np.repeat(reading, EXPLANATIONS if every else 1)
+        readings["soc"][self._explanations[: len(readings)] != FOLLOWS] = np.nan
+        self._estimator.update(readings, _EVERY[: len(readings)])
         self._estimator.prior = self.known.prior
         if not straight:
             self._estimator.relocate(position_m)

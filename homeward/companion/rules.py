@@ -23,9 +23,29 @@ OFF_ROUTE_M = 50.0
 """Distance from the route, m, above which it is reported. Chosen: ten times the error of a position."""
 
 SOC_MISMATCH, SOC_MISMATCH_WINDOWS = 0.1, 3
-"""Difference of the state-of-charge reading from the energy drawn, and windows in a row with it, that indicate another
-battery or a reading that is stuck. Monitors that measure voltage are off by some per cent. Chosen: above that, and more
-than a single window."""
+"""Fall of the state-of-charge reading below the energy drawn, and windows in a row with it, that indicate another
+battery. Monitors that measure voltage are off by some per cent. Chosen: above that, and more than a single window."""
+
+OWN_COURSE = 0.1
+"""Prior probability that a state-of-charge reading has a course of its own. Chosen: of the drivers of Husarion,
+Clearpath, Ubiquity, ROBOTIS, ROSbot and OpenMower each maps the voltage, yet their users mostly add a monitor."""
+
+GAUGE_CHANGES = 1.0 / 200.0
+"""Probability in a window that a reading jumps, stays or is right again: once a charge. Chosen."""
+
+GAUGE_OUTLIERS = 0.01
+"""Probability that a reading is anywhere between empty and full. Chosen: some of the readings of a charge."""
+
+GAUGE_WANDERS, GAUGE_LEARNS = 0.02, 0.1
+"""Deviation, before it is known, from reading to reading of a gauge that does not follow the charge; weight of a new
+change in it. Chosen: a sag of a tenth of the range of a voltage while driving, and some ten windows count."""
+
+GAUGE_SURE = 0.99
+"""Probability from which a state-of-charge reading is surely believed or surely not. Chosen."""
+
+OWN_START_SD = 0.1
+"""Standard deviation of the state of charge at the start by a reading with a course of its own. Published maps of the
+voltage are off by up to 30 % in the middle of a charge, and right at its ends; chosen: a third of that."""
 
 STANDS_WINDOWS, DRIVES = 3, 0.5
 """Windows in a row with a speed of 0 and driving power before a warning, and the share of the power of driving at

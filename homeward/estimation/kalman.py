@@ -75,7 +75,9 @@ def kalman_update(
     change_sd: float,
     read: float,
 ) -> tuple[float, float]:
-    """Kalman update, averaged over three hypotheses: nothing changed, the ground changed, the reading is an outlier.
+    """Kalman update, averaged over three hypotheses: nothing changed, the ground changed, or the reading is an outlier.
+
+    An outlier says nothing of the robot's parameters, but its energy was drawn: the meter counts what the model lacks.
 
     Args:
         x: Mean, shape (STATES,).
@@ -99,16 +101,20 @@ def kalman_update(
     other = change * np.exp(-0.5 * square / changed) / np.sqrt(2.0 * np.pi * changed)
     nothing = rules.OUTLIER / max(abs(read), abs(read - innovation), 1e-9)
     total = same + other + nothing
-    same, other = same / total, other / total
+    same, other, outlier = same / total, other / total, nothing / total
     weight_0, weight_1 = same * (square - variance), other * (square - changed)
-    q_mean = q * (other + (change * nothing / total))
+    q_mean = q * (other + change * outlier)
+    drawn = outlier if abs(innovation) <= rules.MOST_LOADS * abs(read - innovation) else 0.0
     for a in range(STATES):
         k_0, k_1 = shared[a] / variance, (shared[a] + q * rise * jump[a]) / changed
-        k_a = same * k_0 + other * k_1
+        k_2 = 1.0 if a == USED else 0.0
+        k_a = same * k_0 + other * k_1 + drawn * k_2
         for b in range(a + 1):
             l_0, l_1 = shared[b] / variance, (shared[b] + q * rise * jump[b]) / changed
-            l_a = same * l_0 + other * l_1
+            l_2 = 1.0 if b == USED else 0.0
+            l_a = same * l_0 + other * l_1 + drawn * l_2
             p[a, b] += q_mean * jump[a] * jump[b] + weight_0 * k_0 * l_0 + weight_1 * k_1 * l_1 - square * k_a * l_a
+            p[a, b] += drawn * ((variance + square) * k_2 * l_2 - k_2 * shared[b] - shared[a] * l_2)
             p[b, a] = p[a, b]
         x[a] += k_a * innovation
     return float(np.log(total)), same * square / variance + other * square / changed

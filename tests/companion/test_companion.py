@@ -345,7 +345,7 @@ def test_the_state_of_a_long_and_winding_way_stays_small(tmp_path: Path) -> None
     for step in range(3000):
         one.update(20.0 * step, speed_mps=0.9, heading_rad=0.01 * step % 6.0, power_w=100.0)
     one.save(tmp_path / "state.json")
-    assert 1_000 < (tmp_path / "state.json").stat().st_size < 70_000
+    assert 1_000 < (tmp_path / "state.json").stat().st_size < 200_000
 
 
 @pytest.mark.parametrize(
@@ -449,7 +449,9 @@ def test_a_speed_that_sticks_at_nothing_is_said(positions: bool) -> None:
     assert ("Home may be farther" in said) is not positions
     stands = Driven(every_s=5.0)
     stands.time_s = robot.time_s
-    idle = stands.drive(companion(), 0.0, 600.0, speed_mps=0.0, power_w=robot.power_w(0.0), position=(0.0, 0.0))
+    idle = stands.drive(
+        companion(), 0.0, 600.0, speed_mps=0.0, power_w=robot.power_w(0.0), position=(0.0, 0.0), soc=None
+    )  # fmt: skip
     assert idle.warnings == ()
 
 
@@ -468,9 +470,9 @@ def test_a_state_of_charge_that_sticks_is_said_and_not_believed() -> None:
     robot.drive(one, 0.0, 500.0)
     stuck = robot.left_j / robot.full_j
     after = robot.drive(one, 0.0, 3500.0, soc=stuck)
-    assert after.energy_left_j.mean == pytest.approx(robot.left_j, rel=0.1)
+    assert abs(after.energy_left_j.mean - robot.left_j) < 2.0 * after.energy_left_j.sd
     assert after.energy_left_j.mean < 0.9 * stuck * robot.full_j
-    assert any("more than the energy drawn implies: is it stuck" in text for text in after.warnings)
+    assert any("has jumped or stays" in text and "power alone is used" in text for text in after.warnings)
 
 
 def test_a_wind_that_turns_against_the_way_home_is_allowed_for() -> None:

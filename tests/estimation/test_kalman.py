@@ -52,7 +52,9 @@ def test_an_update_in_one_dimension_is_the_closed_form() -> None:
     assert p[ROLLING, ROLLING] == pytest.approx(1.0 / precision, rel=0.01)
     assert nis == pytest.approx(0.1**2 / variance, rel=1e-3)
     assert log_likelihood == pytest.approx(stats.norm.logpdf(0.1, 0.0, variance**0.5), abs=2e-3)
-    assert not np.delete(x, ROLLING).any() and np.count_nonzero(p) == 1
+    # Of an outlier the energy counts: the meter read 0.1 more than expected.
+    assert x[USED] == pytest.approx(0.1 * OUTLIERS / 2.1 / np.exp(log_likelihood))
+    assert not np.delete(x, [ROLLING, USED]).any() and np.count_nonzero(np.diag(p)) == 2
 
 
 def test_updates_one_by_one_are_least_squares_of_all() -> None:
@@ -94,8 +96,11 @@ def test_the_three_hypotheses_are_mixed_by_their_probabilities(innovation: float
             density = stats.norm.pdf(innovation, 0.0, variance**0.5)
             gain = shared / variance
             parts.append((share * density, gain * innovation, before - np.outer(gain, shared)))
-        else:
-            parts.append((share * density, np.zeros(STATES), before))
+        else:  # it says nothing of the robot, but its energy was drawn
+            used = row({USED: 1.0})
+            seen, spread_of_it = covariance @ h, h @ covariance @ h + noise**2
+            own = before - np.outer(used, seen) - np.outer(seen, used) + spread_of_it * np.outer(used, used)
+            parts.append((share * density, innovation * used, own))
     total = sum(weight for weight, _, _ in parts)
     moved = sum(weight * shift for weight, shift, _ in parts) / total
     after = sum(weight * (own + np.outer(shift, shift)) for weight, shift, own in parts) / total
