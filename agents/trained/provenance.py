@@ -45,11 +45,16 @@ def made_with(options: Options) -> dict[str, str]:
 
 
 def robot_hash(known: Known) -> str:
-    """Hash of a robot's parameters and effects, without its name and uncertainty."""
+    """Hash of a robot's parameters and effects, without its name and uncertainty.
+
+    A battery of constant voltage is left out: robots had no other when the first policies were trained.
+    """
+    battery = ("chemistry", "cells_in_series", "open_circuit_v")
+    left_out = ("name", "description", "uncertainty", *(battery if known.robot.curve.mean_v == 0.0 else ()))
     values = {
         field.name: getattr(known.robot, field.name)
         for field in dataclasses.fields(known.robot)
-        if field.name not in ("name", "description", "uncertainty")
+        if field.name not in left_out
     }
     return _digest(json.dumps(values, sort_keys=True, default=dict).encode())
 

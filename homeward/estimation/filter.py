@@ -269,6 +269,7 @@ def _drive(
         jump,
         change,
         coasts,
+        rules.MOST_LOADS * (v.idle_w * dt_s + rolling(v, 0.0) * way_m) / v.full_j,
     )
     _map(v, robot, reading, h, places, rollings, rolls)
     return coasts
@@ -288,8 +289,9 @@ def _update_with_power(
     jump: Any,
     change: float,
     coasts: float,
+    most: float,
 ) -> float:
-    """Update with a reading of energy, over the file's usable energy; returns `coasts`."""
+    """Update with a reading of energy, over the file's usable energy; returns `coasts`. `most`: see `kalman_update`."""
     x, p = h.mean, h.covariance
     if not np.isfinite(read):
         spread(p, jump, change * prior.patch_sd**2)
@@ -309,7 +311,9 @@ def _update_with_power(
                     p[USED, a], p[a, USED] = 0.0, 0.0
             return coasts
     east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
-    log_likelihood, nis = kalman_update(x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read)
+    log_likelihood, nis = kalman_update(
+        x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read, most
+    )
     if coasts == 0.0:
         h.log_weight += rules.TEMPER * log_likelihood
     # A normalised innovation squared above 1 indicates gusts that change faster.

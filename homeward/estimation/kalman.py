@@ -74,6 +74,7 @@ def kalman_update(
     change: float,
     change_sd: float,
     read: float,
+    most: float,
 ) -> tuple[float, float]:
     """Kalman update, averaged over three hypotheses: nothing changed, the ground changed, or the reading is an outlier.
 
@@ -89,6 +90,7 @@ def kalman_update(
         change: Probability of such a change.
         change_sd: Its standard deviation.
         read: The reading.
+        most: Largest energy that a load which the model lacks may have drawn: beyond it the meter is at fault.
 
     Returns:
         Log likelihood; normalised innovation squared.
@@ -104,7 +106,7 @@ def kalman_update(
     same, other, outlier = same / total, other / total, nothing / total
     weight_0, weight_1 = same * (square - variance), other * (square - changed)
     q_mean = q * (other + change * outlier)
-    drawn = outlier if abs(innovation) <= rules.MOST_LOADS * abs(read - innovation) else 0.0
+    drawn = outlier if abs(innovation) <= most else 0.0
     for a in range(STATES):
         k_0, k_1 = shared[a] / variance, (shared[a] + q * rise * jump[a]) / changed
         k_2 = 1.0 if a == USED else 0.0
@@ -114,7 +116,7 @@ def kalman_update(
             l_2 = 1.0 if b == USED else 0.0
             l_a = same * l_0 + other * l_1 + drawn * l_2
             p[a, b] += q_mean * jump[a] * jump[b] + weight_0 * k_0 * l_0 + weight_1 * k_1 * l_1 - square * k_a * l_a
-            p[a, b] += drawn * ((variance + square) * k_2 * l_2 - k_2 * shared[b] - shared[a] * l_2)
+            p[a, b] += drawn * square * k_2 * l_2
             p[b, a] = p[a, b]
         x[a] += k_a * innovation
     return float(np.log(total)), same * square / variance + other * square / changed

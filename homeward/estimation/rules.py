@@ -18,7 +18,7 @@ OUTLIER = 1e-3
 """Probability that a reading of power is an outlier; chosen: none or one of the readings of a mission."""
 
 MOST_LOADS = 20.0
-"""Difference of a reading of power from the prediction, over the prediction, up to which an outlier is a load that the
+"""Energy, over that of the file's robot standing and rolling on level ground, up to which an outlier is a load that the
 model lacks, and not a fault of the meter. Chosen as POWERS of the companion, beyond which a power is impossible."""
 
 LEAST_CHANCE = OUTLIER

@@ -348,6 +348,13 @@ def test_the_state_of_a_long_and_winding_way_stays_small(tmp_path: Path) -> None
     assert 1_000 < (tmp_path / "state.json").stat().st_size < 200_000
 
 
+def test_home_may_be_a_point() -> None:
+    """The default of 5 m is for receivers; dead reckoning of a metre has no such error."""
+    one, robot = companion(arrived_m=0.0), Driven(every_s=5.0)
+    robot.drive(one, 0.0, 100.0)
+    assert robot.drive(one, HOME, 95.0).way_home_m > 0.0
+
+
 @pytest.mark.parametrize(
     ("keywords", "said"),
     [

@@ -45,7 +45,7 @@ def test_an_update_in_one_dimension_is_the_closed_form() -> None:
     """Prior N(1, 0.1^2), a reading of twice the state, 2.1, with a noise of 0.05: precisions add."""
     x, p = row({ROLLING: 1.0}), np.diag(row({ROLLING: 0.01}))
     variance = 4.0 * 0.01 + 0.05**2
-    log_likelihood, nis = kalman_update(x, p, 0.1, variance, 2.0 * p[ROLLING], NO_JUMP, 0.0, 0.0, 2.1)
+    log_likelihood, nis = kalman_update(x, p, 0.1, variance, 2.0 * p[ROLLING], NO_JUMP, 0.0, 0.0, 2.1, 10.0)
     precision = 1.0 / 0.01 + 4.0 / 0.05**2
     # One reading in a thousand is an outlier, which moves the mean by that share less.
     assert x[ROLLING] == pytest.approx((1.0 / 0.01 + 2.0 * 2.1 / 0.05**2) / precision, rel=1e-4)
@@ -67,7 +67,7 @@ def test_updates_one_by_one_are_least_squares_of_all() -> None:
     x, p = mean.copy(), covariance.copy()
     for h, reading in zip(measured, readings, strict=True):
         shared = p @ h
-        kalman_update(x, p, reading - h @ x, h @ shared + noise**2, shared, NO_JUMP, 0.0, 0.0, 1e12)
+        kalman_update(x, p, reading - h @ x, h @ shared + noise**2, shared, NO_JUMP, 0.0, 0.0, 1e12, 0.0)
     information = np.linalg.inv(covariance) + measured.T @ measured / noise**2
     expected = np.linalg.solve(information, np.linalg.solve(covariance, mean) + measured.T @ readings / noise**2)
     after = np.linalg.inv(information)
@@ -97,16 +97,13 @@ def test_the_three_hypotheses_are_mixed_by_their_probabilities(innovation: float
             gain = shared / variance
             parts.append((share * density, gain * innovation, before - np.outer(gain, shared)))
         else:  # it says nothing of the robot, but its energy was drawn
-            used = row({USED: 1.0})
-            seen, spread_of_it = covariance @ h, h @ covariance @ h + noise**2
-            own = before - np.outer(used, seen) - np.outer(seen, used) + spread_of_it * np.outer(used, used)
-            parts.append((share * density, innovation * used, own))
+            parts.append((share * density, innovation * row({USED: 1.0}), before))
     total = sum(weight for weight, _, _ in parts)
     moved = sum(weight * shift for weight, shift, _ in parts) / total
     after = sum(weight * (own + np.outer(shift, shift)) for weight, shift, own in parts) / total
     x, p = mean.copy(), covariance.copy()
     log_likelihood, _ = kalman_update(
-        x, p, innovation, h @ covariance @ h + noise**2, covariance @ h, jump, change, change_sd, read
+        x, p, innovation, h @ covariance @ h + noise**2, covariance @ h, jump, change, change_sd, read, 50.0
     )
     np.testing.assert_allclose(x, mean + moved, rtol=1e-9)
     np.testing.assert_allclose(p, after - np.outer(moved, moved), rtol=1e-9, atol=1e-12)
@@ -117,7 +114,7 @@ def test_an_absurd_reading_changes_nothing() -> None:
     mean, covariance = hypothesis(6)
     x, p, h = mean.copy(), covariance.copy(), row({ROLLING: 1.0})
     variance = covariance[ROLLING, ROLLING] + 0.01
-    log_likelihood, nis = kalman_update(x, p, 1e3, variance, covariance @ h, NO_JUMP, 0.0, 0.0, 1e3)
+    log_likelihood, nis = kalman_update(x, p, 1e3, variance, covariance @ h, NO_JUMP, 0.0, 0.0, 1e3, 10.0)
     np.testing.assert_allclose(x, mean)
     np.testing.assert_allclose(p, covariance)
     assert log_likelihood == pytest.approx(np.log(OUTLIERS / 1e3)) and nis == pytest.approx(0.0, abs=1e-9)

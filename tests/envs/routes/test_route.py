@@ -130,6 +130,9 @@ def test_hidden_wind_helps_on_the_way_out_and_hurts_on_the_way_home() -> None:
     assert ((records["wind_mps"] >= 3.0) & (records["wind_mps"] <= 6.0)).all()
     against = np.cos(records["wind_from_rad"][:, None] - np.arctan2(places["north"], places["east"]))
     assert (against.mean(axis=1) < 0.0).all() and against.mean() < -0.5
+    # It comes from behind, on average over the way out.
+    behind = np.arctan2(-places["north"].sum(axis=1), -places["east"].sum(axis=1))
+    np.testing.assert_allclose(np.cos(records["wind_from_rad"] - behind), 1.0, atol=1e-6)
     for _ in range(60):
         *_, info = envs.step(np.array([[4, 0, GO]] * 60))
     out_j = info["energy_j"]["wind"].copy()
