@@ -107,4 +107,5 @@ def _draw_legend(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]
     y += step - 1.0
     row("way home", scene.home_j, palette.DARK_GREEN, hatched=_HATCHED_GREEN)
     margin_j = scene.margin_j
-    row("to spare" if margin_j >= 0.0 else "short of home", margin_j, palette.GREEN if margin_j >= 0.0 else palette.RED)
+    name, colour = ("to spare", palette.GREEN) if margin_j >= 0.0 else ("short of home", palette.RED)
+    row(name, margin_j, colour)

@@ -208,6 +208,18 @@ def test_covariances_stay_symmetric_and_positive() -> None:
     assert covariance.shape[-1] == STATES
 
 
+def test_a_robot_that_stood_for_a_part_of_the_time_drove_at_the_speed_that_was_read() -> None:
+    """Of 100 s it drove 60, at 0.5 m/s: air drag is that of 0.5 m/s, not of the mean of 0.3."""
+    used = []
+    for speed_mps in (0.5, 0.3):
+        estimator = alone(CALM)
+        read(estimator, 100.0, 30.0, speed_mps=speed_mps)
+        used.append(float(estimator.mean()[0, USED]))
+    v = vehicle_of(ROBOT, PLACE_M, 0.5)
+    more_j = 30.0 * float(drag(v, 0.5, 0.0) - drag(v, 0.3, 0.0))
+    assert (used[0] - used[1]) * v.full_j == pytest.approx(more_j, rel=1e-6)
+
+
 def nothing(decision: int, readings: Array) -> None:
     readings["power_w"] = np.where(decision % 3 == 1, np.nan, readings["power_w"])
 
