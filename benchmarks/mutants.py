@@ -44,6 +44,8 @@ class Args:
     """Number of lines."""
     seed: int = 0
     """Seed of the draw."""
+    only: tuple[int, ...] = ()
+    """Which of the lines to try, by their numbers in the draw, from 1; by default all."""
 
 
 @dataclass(frozen=True)
@@ -148,21 +150,24 @@ def _pass(checkout: Path, tests: list[str], seen: list[str]) -> bool:
 def main(args: Args) -> None:
     """Draw the faults, try each, and print the table."""
     console, rng = Console(), np.random.default_rng(args.seed)
-    shown = table(f"{args.lines} lines, seed {args.seed}", ("line", "before", "after", "noticed by"), ())
-    tally = {"its folder": 0, "others": 0, "none": 0}
+    shown = table(f"{args.lines} lines, seed {args.seed}", ("", "line", "before", "after", "noticed by"), ())
+    missed, tried = 0, 0
     with tempfile.TemporaryDirectory() as folder:
         checkout = Path(folder) / "checkout"
         tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
         for name in filter(None, tracked.split("\0")):
             (checkout / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, checkout / name, follow_symlinks=False)
-        for mutant in drawn(args.lines, rng):
+        for number, mutant in enumerate(drawn(args.lines, rng), 1):
+            if args.only and number not in args.only:
+                continue
             by = noticed_by(mutant, checkout)
-            tally[by] += 1
-            shown.add_row(mutant.place, mutant.before, mutant.after, by)
-            console.print(f"{mutant.place}: {by}", markup=False, highlight=False)
+            tried += 1
+            missed += by == "none"
+            shown.add_row(str(number), mutant.place, mutant.before, mutant.after, by)
+            console.print(f"{number} {mutant.place}: {by}", markup=False, highlight=False)
     console.print(shown)
-    console.print(f"noticed: {args.lines - tally['none']} of {args.lines}", tally)
+    console.print(f"noticed: {tried - missed} of {tried}")
 
 
 if __name__ == "__main__":
