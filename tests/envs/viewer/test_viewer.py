@@ -25,6 +25,8 @@ from homeward.envs.options import OptionError
 from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
+from homeward.envs.viewer import palette
+from homeward.envs.viewer.canvas import HEIGHT, WIDTH, Canvas
 from homeward.envs.viewer.scene import GROUPS, Scene
 from homeward.envs.viewer.text import describe
 from homeward.physics import CAUSES, d_max
@@ -387,3 +389,26 @@ def test_routes_of_any_shape_are_drawn(grade: float, places: int) -> None:
     for scene in random_walk(env, seed=0, most=30):
         assert np.isfinite(scene.elevation_m).all()
         assert np.asarray(env.render()).shape == (540, 960, 3)
+
+
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_panels_lie_apart_and_in_the_picture(mission: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    panels: list[tuple[float, float, float, float]] = []
+    draw = Canvas.box
+
+    def noted(canvas: Canvas, box: Any, fill: Any, radius: float = 0.0, edge: Any = None) -> None:
+        if fill == palette.PANEL and edge == palette.EDGE and radius > 0.0:
+            panels.append(box)
+        draw(canvas, box, fill, radius, edge)
+
+    monkeypatch.setattr(Canvas, "box", noted)
+    env = make(mission, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.render()
+    assert len(panels) >= 5
+    for left, top, width, height in panels:
+        assert left >= 0.0 and left + width <= WIDTH and top >= 0.0 and top + height <= HEIGHT
+    for first, second in itertools.combinations(panels, 2):
+        beside = first[0] + first[2] <= second[0] or second[0] + second[2] <= first[0]
+        above = first[1] + first[3] <= second[1] or second[1] + second[3] <= first[1]
+        assert beside or above, (first, second)
