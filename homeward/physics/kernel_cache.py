@@ -150,7 +150,8 @@ def _open_to_others(base: Path) -> Path | None:
         return None
     # Inside a container without the system's root, root's files belong to the owner of the root folder.
     trusted = {os.getuid(), 0, os.stat("/").st_uid}
-    for place in (*base.parents, base, *base.rglob("*")):
+    kernels = [place for folder in base.glob("kernels-*") for place in (folder, *folder.rglob("*"))]
+    for place in (*base.parents, base, *kernels):  # data sets, which lie beside the kernels, are not run
         try:
             status = place.lstat()
         except FileNotFoundError:  # another process has put it in its place meanwhile

@@ -147,6 +147,15 @@ def test_a_cache_that_others_may_write_to_is_not_run(
     )
 
 
+def test_a_data_set_beside_the_kernels_is_nobodys_code(base: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Downloads lie in the same cache folder, where anybody may read them."""
+    data = base / "named" / "homeward" / "husky_borealtc"
+    data.mkdir()
+    data.chmod(0o755)
+    assert cache_base() == base / "named" / "homeward"
+    assert capsys.readouterr().err == ""
+
+
 def test_below_a_sticky_folder_what_is_ones_own_is_safe(base: Path, capsys: pytest.CaptureFixture[str]) -> None:
     base.chmod(0o1777)
     folder = cache_base()
