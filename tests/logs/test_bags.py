@@ -18,12 +18,15 @@ from hypothesis import strategies as st
 
 pytest.importorskip("rosbags")
 
+from rosbags.highlevel import AnyReader
+
 import diagnose
 from homeward import load_robot
 from homeward.diagnosis import Analysis, Recording, RecordingError, read_recording
 from homeward.diagnosis.read.signals import signals
 from homeward.logs.bags import clock
 from homeward.logs.bags.messages import WrongField, getter, shipped_definitions
+from homeward.logs.bags.salvage import DamagedBag
 from homeward.logs.bags.topics import load_topics, shipped_topics
 from tests.logs.bag_writer import KINDS, START_S, Array, Stream, write_bag
 
@@ -342,6 +345,20 @@ def test_a_cut_bag_gives_what_is_left(tmp_path: Path, form: str, compression: st
     assert recording.duration_s > (0.5 if compression else 0.85) * share * SECONDS - 2.0
     (note,) = (note for note in recording.notes if "cut off" in note)
     assert note.startswith(f"{file.name} is cut off or damaged (") and note.endswith(" messages could be read")
+
+
+@pytest.mark.parametrize("form", ["ros1", "mcap"])
+def test_messages_of_a_cut_bag_were_received_when_the_bag_says(tmp_path: Path, form: str) -> None:
+    bag = write_bag(tmp_path, form, HUSKY)
+    file = storage(bag)
+    with AnyReader([bag]) as reader:
+        whole = {time_ns for _, time_ns, _ in reader.messages()}
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 2])
+    damaged = DamagedBag(file)
+    times_ns = [time_ns for _, time_ns, _ in damaged.messages(damaged.connections)]
+    assert len(times_ns) > 100
+    assert set(times_ns) <= whole
 
 
 def test_a_cut_database_is_for_sqlite_to_rebuild(tmp_path: Path) -> None:
