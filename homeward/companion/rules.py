@@ -27,8 +27,8 @@ SOC_MISMATCH, SOC_MISMATCH_WINDOWS = 0.1, 3
 battery. Monitors that measure voltage are off by some per cent. Chosen: above that, and more than a single window."""
 
 OWN_COURSE = 0.1
-"""Prior probability that a state-of-charge reading has a course of its own. Chosen: of the drivers of Husarion,
-Clearpath, Ubiquity, ROBOTIS, ROSbot and OpenMower each maps the voltage, yet their users mostly add a monitor."""
+"""Prior probability that a state-of-charge reading has a course of its own. Chosen: the drivers
+of Husarion, Clearpath, Ubiquity, ROBOTIS, ROSbot and OpenMower map the voltage, but no count of robots is known."""
 
 GAUGE_CHANGES = 1.0 / 200.0
 """Probability in a window that a reading jumps, stays or is right again: once a charge. Chosen."""

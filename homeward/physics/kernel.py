@@ -89,8 +89,8 @@ def _compose(kind: Kind, *, cumulative: bool) -> Callable[..., float]:
     With `cumulative` each effect gets the load with all before it added, otherwise the load alone. The columns of
     inactive effects stay zero. A kind without active effects takes one test.
 
-    The function is written out as text because numba compiles it as one: a chain of closures, a link for each effect,
-    takes three times as long.
+    The function is written out as text because numba then compiles one function, where a chain of closures has a
+    function for each effect.
     """
     names: dict[str, Any] = {"__name__": __name__}
     terms, masks = "", 0
