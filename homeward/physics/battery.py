@@ -41,9 +41,9 @@ CHEMISTRIES: dict[str, tuple[tuple[float, float], ...]] = {
         (0.3, 3.270), (0.4, 3.288), (0.5, 3.296), (0.6, 3.303), (0.7, 3.315), (0.75, 3.322), (0.8, 3.328),
         (0.85, 3.335), (0.9, 3.341), (0.95, 3.348), (0.98, 3.354), (1.0, 3.400),
     ),
-    # Mean of six gel and AGM tables at five charges, interpolated between them. Three were read (meeknet.co.uk; RV Solar
-    # Connection; Clearpath's battery monitor, after doi 10.1088/1742-6596/1367/1/012077): their mean is within 4 mV a
-    # cell of 2 V. The other three (Trojan, Deka) are from memory.
+    # Mean of six gel and AGM tables at five charges, interpolated between them. Three were read (meeknet.co.uk; RV
+    # Solar Connection; Clearpath's battery monitor, after doi 10.1088/1742-6596/1367/1/012077): their mean is within 4
+    # mV a cell of 2 V. The other three (Trojan, Deka) are from memory.
     "lead_acid": (
         (0.0, 1.957), (0.1, 1.973), (0.2, 1.989), (0.25, 1.997), (0.3, 2.009), (0.4, 2.032), (0.5, 2.053),
         (0.6, 2.071), (0.7, 2.089), (0.75, 2.097), (0.8, 2.105), (0.9, 2.121), (1.0, 2.136),
