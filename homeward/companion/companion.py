@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from homeward import rules as shared
 from homeward.companion import rules
 from homeward.companion.advice import Action, Advice, UncertainValue
+from homeward.companion.battery import Start
 from homeward.companion.checks import check_home, check_number, check_route, check_wind
-from homeward.companion.cutoff import Cutoff
 from homeward.companion.gauge import FOLLOWS, OWN
 from homeward.companion.home_estimator import HomeEstimator, WayHome
 from homeward.companion.limits import limits_of
@@ -25,7 +25,7 @@ from homeward.companion.policy import OnboardPolicy
 from homeward.companion.prior_knowledge import PriorKnowledge, known_of
 from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.saved import DAMAGE, check_sealed, digest, put_values, sealed, values_of
-from homeward.companion.turn_advice import chance, latest
+from homeward.companion.turn_advice import latest
 from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
@@ -33,7 +33,6 @@ from homeward.estimation import Prior, Vehicle
 from homeward.estimation.excitation import looks_back
 from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
-from homeward.physics.battery import energy_share
 
 WINDOWS = 200.0
 """Number of updates of the estimator while the battery lasts at cruise, as of decisions in the environments
@@ -84,7 +83,7 @@ class Companion:
     """
 
     SAVED: ClassVar = (
-        "_readings", "_way", "_window", "_estimator", "_cutoff", "_other_way_m", "_turned", "_charged", "_mismatched",
+        "_readings", "_way", "_window", "_estimator", "_other_way_m", "_turned", "_charged", "_mismatched",
         "_stands", "_has", "_action",
     )  # fmt: skip
 
@@ -144,6 +143,7 @@ class Companion:
         self._estimator = HomeEstimator(
             self.robot, known_of(self.robot, forecast_mps is not None) if prior is None else PriorKnowledge(prior, ()),
             places=places, place_m=place_m, cruise_mps=cruise, risk=risk, route=route, forecast_mps=forecast_mps,
+            cutoff_v=cutoff_v,
         )  # fmt: skip
         self._made_for = digest(repr((
             self.robot, places, place_m, cruise, self._window_s, home, cutoff_v, self._estimator.known.prior,
@@ -151,7 +151,6 @@ class Companion:
         )))  # fmt: skip
         self._way = Way(home, route, max(place_m / _CRUMBS, 1.0), self._limits.way_m)
         self._readings = Readings(self._limits, self._way.is_possible)
-        self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
         self._window = Window()
         self._other_way: RouteLike | None = None
         self._other_way_m: float | None = None
@@ -213,21 +212,15 @@ class Companion:
 
     def _process(self, reading: Reading) -> None:
         """Process the readings of a moment that are new."""
-        charge = reading.soc
-        reading = reading._replace(soc=self._energy_share(charge))
-        self._charge_first(reading.soc)
+        self._charge_first(reading)
         if math.isnan(reading.speed_mps) and reading.position is None:
             reading = reading._replace(speed_mps=self._estimator.speed_mps)  # it drives on as before
         step = self._way.follow(reading)
         self._note(reading, step)
-        self._ask_policy(reading._replace(soc=charge), step)
+        self._ask_policy(reading, step)
         self._window.add(reading, step, *self._estimator.model(reading, step))
         if self._window.time_s >= self._window_s * (1.0 - 1e-6):
             self._flush()
-
-    def _energy_share(self, charge: float) -> float:
-        """Share of the energy that a state of charge is: gauges show charge."""
-        return float(energy_share(self.robot.curve, charge))
 
     def _ask_policy(self, reading: Reading, step: Step) -> None:
         if self._policy is None:
@@ -250,8 +243,7 @@ class Companion:
         """
         check_number("soc", soc, 0.0, 1.0)
         self._flush()
-        self._estimator.recharge(self._energy_share(soc), as_read=False)
-        self._cutoff = None if self._cutoff_v is None else Cutoff(self._cutoff_v)
+        self._estimator.begin_battery(Start(soc))
         self._turned = False
         if self._policy is not None:
             self._policy.begin()
@@ -309,8 +301,6 @@ class Companion:
         """Pass the readings so far to the estimator."""
         if self._window.time_s > 0.0:
             self._estimator.add_window(self._window, self._way.position_m)
-            if self._cutoff is not None:
-                self._cutoff.see(*self._window.electric, self._estimator.used)
             self._check_charge(self._window.soc)
             self._check_speed(self._window)
             self._window = Window()
@@ -318,7 +308,7 @@ class Companion:
     def _check_charge(self, soc: float) -> None:
         """Say which reading is not believed. A lower one after a jump is accepted, as of a weaker battery: that is
         safe."""
-        believed, differs = self._estimator.gauge.believed, soc - self._estimator.soc
+        believed, differs = self._estimator.gauge.believed, soc - self._estimator.charge
         if believed == FOLLOWS:
             self._mismatched = 0
             return
@@ -334,7 +324,7 @@ class Companion:
             self._readings.say(f"{text}; power alone is used", kind)
             return
         self._readings.say(f"{text}: another battery? Estimates of the old one are dropped", kind)
-        self._estimator.recharge(soc, as_read=True)
+        self._estimator.begin_battery(Start(soc, told=False))
         self._mismatched = 0
 
     def _check_speed(self, window: Window) -> None:
@@ -348,14 +338,19 @@ class Companion:
             )
             self._readings.say(text if self._has["position"] else f"{text} Home may be farther than estimated", kind)
 
-    def _charge_first(self, soc: float) -> None:
+    def _charge_first(self, reading: Reading) -> None:
+        """Begin with the battery as it is told, or shown by the first reading."""
         if self._charged:
             return
         self._charged = True
-        as_read = self._start_soc is None
-        start = soc if self._start_soc is None else self._energy_share(self._start_soc)
-        if math.isfinite(start) and start < 1.0 - 0.5 * self._estimator.known.prior.soc_step:
-            self._estimator.recharge(start, as_read=as_read)
+        self._estimator.see_temperature(reading.temperature_c)
+        if self._start_soc is not None:
+            start = Start(self._start_soc)
+        elif math.isfinite(reading.soc):
+            start = Start(reading.soc, told=False)
+        else:
+            start = Start()
+        self._estimator.begin_battery(start)
 
     def _note(self, reading: Reading, step: Step) -> None:
         """Record which readings there have been."""
@@ -383,16 +378,12 @@ class Companion:
     def _advise(self) -> Advice:
         home, estimator = self._way_home(), self._estimator
         now = estimator.leaves(home)
-        total = now.total[0]
-        withheld_j = self._withheld_j(float(total["left_j"]))
-        low_j = float(total["margin_low_j"]) - withheld_j
-        left = UncertainValue(float(total["left_j"]) - withheld_j, float(total["left_sd_j"]))
 
         def low_after_j(onwards_m: float) -> float:
-            return float(estimator.leaves(home, onwards_m).total[0]["margin_low_j"]) - withheld_j
+            return estimator.leaves(home, onwards_m).low_j
 
-        turn_in_m = latest(low_after_j, low_j, self._range_m)
-        standing_s = max(low_j, 0.0) / max(estimator.pace_w, self.vehicle.idle_w, 1e-9)
+        turn_in_m = latest(low_after_j, now.low_j, self._range_m)
+        standing_s = max(now.low_j, 0.0) / max(estimator.pace_w, self.vehicle.idle_w, 1e-9)
         turn_in_s = min(turn_in_m / max(estimator.pace_mps, 1e-9), standing_s)
         needs_m = self._reaction_s * estimator.pace_mps
         self._turned |= turn_in_m <= needs_m or turn_in_s <= self._reaction_s
@@ -400,14 +391,15 @@ class Companion:
         self._turned &= home.way_m + rules.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
         chance_there = None
         if self._way.route_m is not None and home.ways is None:
-            chance_there = chance(estimator.leaves(home, max(self._way.route_m - home.way_m, 0.0)), withheld_j)
+            onwards_m = max(self._way.route_m - home.way_m, 0.0)
+            chance_there = estimator.leaves(home, onwards_m).chance_home
         return Advice(
             time_s=self._readings.clock_s,
             way_home_m=home.way_m,
-            energy_left_j=left.within(0.0, self.vehicle.full_j),
-            energy_home_j=UncertainValue(float(total["cost_j"]), float(total["cost_sd_j"])).within(0.0, math.inf),
-            margin_j=UncertainValue(float(total["margin_j"]) - withheld_j, float(total["margin_sd_j"])),
-            chance_home=chance(now, withheld_j),
+            energy_left_j=now.left,
+            energy_home_j=now.cost,
+            margin_j=now.margin,
+            chance_home=now.chance_home,
             risk=self.risk,
             turn_in_m=0.0 if self._turned else turn_in_m,
             turn_in_s=0.0 if self._turned else turn_in_s,
@@ -415,15 +407,19 @@ class Companion:
             chance_there_and_back=chance_there,
             looks_back=not self._turned
             and looks_back(estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s),
-            rests_on=rests_on(self._has, estimator.known, self._what_home(), self._cutoff is not None),
+            rests_on=rests_on(self._has, estimator.known, self._what_home(), self._cutoff_words()),
             warnings=(*self._readings.warnings(), *self._off_route()),
             action=None if self._action is None else Action(*self._action),
         )
 
-    def _withheld_j(self, left_j: float) -> float:
-        """Energy of the estimate that cannot be used: the cut-off voltage keeps it in the battery, or none holds it."""
-        share = 1.0 if self._cutoff is None else min(self._cutoff.left(), 1.0)
-        return max(left_j - share * self.vehicle.full_j, 0.0)
+    def _cutoff_words(self) -> str:
+        """Down to which voltage the battery is used."""
+        if self.robot.curve.mean_v > 0.0:
+            told = "no cut-off voltage was given: that usual for its cells" if self._cutoff_v is None else "given"
+            return f"the battery is usable down to its cut-off voltage under load ({told})"
+        if self._cutoff_v is not None:
+            return "the battery is usable until empty: a cut-off voltage needs a chemistry in the robot's file"
+        return "the battery is usable until empty: no cut-off voltage was given"
 
     def _off_route(self) -> tuple[str, ...]:
         off_m = self._way.off_route_m

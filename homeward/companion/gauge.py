@@ -4,25 +4,27 @@
 * It did, until it jumped, was reset or stayed: since then it says nothing.
 * It has a course of its own, as a percentage has that is a map of the voltage: it never said anything.
 
-The first predicts a reading from the energy drawn and the estimated capacity, the others from the reading before. Power
-integrates by itself, so that each explanation has an estimate of the energy left, with the readings or without them.
+The first predicts a reading from the charge of each possible battery, the others from the reading before. The
+probability of an explanation and a battery together follows by the forward algorithm of hidden Markov models (Rabiner,
+Proceedings of the IEEE 77, 1989): a battery that was likely before the gauge jumped remains so after it.
 """
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from homeward.companion import rules
 from homeward.estimation import Prior
-from homeward.estimation.prior import PER_CAPACITY, SOC_ERROR, USED
+
+Floats = NDArray[np.float64]
 
 FOLLOWS, JUMPED, OWN = range(3)
 """The explanations."""
-EXPLANATIONS = 3
 
 _TRANSITIONS = np.array(
     [
@@ -34,102 +36,149 @@ _TRANSITIONS = np.array(
 """Probability of an explanation in a window (column), given that of the window before (row)."""
 
 
-class Predicted(NamedTuple):
-    """Reading of a gauge that follows the charge, as predicted.
-
-    Attributes:
-        soc: State of charge, as a share of the energy.
-        variance: Variance of the reading about it.
-        per_capacity: Share of the charge per energy used, over that of a full battery by the robot's file.
-        prior: Prior of the estimator, with the errors of the gauge.
-        fallen: How much of the state of charge has been used since.
-    """
-
-    soc: float
-    variance: float
-    per_capacity: float
-    prior: Prior
-    fallen: float = 0.0
-
-    def after(self, used: float, variance: float) -> Predicted:
-        """The prediction after an energy was used, of a given variance, both over that of a full battery."""
-        fallen, prior = self.per_capacity * used, self.prior
-        kept = math.exp(-abs(used) / prior.soc_error_lasts)
-        wandered = prior.soc_error**2 * (1.0 - kept * kept)
-        variance = self.variance + self.per_capacity**2 * max(variance, 0.0) + wandered
-        return self._replace(soc=self.soc - fallen, variance=variance, fallen=fallen)
-
-
 class GaugeTrust:
-    """Weights of the explanations.
+    """Probabilities of explanations and possible batteries.
 
-    Attributes:
-        weights: Probability of each explanation, shape (EXPLANATIONS,).
+    A gauge that follows the charge has two errors of its own, estimated for each battery by a Kalman filter: an offset
+    that wanders, and a gain. A gauge that rounds says most when its reading changes: then the charge is between the
+    two. While it does not change it says only that the charge is within the coarsest step that gauges have.
+
+    Args:
+        weights: Probabilities of the batteries, shape (n,).
+        prior: The errors of a gauge that follows the charge.
+        start: State of charge of each battery at the start, shape (n,).
+        gain: Fall of the reading over that of the charge, by battery, shape (n,).
+        gain_sd: Standard deviation of that.
     """
 
-    SAVED: ClassVar = ("weights", "_last", "_fallen", "_wanders")
+    SAVED: ClassVar = (
+        "joint", "_start", "_offset", "_gain", "_covariance", "_last", "_drawn", "_fallen", "_wanders",
+    )  # fmt: skip
 
-    def __init__(self) -> None:
-        self.weights = np.array([1.0 - rules.OWN_COURSE, 0.0, rules.OWN_COURSE])
+    def __init__(self, weights: Floats, prior: Prior, start: Floats, gain: Floats, gain_sd: Floats) -> None:
+        self._prior = prior
+        self._noise_variance = prior.soc_sd**2
+        self._offset_variance = max(prior.soc_error, rules.COUNTER_SD) ** 2
+        self.joint = np.outer([1.0 - rules.OWN_COURSE, 0.0, rules.OWN_COURSE], weights)
+        self._start = start
+        self._offset, self._gain = np.zeros_like(weights), gain.copy()
+        gain_variance = gain_sd**2 + rules.COUNTER_GAIN_SD**2
+        # Of offset and gain: variance of the first, covariance, variance of the second.
+        self._covariance = np.stack([np.full_like(weights, self._offset_variance), 0.0 * weights, gain_variance])
+        self._drawn = np.zeros_like(weights)
         self._last, self._fallen = math.nan, 0.0
         self._wanders = rules.GAUGE_WANDERS**2  # variance of the change from reading to reading, beyond the fall
 
-    def see(self, reading: float, predicted: Predicted) -> None:
-        """Weigh the explanations by the reading of a window.
+    @property
+    def has_begun(self) -> bool:
+        """Whether there was a reading."""
+        return math.isfinite(self._last)
 
-        Args:
-            reading: State of charge, as a share of the energy; NaN: none.
-            predicted: What it is if it follows the charge.
-        """
-        self._fallen += predicted.fallen
-        if not math.isfinite(reading):
-            return
-        surprise = reading - (self._last - self._fallen)
-        if math.isfinite(self._last):
-            # A reading that only rounds is as near to the one before as to the prediction: that is no evidence.
-            wanders = max(self._wanders, predicted.variance)
-            follows, other = _likelihood(reading - predicted.soc, predicted.variance), _likelihood(surprise, wanders)
-            weights = (self.weights @ _TRANSITIONS) * np.array([follows, other, other])
-            self.weights = weights / weights.sum()
-            self._wanders += rules.GAUGE_LEARNS * (surprise**2 - self._wanders)
-        self._last, self._fallen = reading, 0.0
+    @property
+    def weights(self) -> Floats:
+        """Probability of each battery, shape (n,)."""
+        return np.asarray(self.joint.sum(axis=0))
+
+    @property
+    def probabilities(self) -> Floats:
+        """Probability of each explanation, shape (3,)."""
+        return np.asarray(self.joint.sum(axis=1))
 
     @property
     def believed(self) -> int:
         """The most probable explanation."""
-        return int(np.argmax(self.weights))
+        return int(np.argmax(self.probabilities))
 
-    @property
-    def surely_follows(self) -> bool:
-        """Whether the reading is believed: a jump, if there is one, is yet to come."""
-        return bool(self.weights[FOLLOWS] > rules.GAUGE_SURE)
+    def see(self, reading: float, drawn: Floats, variance: Floats, likelihood: Floats) -> None:
+        """Weigh explanations and batteries by a window.
 
-    @property
-    def surely_not(self) -> bool:
-        """Whether the reading is not believed: if it is right again, that begins now."""
-        return bool(self.weights[FOLLOWS] < 1.0 - rules.GAUGE_SURE)
+        Args:
+            reading: State of charge as shown; NaN: none.
+            drawn: Charge drawn since the start, by battery, shape (n,).
+            variance: Variance of that, shape (n,).
+            likelihood: Likelihood of all other readings of the window, by battery, shape (n,).
+        """
+        drawn_before, self._drawn = self._drawn, drawn
+        self._wander(drawn - drawn_before)
+        by_explanation = np.ones_like(self.joint)
+        if math.isfinite(reading):
+            if not self.has_begun:
+                by_explanation[FOLLOWS] = self._follow(reading, drawn, variance)
+                # One with a course of its own still shows a full battery as rather full.
+                by_explanation[JUMPED:] = _likelihood(reading - self._start + drawn, np.array(rules.OWN_START_SD**2))
+            elif reading == self._last:
+                off = np.abs(reading - self._expected(drawn))
+                near = ndtr((rules.COARSEST - off) / rules.COARSEST_SD)
+                by_explanation[FOLLOWS] = np.maximum(near, rules.GAUGE_OUTLIERS)
+            else:
+                by_explanation = self._weigh_change(reading, 0.5 * (drawn_before + drawn), variance)
+            self._last = reading
+        joint = (_TRANSITIONS.T @ self.joint) * by_explanation * likelihood
+        total = joint.sum()
+        if total > 0.0:
+            self.joint = joint / total
+
+    def _expected(self, drawn: Floats) -> Floats:
+        """Reading of a gauge that follows, by battery."""
+        return self._start - self._gain * drawn + self._offset
+
+    def _wander(self, drawn: Floats) -> None:
+        """The offset becomes another one, as a lag or a curve that is not the battery's does."""
+        self._fallen += float(self.weights @ (self._gain * drawn))
+        stays = math.exp(-abs(float(self.weights @ drawn)) / self._prior.soc_error_lasts)
+        self._offset *= stays
+        of_offset, of_both, of_gain = self._covariance
+        renewed = self._offset_variance * (1.0 - stays * stays)
+        self._covariance = np.stack([stays * stays * of_offset + renewed, stays * of_both, of_gain])
+
+    def _weigh_change(self, reading: float, drawn: Floats, variance: Floats) -> Floats:
+        """Likelihood of a reading that changed, by explanation and battery; the errors of the gauge are updated."""
+        change = reading - self._last
+        rounding = change * change / 12.0
+        by_explanation = np.empty_like(self.joint)
+        by_explanation[FOLLOWS] = self._follow(0.5 * (reading + self._last), drawn, variance + rounding)
+        surprise = change + self._fallen
+        weights = self.weights
+        expected = self._expected(drawn)
+        spread = float(weights @ (self._total_variance(drawn, variance) + (expected - weights @ expected) ** 2))
+        # A reading that only rounds is as near to the one before as to the expected one: that is no evidence.
+        wanders = max(self._wanders, spread)
+        by_explanation[JUMPED:] = _likelihood(np.array(surprise), np.array(wanders))
+        self._wanders += rules.GAUGE_LEARNS * (surprise**2 - self._wanders)
+        self._fallen = 0.0
+        return by_explanation
+
+    def _total_variance(self, drawn: Floats, variance: Floats) -> Floats:
+        """Variance of a reading that follows, by battery."""
+        of_offset, of_both, of_gain = self._covariance
+        own = of_offset - 2.0 * drawn * of_both + drawn * drawn * of_gain
+        return np.asarray(own + self._noise_variance + variance)
+
+    def _follow(self, reading: float, drawn: Floats, variance: Floats) -> Floats:
+        """Likelihood of a reading that follows, by battery; the errors of the gauge are updated."""
+        surprise = reading - self._expected(drawn)
+        total = self._total_variance(drawn, variance)
+        likelihood = _likelihood(surprise, total)
+        # As far as it is this explanation that holds, the errors explain the surprise.
+        holds = self.joint[FOLLOWS] / np.maximum(self.joint.sum(axis=0), 1e-300)
+        most = rules.GAUGE_DOUBT * np.sqrt(total)
+        surprise = holds * np.clip(surprise, -most, most)
+        of_offset, of_both, of_gain = self._covariance
+        shared_offset, shared_gain = of_offset - drawn * of_both, of_both - drawn * of_gain
+        self._offset = self._offset + shared_offset / total * surprise
+        self._gain = self._gain + shared_gain / total * surprise
+        taken = holds / total
+        self._covariance = np.stack(
+            [
+                of_offset - taken * shared_offset * shared_offset,
+                of_both - taken * shared_offset * shared_gain,
+                of_gain - taken * shared_gain * shared_gain,
+            ]
+        )
+        return likelihood
 
 
-def _likelihood(error: float, variance: float) -> float:
+def _likelihood(error: Floats, variance: Floats) -> Floats:
     """Density of a reading, of which a few are outliers, anywhere between empty and full."""
-    normal = math.exp(-0.5 * error * error / variance) / math.sqrt(2.0 * math.pi * variance)
-    return (1.0 - rules.GAUGE_OUTLIERS) * normal + rules.GAUGE_OUTLIERS
-
-
-def prediction(hypotheses: NDArray[np.void], robot: np.void, prior: Prior) -> Predicted:
-    """The next reading by an estimate, before energy is used.
-
-    Args:
-        hypotheses: `HYPOTHESIS_DTYPE`, shape (hypotheses,).
-        robot: `ROBOT_DTYPE`.
-        prior: Prior of the estimator.
-    """
-    weight, mean = np.exp(hypotheses["log_weight"]), hypotheses["mean"]
-    spent, per_capacity = mean[:, USED] - robot["lag"], mean[:, PER_CAPACITY]
-    soc_by_hypothesis = robot["soc_start"] - per_capacity * spent + mean[:, SOC_ERROR]
-    gradient = np.zeros_like(mean)
-    gradient[:, USED], gradient[:, PER_CAPACITY], gradient[:, SOC_ERROR] = -per_capacity, -spent, 1.0
-    variances = np.einsum("ka,kab,kb->k", gradient, hypotheses["covariance"], gradient)
-    soc = float(weight @ soc_by_hypothesis)
-    variance = float(weight @ (variances + (soc_by_hypothesis - soc) ** 2))
-    return Predicted(soc, variance + prior.soc_sd**2, float(weight @ per_capacity), prior)
+    normal = np.exp(-0.5 * error * error / variance) / np.sqrt(2.0 * math.pi * variance)
+    return np.asarray((1.0 - rules.GAUGE_OUTLIERS) * normal + rules.GAUGE_OUTLIERS)

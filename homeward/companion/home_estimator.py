@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from homeward.companion import rules
 from homeward.companion.advice import UncertainValue
-from homeward.companion.gauge import EXPLANATIONS, FOLLOWS, JUMPED, OWN, GaugeTrust, Predicted, prediction
+from homeward.companion.battery import BatteryBelief, Conditions, Start, Witnesses
+from homeward.companion.cells import cells_of
+from homeward.companion.gauge import GaugeTrust
 from homeward.companion.prior_knowledge import PriorKnowledge
 from homeward.companion.readings import Reading
 from homeward.companion.way import RouteLike, Step
@@ -22,8 +24,9 @@ from homeward.estimation.drive import modelled_driving
 from homeward.estimation.estimator import NO_WAYS
 from homeward.estimation.filter import place_of
 from homeward.estimation.home import home_cost, modelled_power
-from homeward.estimation.prior import PER_CAPACITY, USED, WEIGHT
-from homeward.estimation.tails import normal_risk
+from homeward.estimation.margin import chance_below, quantile_of_sum
+from homeward.estimation.prior import GAIN, PER_CAPACITY, ROLLING, USED, WEIGHT
+from homeward.estimation.tails import deviations
 from homeward.physics import Robot
 from homeward.physics.jit import announce_compilation
 from homeward.physics.kernel import full_charge
@@ -32,7 +35,9 @@ from homeward.physics.terminal_power import at_terminals
 
 _PACE = 0.2
 """Weight of the last window in the present pace. Chosen: some five windows count."""
-_EVERY = np.ones(EXPLANATIONS, np.bool_)
+_ONE = np.ones(1, np.bool_)
+_OWN_POWER = (GAIN, ROLLING, WEIGHT)
+"""States of the robot's own consumption, which are exact where the model takes the place of the meter."""
 
 
 class WayHome(NamedTuple):
@@ -51,6 +56,24 @@ class WayHome(NamedTuple):
     ways: NDArray[np.void] | None
 
 
+class Outcome(NamedTuple):
+    """What a plan leaves, J as metered.
+
+    Attributes:
+        left: Energy left in the battery, until it is empty or cut off.
+        cost: Energy of the plan.
+        margin: The former less the latter.
+        low_j: Margin at the accepted risk.
+        chance_home: Probability of a margin above zero.
+    """
+
+    left: UncertainValue
+    cost: UncertainValue
+    margin: UncertainValue
+    low_j: float
+    chance_home: float
+
+
 class HomeEstimator:
     """The estimated robot, and the energy that a way consumes and leaves.
 
@@ -63,9 +86,12 @@ class HomeEstimator:
         risk: Accepted probability of not getting home.
         route: The route, if there is one.
         forecast_mps: Forecast of the wind: components towards where it comes from, east and north, if there is one.
+        cutoff_v: Voltage at which the battery is cut off, if it is known.
 
     Attributes:
-        known: The prior, as its meter measures.
+        battery: What is believed of the battery.
+        has_power: Whether power was ever read; None before the first window. If not, the model takes its place, and
+            what the battery holds is as uncertain as the model.
         vehicle: Parameters of the robot's own model in the form that the estimator takes.
         windows: Number of windows processed.
         pace_mps: Recent mean speed, including stops.
@@ -75,7 +101,7 @@ class HomeEstimator:
 
     SAVED: ClassVar = (
         "at_terminals", "estimates", "_extra", "_state", "windows", "pace_mps", "pace_w", "speed_mps", "_heading_rad",
-        "gauge", "_explanations",
+        "battery", "has_power", "_temperature_c",
     )  # fmt: skip
 
     def __init__(
@@ -89,14 +115,17 @@ class HomeEstimator:
         risk: float,
         route: RouteLike | None,
         forecast_mps: tuple[float, float] | None,
+        cutoff_v: float | None,
     ) -> None:
         announce_compilation()
-        self._robot, self._route, self._normal_risk = robot, route, normal_risk(risk)
+        self._robot, self._route, self._risk, self._z = robot, route, risk, deviations(risk)
         self._places, self._forecast_mps = places, forecast_mps or (0.0, 0.0)
-        self._known, self._at_terminals = known, False
+        self.known, self.at_terminals = known, False
         self.vehicle = vehicle_of(robot, place_m, cruise_mps)
-        self._estimator = Estimator(self.vehicle, known.prior, places, EXPLANATIONS)
-        self.at_terminals = False
+        self._record = plain(robot.record())
+        self._estimator = Estimator(self.vehicle, known.prior, places, 1)
+        self._cells = cells_of(robot)
+        self.battery = BatteryBelief(self._cells, known.prior, known.capacity_is_fitted, cutoff_v)
         self.begin()
         self._compile()
 
@@ -107,22 +136,6 @@ class HomeEstimator:
         return float(modelled_power(self.vehicle, record, state, speed_mps, 0.0, 0.0, 0.0, 0.0, 1.0)[0])
 
     @property
-    def at_terminals(self) -> bool:
-        """Whether power is voltage times current, which excludes losses inside the battery."""
-        return self._at_terminals
-
-    @at_terminals.setter
-    def at_terminals(self, measured_so: bool) -> None:
-        self._at_terminals = measured_so
-        robot = at_terminals(self._robot) if measured_so else self._robot
-        self._record = plain(robot.record())
-        self.vehicle = self.vehicle._replace(idle_w=self._modelled_w(robot, 0.0))
-        prior, share = self._known.prior, self._metered_share
-        prior = prior._replace(capacity=share * prior.capacity, capacity_sd=share * prior.capacity_sd)
-        self.known = self._known._replace(prior=prior)
-        self._estimator.vehicle, self._estimator.prior = self.vehicle, prior
-
-    @property
     def _metered_share(self) -> float:
         """Share of the energy out of the cells that the meter measures at cruise."""
         if not self.at_terminals:
@@ -131,30 +144,37 @@ class HomeEstimator:
         return self._modelled_w(at_terminals(self._robot), cruise_mps) / self._modelled_w(self._robot, cruise_mps)
 
     def see_terminals(self) -> None:
-        """From now on power is voltage times current."""
+        """From now on power is voltage times current, which excludes losses inside the battery."""
         if self.at_terminals:
             return
         self.at_terminals = True
-        h, share = self._estimator.state["hypotheses"], self._metered_share
-        h["mean"][..., PER_CAPACITY] /= share
-        h["covariance"][..., PER_CAPACITY, :] /= share
-        h["covariance"][..., :, PER_CAPACITY] /= share
+        self._take_meter()
+        self.begin_battery(Start(self.battery.charge))
+
+    def _take_meter(self) -> None:
+        """Use the model of the power that the meter measures."""
+        robot = at_terminals(self._robot) if self.at_terminals else self._robot
+        self._record = plain(robot.record())
+        self.vehicle = self.vehicle._replace(idle_w=self._modelled_w(robot, 0.0))
+        self._estimator.vehicle = self.vehicle
 
     @property
     def estimates(self) -> NDArray[np.void]:
-        """States of the estimator, shape (EXPLANATIONS,): that of the believed explanation of the gauge first."""
+        """State of the estimator, shape (1,)."""
         return self._estimator.state
 
     @estimates.setter
     def estimates(self, estimates: NDArray[np.void]) -> None:
         self._estimator.state[:] = estimates
+        self._take_meter()
 
     def begin(self) -> None:
         """Restart from the prior."""
         self._state = plain(full_charge(self._robot))
-        self.gauge, self._explanations = GaugeTrust(), np.arange(EXPLANATIONS)
-        east_mps, north_mps = np.repeat(np.array(self._forecast_mps)[:, None], EXPLANATIONS, axis=1)
-        self._estimator.begin(_EVERY, east_mps, north_mps)
+        self.has_power: bool | None = None
+        self._temperature_c = math.nan
+        east_mps, north_mps = np.array(self._forecast_mps)[:, None]
+        self._estimator.begin(_ONE, east_mps, north_mps)
         self._estimator.state["hypotheses"]["covariance"][..., WEIGHT, WEIGHT] += self.known.weight_sd**2
         self._extra, self.windows = np.zeros(self._places), 0
         self.pace_mps, self.pace_w = self.vehicle.cruise_mps, self.vehicle.idle_w
@@ -164,13 +184,14 @@ class HomeEstimator:
             places["sine"] = places["sine_driven"] = np.sin(self._route.grade_rad)
             places["east"], places["north"] = np.cos(self._route.heading_rad), np.sin(self._route.heading_rad)
             places["readings"] = 1.0
+        self.begin_battery(Start())
 
     def _compile(self) -> None:
         """Run every kernel once, without a lasting effect."""
         kept = self._estimator.state.copy()
         reading = np.zeros(1, READING_DTYPE)
         reading["time_s"], reading["position_m"], reading["east"] = 1.0, self.vehicle.place_m, 1.0
-        self._estimator.update(reading, _EVERY[:1])
+        self._estimator.update(reading, _ONE)
         self._estimator.relocate(0.5 * self.vehicle.place_m)
         self.leaves(self.way_home(1.0, 0.0))
         self._estimator.state[:] = kept
@@ -182,15 +203,14 @@ class HomeEstimator:
         return places
 
     @property
-    def soc(self) -> float:
-        """State of charge by the energy drawn, 0 to 1."""
-        spent, per_capacity = self._estimator.mean()[0, [USED, PER_CAPACITY]]
-        return float(self._estimator.state["robot"]["soc_start"][0] - spent * per_capacity)
+    def gauge(self) -> GaugeTrust:
+        """What is believed of the gauge."""
+        return self.battery.trust
 
     @property
-    def used(self) -> float:
-        """Energy drawn, over that of a full battery by the robot's file."""
-        return float(self._estimator.mean()[0, USED])
+    def charge(self) -> float:
+        """State of charge by all that is read, 0 to 1."""
+        return self.battery.charge
 
     @property
     def driving_w(self) -> float:
@@ -199,18 +219,42 @@ class HomeEstimator:
             self.vehicle.cruise_mps
         )
 
-    def recharge(self, soc: float, *, as_read: bool) -> None:
-        """Replace the battery by one of a given state of charge, with the prior of its capacity.
+    def begin_battery(self, start: Start) -> None:
+        """Replace the battery by one of which only the prior and the charge are known."""
+        self._estimator.recharge(1.0, 0.0)
+        h = self._estimator.state["hypotheses"]
+        # The filter knows the energy drawn; what the battery holds is known by `battery`.
+        h["mean"][..., PER_CAPACITY] = 1.0
+        h["covariance"][..., PER_CAPACITY, :] = h["covariance"][..., :, PER_CAPACITY] = 0.0
+        rate_per_h = 0.0
+        if self._cells.has_curve:
+            cruise_w = self._modelled_w(self._robot, self.vehicle.cruise_mps)
+            rate_per_h = self._cells.rate_per_h(cruise_w / self._cells.curve.mean_v)
+        conditions = Conditions(
+            self._temperature_c, rate_per_h, self.known.prior.gain_sd, self._modelled_sd, self._metered_share
+        )  # fmt: skip
+        self.battery.begin(start, conditions)
 
-        Args:
-            soc: State of charge, as a share of the energy.
-            as_read: Whether the gauge shows that, and nobody else says so.
-        """
-        self._estimator.recharge(soc, self.known.prior.soc_sd)
-        self.gauge, self._explanations = GaugeTrust(), np.arange(EXPLANATIONS)
-        if as_read:
-            h = self._estimator.state["hypotheses"][OWN]
-            h["covariance"][:, USED, USED] += (rules.OWN_START_SD / h["mean"][:, PER_CAPACITY]) ** 2
+    def see_temperature(self, temperature_c: float) -> None:
+        """Note the temperature of the air at the start, on which the capacity depends, C."""
+        self._temperature_c = temperature_c
+
+    def _see_power(self, power_w: float) -> None:
+        """Note whether power is read: if not, the model takes its place."""
+        if self.has_power is None:
+            self.has_power = math.isfinite(power_w)
+            if not self.has_power:
+                covariance = self._estimator.state["hypotheses"]["covariance"]
+                for state in _OWN_POWER:
+                    covariance[..., state, :] = covariance[..., :, state] = 0.0
+                self.begin_battery(self.battery.start)
+        elif not self.has_power and math.isfinite(power_w):
+            self.has_power = True
+            covariance = self._estimator.state["hypotheses"]["covariance"]
+            prior = self.known.prior
+            for state, sd in zip(_OWN_POWER, (prior.gain_sd, prior.rolling_sd, prior.mass_sd), strict=True):
+                covariance[..., state, state] += sd**2
+            self.begin_battery(Start(self.battery.charge, told=False))
 
     def model(self, reading: Reading, step: Step) -> tuple[float, float, float]:
         """Power since the last reading by the robot's own model, see `modelled_power`, W."""
@@ -250,9 +294,16 @@ class HomeEstimator:
             window: A window of positive length.
             position_m: Way home at its end, m.
         """
-        predicted, used_before = self._predicted_soc(), self._used_without_gauge()
-        self._update(window, position_m, every=True)
-        self._weigh_gauge(window.soc, predicted, used_before)
+        self._see_power(window.power_w)
+        self._update(window, position_m)
+        estimate = self._estimator.estimate()
+        voltage_v, current_a = window.electric
+        if math.isnan(current_a) and math.isfinite(voltage_v):
+            power_w = window.power_w if math.isfinite(window.power_w) else window.modelled_j / window.time_s
+            current_a = power_w / voltage_v
+        used, variance = float(estimate.mean[0, USED]), float(estimate.covariance[0, USED, USED])
+        used_sd = math.sqrt(max(variance, 0.0))
+        self.battery.see(Witnesses(used, used_sd, voltage_v, current_a, window.peak_a, window.soc))
         self.windows += 1
         place_m, here = self.vehicle.place_m, place_of(self.vehicle, position_m, self._extra)
         self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
@@ -262,43 +313,8 @@ class HomeEstimator:
             share = min(window.way_m / place_m, 1.0)
             self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
 
-    def _weigh_gauge(self, soc: float, before: Predicted, used_before: UncertainValue) -> None:
-        """Weigh the explanations of the gauge by a window's reading, and put the believed one first.
-
-        Args:
-            soc: The reading, as a share of the energy; NaN: none.
-            before: Prediction at the start of the window, if the gauge follows the charge.
-            used_before: Energy used by then, without the gauge, over that of a full battery by the robot's file.
-        """
-        used = self._used_without_gauge()
-        self.gauge.see(soc, before.after(used.mean - used_before.mean, used.sd**2 - used_before.sd**2))
-        states = self._estimator.state
-        if self.gauge.surely_follows:
-            states[self._place_of(JUMPED)] = states[self._place_of(FOLLOWS)]
-        elif self.gauge.surely_not:
-            states[self._place_of(FOLLOWS)] = states[self._place_of(self.gauge.believed)]
-        swapped = [0, self._place_of(self.gauge.believed)]
-        states[swapped] = states[swapped[::-1]]
-        self._explanations[swapped] = self._explanations[swapped[::-1]]
-
-    def _place_of(self, explanation: int) -> int:
-        """Where the estimate by an explanation of the gauge is."""
-        return int(np.flatnonzero(self._explanations == explanation)[0])
-
-    def _predicted_soc(self) -> Predicted:
-        """Prediction of a gauge that follows the charge."""
-        state = self._estimator.state[self._place_of(FOLLOWS)]
-        return prediction(state["hypotheses"], state["robot"], self.known.prior)
-
-    def _used_without_gauge(self) -> UncertainValue:
-        """Energy used by power alone, over that of a full battery by the robot's file."""
-        estimate, place = self._estimator.estimate(), self._place_of(OWN)
-        return UncertainValue(
-            float(estimate.mean[place, USED]), math.sqrt(max(float(estimate.covariance[place, USED, USED]), 0.0))
-        )
-
-    def _update(self, window: Window, position_m: float, *, every: bool = False) -> None:
-        """Update the estimator with a window: by the believed explanation of the gauge, or by every one."""
+    def _update(self, window: Window, position_m: float) -> None:
+        """Update the estimator with a window."""
         robot = self._estimator.state["robot"][0]
         change_m = position_m - float(robot["position_m"])
         straight = window.straight(change_m)
@@ -308,7 +324,7 @@ class HomeEstimator:
         r = reading[0]
         r["time_s"] = float(robot["time_s"]) + window.time_s
         r["position_m"] = position_m if straight else float(robot["position_m"]) + window.way_m
-        r["power_w"], r["soc"] = window.power_w, window.soc
+        r["power_w"], r["soc"] = window.power_w, np.nan
         # If slopes are read often enough, they are known within a place, and not only on average.
         often = window.slopes > 1 and window.way_m <= rules.OFTEN * self.vehicle.place_m * window.slopes
         r["modelled_j"] = window.modelled_j if often and math.isfinite(window.sine) else np.nan
@@ -323,11 +339,11 @@ class HomeEstimator:
         changes: dict[str, float] = {}
         if math.isnan(window.sine) and window.way_m > 0.0 and self._route is None:
             changes["slope_noise"] = rules.NO_SLOPE_SD
+        if math.isnan(window.sine) or self._route is not None:
+            changes["slope_offset"] = 0.0  # a route's slopes are known, whatever the sensor reads
         changes["power_noise"] = math.hypot(prior.power_noise * window.of_the_mean, window.power_noise)
         self._estimator.prior = prior._replace(**changes)
-        readings = np.repeat(reading, EXPLANATIONS if every else 1)
-        readings["soc"][self._explanations[: len(readings)] != FOLLOWS] = np.nan
-        self._estimator.update(readings, _EVERY[: len(readings)])
+        self._estimator.update(reading, _ONE)
         self._estimator.prior = self.known.prior
         if not straight:
             self._estimator.relocate(position_m)
@@ -352,11 +368,44 @@ class HomeEstimator:
             cost_j = self._at_cruise_j(ways) + self._standing_j(way_m)
         return WayHome(way_m, cost_j, unsure_m * (cost_j / max(way_m, self.vehicle.place_m)), ways)
 
-    def leaves(self, home: WayHome, onwards_m: float = 0.0) -> Margin:
+    def leaves(self, home: WayHome, onwards_m: float = 0.0) -> Outcome:
         """Energy left at home after driving on at the present pace, and then home."""
         plan = self._plan(onwards_m, home.cost_j)
         plan["elsewhere"], plan["unsure_j"] = float(home.ways is not None), home.unsure_j
-        return self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m)
+        return self._outcome(self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m))
+
+    def _outcome(self, margin: Margin) -> Outcome:
+        """What a plan leaves, with what is believed of the battery: `margin` is that of a battery known to hold 1."""
+        full_j, battery, total = self.vehicle.full_j, self.battery, margin.total[0]
+        beyond_j = full_j * (battery.total - 1.0)
+        total_sd_j = full_j * battery.total_sd
+        each = np.stack((margin.weight[0], margin.mean_j[0], margin.sd_j[0], margin.skewness[0]), axis=-1)
+        totals_j = full_j * (battery.totals - 1.0)
+        low_j = quantile_of_sum(each, totals_j, battery.weights, self._risk, self._z)
+        return Outcome(
+            left=UncertainValue(
+                float(total["left_j"]) + beyond_j, math.hypot(float(total["left_sd_j"]), total_sd_j)
+            ).within(0.0, full_j),
+            cost=self._cost(total).within(0.0, math.inf),
+            margin=UncertainValue(
+                float(total["margin_j"]) + beyond_j, math.hypot(float(total["margin_sd_j"]), total_sd_j)
+            ),
+            low_j=float(low_j),
+            chance_home=1.0 - float(chance_below(each, totals_j, battery.weights, 0.0)),
+        )
+
+    def _cost(self, total: np.void) -> UncertainValue:
+        """Energy of a plan. Without power, the model's scale is unknown; in the margin it cancels."""
+        cost_j, sd_j = float(total["cost_j"]), float(total["cost_sd_j"])
+        return UncertainValue(cost_j, math.hypot(sd_j, self._modelled_sd * cost_j))
+
+    @property
+    def _modelled_sd(self) -> float:
+        """Relative standard deviation of the model's energy where it takes the place of the meter, otherwise 0."""
+        if self.has_power is not False:
+            return 0.0
+        prior = self.known.prior
+        return math.hypot(prior.rolling_sd / prior.rolling, prior.mass_sd / prior.mass)
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """Energy that a way from here consumes, by the present estimates, J as metered.
@@ -365,21 +414,17 @@ class HomeEstimator:
             ways: Its stretches, `homeward.estimation.WAY_DTYPE`, shape (m,).
             other_j: Energy by the robot's own model for all but steady driving on it, J: standing, turning.
         """
-        total = self._over(ways, self._at_cruise_j(ways) + other_j)
-        return UncertainValue(float(total["cost_j"]), float(total["cost_sd_j"]))
+        return self._over(ways, self._at_cruise_j(ways) + other_j).cost
 
     def after(self, ways: NDArray[np.void]) -> UncertainValue:
         """Energy left after a way from here, see `ahead`, if only standing and steady driving consume energy, J."""
-        total = self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum())))
-        return UncertainValue(float(total["margin_j"]), float(total["margin_sd_j"]))
+        return self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum()))).margin
 
-    def _over(self, ways: NDArray[np.void], cost_j: float) -> np.void:
-        """Energy that a way from here consumes and leaves, `MARGIN_DTYPE`, given its energy by the robot's own
-        model."""
+    def _over(self, ways: NDArray[np.void], cost_j: float) -> Outcome:
+        """What a way from here consumes and leaves, given its energy by the robot's own model."""
         plan = self._plan(0.0, cost_j)
         plan["elsewhere"] = 1.0
-        total: np.void = self._margin(plan, ways, float(ways["way_m"].sum())).total[0]
-        return total
+        return self._outcome(self._margin(plan, ways, float(ways["way_m"].sum())))
 
     def _plan(self, onwards_m: float, home_cost_j: float) -> NDArray[np.void]:
         """Plan of driving on at the present pace, and then home."""
@@ -396,7 +441,7 @@ class HomeEstimator:
     def _margin(self, plan: NDArray[np.void], ways: NDArray[np.void] | None, way_m: float) -> Margin:
         """Energy that a plan leaves."""
         self._estimator.prior = self.known.with_unexplained(way_m)
-        margin = self._estimator.margin(plan, self._normal_risk, NO_WAYS if ways is None else ways)
+        margin = self._estimator.margin(plan, 0.0, NO_WAYS if ways is None else ways)
         self._estimator.prior = self.known.prior
         return margin
 

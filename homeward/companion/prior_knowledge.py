@@ -21,8 +21,9 @@ _GENERIC = Prior(
     soc_step=1e-3,
     soc_error=5e-3,
     slope_noise=1e-3,
+    slope_offset=rules.SLOPE_OFFSET,
     model_knows_slopes=0.0,
-    model_error=estimation_rules.MODEL_ERRORS[-1],
+    model_error=rules.OMITTED,
 )
 """The ranges of `uncertain` missions: capacity 0.8 to 1 of the file's, rolling resistance 0.8 to 1.3, payload up to a
 fifth of the mass, wind within 1.5 m/s, and a battery monitor with a shunt. Chosen: `soc_error`, half of the whole per
@@ -38,12 +39,14 @@ class PriorKnowledge(NamedTuple):
         words: Its origin, a sentence each.
         uncertainty: The table of the robot's file, if it has one.
         weight_sd: Relative standard deviation of the energy of climbing, beyond that of the prior.
+        capacity_is_fitted: Whether the capacity was measured; otherwise it is within the range of ageing batteries.
     """
 
     prior: Prior
     words: tuple[str, ...]
     uncertainty: Uncertainty | None = None
     weight_sd: float = 0.0
+    capacity_is_fitted: bool = False
 
     def with_unexplained(self, way_m: float) -> Prior:
         """The prior with the error that unexplained power makes over a way."""
@@ -72,8 +75,11 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
             "resistance 80 to 130 %, payload up to 20 %)", wind,
         ))  # fmt: skip
     prior, weight_sd = _as_sure_as(given, prior, robot)
-    words = (f"uncertainty from the robot's file: {given.source or 'no source given'}", wind)
-    return PriorKnowledge(prior, words if "capacity" in given.fitted else (*words, _OLD_CELLS), given, weight_sd)
+    words: tuple[str, ...] = (f"uncertainty from the robot's file: {given.source or 'no source given'}", wind)
+    capacity_is_fitted = "capacity" in given.fitted
+    if not capacity_is_fitted:
+        words = (*words, _OLD_CELLS)
+    return PriorKnowledge(prior, words, given, weight_sd, capacity_is_fitted)
 
 
 def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:

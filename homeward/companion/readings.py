@@ -106,7 +106,7 @@ class Readings:
         given = {name: _number(name, value) for name, value in given.items() if name != "position"} | {
             "position": checked_position("position", given["position"])
         }
-        dt_s = self._passed_s(_number("time_s", time_s))
+        dt_s = self._passed_s(_number("time_s", time_s), given["speed_mps"], given["position"])
         if dt_s is None:
             return None
         self.clock_s += dt_s
@@ -172,7 +172,7 @@ class Readings:
         """Present warnings, a sentence each."""
         return tuple(text for at_s, text in self._said if self.clock_s - at_s <= rules.STAYS_S)
 
-    def _passed_s(self, time_s: float) -> float | None:
+    def _passed_s(self, time_s: float, speed_mps: float, position: Position | None) -> float | None:
         """Time since the last reading; None if this one is not later."""
         if not math.isfinite(time_s):
             self._leave_out("readings without a time")
@@ -181,7 +181,7 @@ class Readings:
             self._last_s = time_s
             return 0.0
         dt_s = time_s - self._last_s
-        if dt_s > self._limits.gap_s:
+        if dt_s > self._limits.gap_s or self._drove_less(dt_s, speed_mps, position):
             return self._clock_was_set("forward", time_s, 1)
         if dt_s >= rules.LEAST_STEP_S:
             self._last_s, self._back = time_s, 0
@@ -195,6 +195,16 @@ class Readings:
             self._leave_out("late readings")
             return None
         return self._clock_was_set("back", time_s, rules.LATE)
+
+    def _drove_less(self, dt_s: float, speed_mps: float, position: Position | None) -> bool:
+        """Whether the position contradicts the speed over a gap: then it is the clock that moved on."""
+        usual_s = self._clock.every_s
+        if dt_s <= rules.GAP_INTERVALS * usual_s or position is None or self._place is None:
+            return False
+        if isinstance(position, float) != isinstance(self._place, float):
+            return False
+        driven_m = abs(speed_mps) * dt_s
+        return driven_m > rules.CLOCK_SET * (_apart_m(position, self._place) + 2.0 * shared.POSITION_M)
 
     def _clock_was_set(self, way: str, time_s: float, readings: int) -> float:
         """Time since the last reading if the clock cannot say it: that of so many readings."""

@@ -40,21 +40,50 @@ GAUGE_WANDERS, GAUGE_LEARNS = 0.02, 0.1
 """Deviation, before it is known, from reading to reading of a gauge that does not follow the charge; weight of a new
 change in it. Chosen: a sag of a tenth of the range of a voltage while driving, and some ten windows count."""
 
-GAUGE_SURE = 0.99
-"""Probability from which a state-of-charge reading is surely believed or surely not. Chosen."""
+COUNTER_SD, COUNTER_GAIN_SD = 0.01, 0.02
+"""Standard deviation of a counter of charge at the start, and of its gain: it shows whole per cents, a current sensor
+is off by 1.5 % (data sheet of the ACS712), and a learned capacity by 1 to 2 % (Impedance Track)."""
 
-OWN_START_SD = 0.1
-"""Standard deviation of the state of charge at the start by a reading with a course of its own. Published maps of the
-voltage are off by up to 30 % in the middle of a charge, and right at its ends; chosen: a third of that."""
+GAUGE_DOUBT = 3.0
+"""Standard deviations of a reading up to which it corrects the errors of a gauge that follows. Chosen."""
+
+COARSEST, COARSEST_SD = 0.125, 0.03
+"""Half the coarsest step of a gauge, by which the charge may differ from a reading that stays, and how sharp that limit
+is. Four lamps have steps of a quarter; chosen: the errors of a counter over three deviations."""
+
+OWN_START_SD = 0.15
+"""Standard deviation of the first reading of a gauge with a course of its own. Published maps of the voltage are off by
+up to 30 %; chosen: two deviations."""
+
+TOLD_SD, STARTS_FULL = 0.02, 0.8
+"""Standard deviation of the charge at the start that somebody tells; probability that a battery is charged at the
+start. Chosen: chargers end, and cells lose, some per cent; robots are charged before they leave."""
+
+EMPTY_SD = 0.005
+"""Standard deviation, over a full battery, of the energy at which a battery is empty. Chosen: an update."""
+
+# --- Voltage ----------------------------------------------------------------------------------------------------------
+
+RESISTANCE, RESISTANCE_SD = 0.08, 0.06
+"""Resistance of a battery before it is known, as the share of its voltage that it sags at a rate of one charge an hour,
+and its standard deviation. Cells of 0.14 to 0.21 Ohm Ah sag by 4 to 6 % when new and warm; at the end of life it is
+twice that, and at -20 C three to five times (ansh-bohrey.github.io)."""
+
+CURVE_ERROR_LASTS = 0.2
+"""Charge over which the error of an open-circuit curve becomes another one. Chosen: the published curves of cells of
+one chemistry cross their mean some times."""
+
+VOLTAGE_GAIN_SD, VOLTAGE_NOISE, SAG_ERROR = 0.005, 0.002, 0.15
+"""Relative errors of the voltage: of the sensor's gain, of the mean of a window, and as a share of the sag. Chosen: a
+divider of resistors of 1 % that was trimmed; slow polarisation follows the load within a window only in part."""
+
+VOLTAGE_OUTLIERS, VOLTAGE_RANGE = 0.01, 0.5
+"""Probability that a voltage is anywhere within a range, relative. Chosen as GAUGE_OUTLIERS."""
 
 STANDS_WINDOWS, DRIVES = 3, 0.5
 """Windows in a row with a speed of 0 and driving power before a warning, and the share of the power of driving at
 cruise on level ground, beyond standing, from which power is driving power. Chosen: 1.5 % of the time of a charge, and
 half-way."""
-
-CUTOFF_WINDOWS, CUTOFF_SPAN = 8, 0.03
-"""Windows, and share of the battery used over them, before a fall of the voltage is used. Chosen: more than twice
-the three numbers that are fitted, and the energy of six windows at cruise."""
 
 # --- Arguments: what is allowed ---------------------------------------------------------------------------------------
 
@@ -124,12 +153,23 @@ count, and one gap does not become typical at once."""
 JUMPS = 5
 """Positions in a row that are too far away until they are accepted. Chosen: fewer may be a receiver's errors."""
 
+POSITION_LEARNS = 0.02
+"""Weight of a position in the estimated noise of positions. Chosen: fifty count."""
+
+POSITION_DOUBT = 13.8
+"""Squared standard deviations, of both axes, beyond which a position is followed rather than filtered. Chosen: white
+noise exceeds it once in a thousand positions (chi-squared with two degrees of freedom)."""
+
 STILL_M, DRIVEN_M = 0.2, 20.0
 """Distance by which positions must have moved when the speed integrates to this, m. Chosen: 1 %, a tenth of the error
 of dead reckoning."""
 
 LATE = 3
 """Readings in a row from before the last one until the clock is assumed to be set back. Chosen: fewer may be late."""
+
+CLOCK_SET = 4.0
+"""Distance by the speed over that by positions, in a gap, from which the clock was set and no time passed. Chosen: a
+way with bends is not four times as long as it is far."""
 
 STAYS_S = 60.0
 """Time, s, for which a warning is shown, and for which motion may be missing at the start. Chosen: long enough to
@@ -153,6 +193,10 @@ OFTEN = 0.2
 reading may be of the other direction of travel, if the robot has just turned. If it is used for the whole way, 60
 missions of benchmarks/on_the_robot/companion.py turn home at 82 % of the shield's distance, not at 96 %."""
 
+SLOPE_OFFSET = 3.5e-3
+"""Standard deviation of the sine by which a slope sensor is mounted at a tilt: 0.2 degrees. Chosen: makers of attitude
+sensors state 0.2 to 0.5 degrees for the pitch at rest."""
+
 NO_SLOPE_SD = 0.04
 """Standard deviation of a slope's sine that is not read: that of generated routes."""
 
@@ -164,6 +208,12 @@ DRIVEN_SHARE = 0.01
 LEAST_MODEL_ERROR = estimation_rules.MODEL_ERRORS[0]
 """Error of the model, a share, for a file that states its unexplained power: as of the environments' agents where
 nothing is hidden."""
+
+OMITTED = 0.04
+"""What the model omits of the energy of a way, a share, for a file that does not state its unexplained power: spread of
+the ratio between the second and the first half of drives, over the root of two, for a model fitted to all of them. An
+electric unicycle 0.04, a Leaf 0.04 to 0.06, a BMW i3 on the road 0.10 (data sets of `homeward.datasets`). Chosen: the
+lower end, as the way home crosses the ground of the way out."""
 
 BETWEEN_RUNS = 0.1
 """Relative standard deviation of the energy between runs for a file that does not state it. Chosen: files from several

@@ -1,12 +1,9 @@
-"""From margins to advice: the latest place to turn, and the probability of getting home."""
+"""From margins to advice: the latest place to turn."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-
-from homeward.estimation import Margin
-from homeward.estimation.tails import true_risk
 
 _TRIES = 5
 """Guesses at the latest place to turn, after which it is known to some metres. Chosen: bounds the time."""
@@ -32,12 +29,3 @@ def latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> floa
         else:
             guess_m = safe_m + (over_m - safe_m) * safe_j / (safe_j - over_j)
     return min(guess_m, most_m)
-
-
-def chance(margin: Margin, withheld_j: float) -> float:
-    """Probability that a margin is above zero."""
-    below = 0.0
-    for weight, mean_j, sd_j in zip(margin.weight[0], margin.mean_j[0], margin.sd_j[0], strict=True):
-        if weight > 0.0:
-            below += weight * 0.5 * math.erfc((mean_j - withheld_j) / (max(sd_j, 1e-9) * math.sqrt(2.0)))
-    return 1.0 - true_risk(below)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion import rules
+from homeward.companion.positions import PositionFilter
 from homeward.companion.readings import CompanionError, Position, Reading
 from homeward.estimation import WAY_DTYPE, Vehicle
 from homeward.estimation.filter import place_of
@@ -62,8 +63,8 @@ class Way:
     """
 
     SAVED: ClassVar = (
-        "crumb_m", "position_m", "reckoned_m", "off_route_m", "moved_home", "_heading_rad", "_sign", "_xy", "_crumbs",
-        "_at_m", "_count", "_told_metres",
+        "crumb_m", "position_m", "reckoned_m", "off_route_m", "moved_home", "_heading_rad", "_sign", "_positions",
+        "_crumbs", "_at_m", "_count", "_told_metres",
     )  # fmt: skip
 
     def __init__(self, home: Position | str | None, route: RouteLike | None, crumb_m: float, most_m: float) -> None:
@@ -72,7 +73,7 @@ class Way:
         self.position_m, self.reckoned_m = 0.0, 0.0
         self.route_m = None if route is None else float(route.place_m) * len(route.grade_rad)
         self._heading_rad, self._sign = math.nan, 1.0
-        self._xy = np.zeros(2) if not isinstance(home, tuple) else np.array(home, dtype=np.float64)
+        self._positions = PositionFilter(np.array(home if isinstance(home, tuple) else (0.0, 0.0), dtype=np.float64))
         self._crumbs, self._at_m, self._count = np.zeros((_MOST_CRUMBS, 2)), np.zeros(_MOST_CRUMBS), 0
         self._corners: Array | None = None
         self.ends_at_home = False
@@ -102,7 +103,7 @@ class Way:
             return Step(self.position_m, abs(moved_m), reading.heading_rad, 0.0)
         heading = reading.heading_rad
         if reading.position is not None:
-            moved = self._move_to(reading.position)
+            moved = self._move_to(reading.position, driven_m, speed, heading)
             if math.isnan(heading) and float(np.hypot(*moved)) > 0.0:
                 heading = math.atan2(moved[1], moved[0])
             way_m = driven_m if math.isfinite(driven_m) else float(np.hypot(*moved))
@@ -114,18 +115,28 @@ class Way:
             self.position_m = self._way_home_m()
         return Step(self.position_m, way_m, heading, self.reckoned_m)
 
-    def _move_to(self, position: tuple[float, float]) -> Array:
+    def _move_to(self, position: tuple[float, float], driven_m: float, speed: float, heading: float) -> Array:
+        """Move to a position, filtered by speed and heading where they are read; returns the change."""
+        read = np.array(position, dtype=np.float64)
         if self._count == 0:
             if self.home is None:
                 raise CompanionError(
                     "home was not set: give Companion(home=(east, north)), or home='here' for the robot's first place"
                 )
-            self._lay(np.array(position if self.home == "here" else self.home, dtype=np.float64), 0.0)
-            self._xy = np.array(position, dtype=np.float64)
+            self._lay(read if self.home == "here" else np.array(self.home, dtype=np.float64), 0.0)
+            self._positions.see(read, reckons=False)
             return np.zeros(2)
-        moved = np.subtract(position, self._xy)
-        self._xy = np.array(position, dtype=np.float64)
-        return moved
+        before = self._xy
+        reckons = math.isfinite(driven_m) and math.isfinite(heading)
+        if reckons:
+            self._positions.reckon(_moved(math.copysign(driven_m, speed), heading))
+        self._positions.see(read, reckons)
+        return self._xy - before
+
+    @property
+    def _xy(self) -> Array:
+        """The robot's place, east and north, m."""
+        return self._positions.place
 
     def _reckon(self, driven_m: float, heading: float, speed: float) -> float:
         """Dead reckoning by speed and heading; without a heading, away from home."""
@@ -139,7 +150,7 @@ class Way:
                 self._lay(self._xy, 0.0)
             self._heading_rad = heading if math.isfinite(heading) else self._heading_rad
             forward = math.copysign(driven_m, speed) if math.isfinite(speed) else 0.0
-            self._xy = self._xy + forward * np.array([math.cos(self._heading_rad), math.sin(self._heading_rad)])
+            self._positions.reckon(_moved(forward, self._heading_rad))
         elif driven_m > 0.0 and self._count == 0:
             raise CompanionError(
                 "no position and no route: give position= (metres from home, or east and north), or heading_rad= with "
@@ -223,6 +234,11 @@ class Way:
         leg_m = np.hypot(*(crumbs - np.asarray(home)).T)
         best = int(np.argmin(self.position_m - at_m + leg_m))
         return float(at_m[best]), float(leg_m[best])
+
+
+def _moved(forward_m: float, heading_rad: float) -> Array:
+    """A distance in a direction as east and north, m."""
+    return forward_m * np.array([math.cos(heading_rad), math.sin(heading_rad)])
 
 
 def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray[np.void]:

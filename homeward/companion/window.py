@@ -21,11 +21,12 @@ class Window:
         slopes: Number of slope readings.
         soc: Last reading of the state of charge, NaN if none.
         stood_s: Time for which the speed read 0, s.
+        peak_a: Largest current, A, minus infinity if none was read.
     """
 
     def __init__(self) -> None:
         self.time_s = self.way_m = self.modelled_j = self.other_j = self.extra_j = 0.0
-        self.soc, self.stood_s = math.nan, 0.0
+        self.soc, self.stood_s, self.peak_a = math.nan, 0.0, -math.inf
         self._read = self.slopes = 0
         self._read_j = self._read_s = self._sine_m = self._graded_m = 0.0
         self._east_m = self._north_m = self._headed_m = self._speed_m = self._speedy_m = 0.0
@@ -63,6 +64,7 @@ class Window:
         if math.isfinite(reading.voltage_v + reading.current_a):
             self._volt_s += reading.voltage_v * dt_s
             self._amp_s += reading.current_a * dt_s
+            self.peak_a = max(self.peak_a, reading.current_a)
             self._electric_s += dt_s
 
     @property

@@ -17,20 +17,20 @@ _HOME = {
 }
 
 
-def rests_on(has: Mapping[str, bool], known: PriorKnowledge, home: str, has_cutoff: bool) -> tuple[str, ...]:
+def rests_on(has: Mapping[str, bool], known: PriorKnowledge, home: str, cutoff: str) -> tuple[str, ...]:
     """Sentences, the most important first.
 
     Args:
         has: Which readings there have been: power, soc, grade, heading, position.
         known: The prior.
         home: `trail`, `route`, `loop`, `moved` or `other way`.
-        has_cutoff: Whether a cut-off voltage was given.
+        cutoff: Down to which voltage the battery is used.
     """
-    return _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, has_cutoff)
+    return _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, cutoff)
 
 
 @cache
-def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, has_cutoff: bool) -> tuple[str, ...]:
+def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, cutoff: str) -> tuple[str, ...]:
     energy = {
         (True, True): "energy from the power meter, capacity of the battery from the state of charge",
         (True, False): "energy from the power meter; no state of charge: the battery's capacity keeps its prior",
@@ -45,8 +45,5 @@ def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, has_cutoff: b
     if "heading" not in has:
         sentences.append("no heading: the way is assumed to be straight, so a tail wind becomes a head wind")
     sentences += words
-    sentences.append(
-        "the cut-off is extrapolated linearly from the battery's voltage" if has_cutoff
-        else "the battery is usable until empty: no cut-off voltage was given"
-    )  # fmt: skip
+    sentences.append(cutoff)
     return tuple(sentences)

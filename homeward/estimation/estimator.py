@@ -23,15 +23,17 @@ class Margin(NamedTuple):
 
     Attributes:
         total: `MARGIN_DTYPE`, shape (n,).
-        weight: Weight of each wind hypothesis, shape (n, hypotheses), like the next two.
+        weight: Weight of each wind hypothesis, shape (n, hypotheses), like the next three.
         mean_j: Mean of the margin by that hypothesis, J as metered.
         sd_j: Its standard deviation.
+        skewness: Its skewness, at most 0.
     """
 
     total: NDArray[np.void]
     weight: NDArray[np.float64]
     mean_j: NDArray[np.float64]
     sd_j: NDArray[np.float64]
+    skewness: NDArray[np.float64]
 
 
 class StateEstimate(NamedTuple):
@@ -176,4 +178,4 @@ class Estimator:
             self.vehicle, self.prior, plans, ways, risk, z, s["robot"], s["hypotheses"], s["places"],
             s["rollings"], total, each,
         )  # fmt: skip
-        return Margin(total, each[..., 0], each[..., 1], each[..., 2])
+        return Margin(total, each[..., 0], each[..., 1], each[..., 2], each[..., 3])

@@ -29,6 +29,7 @@ from homeward.estimation.prior import (
     ROLLING,
     SOC_ERROR,
     STATES,
+    TILT,
     USED,
 )
 from homeward.estimation.wind import covariance_of_wind, curvature, gust_variance
@@ -198,6 +199,11 @@ def _drive(
     )
     mean_bend, bend_variance, _ = curvature(bend, covariance_of_wind(p, 1.0, 0.0))
     drive += mean_bend
+    # A sensor that is mounted at a tilt misreads all slopes of the way out alike; for the way home, CLIMB notes it.
+    weight = misread_climb(prior, x)
+    climbs = climbing(v, 1.0) * way_m / v.full_j if outwards and prior.slope_offset > 0.0 else 0.0
+    slope[TILT] = weight * climbs
+    drive += slope[TILT] * x[TILT]
     took, variance = drive + other, 0.0
     slope[OFFSET] = dt_s  # the reading includes the offset, the energy does not
     for a in range(STATES):
@@ -213,6 +219,9 @@ def _drive(
         carry(p, ROLLED, 1.0, ROLLING, rolls)
         x[ROLLED] += rolls * x[ROLLING]
         shared[ROLLED] += rolls * shared[ROLLING]
+        carry(p, CLIMB, 1.0, TILT, climbs)
+        x[CLIMB] += climbs * x[TILT]
+        shared[CLIMB] += climbs * shared[TILT]
     else:
         climb_kept = max(1.0 - way_m / robot.position_m, 0.0)
         carry(p, ROLLED, kept, ROLLING, 0.0)
@@ -223,7 +232,6 @@ def _drive(
         shared[CLIMB] *= climb_kept
 
     # Slopes that were misread: they raise the energy and, on the way out, recur on the way home.
-    weight = misread_climb(prior, x)
     noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + residual_variance + bend_variance
     p[USED, USED] += noise
     shared[USED] += noise

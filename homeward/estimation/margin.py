@@ -47,6 +47,7 @@ MARGIN_DTYPE = np.dtype(
 """Energy left, energy of a plan and margin, as metered, and their standard deviations; the energy of the plan as a
 share of a full battery; and the margin at the given risk."""
 _MOST_STEPS = 100  # five or six are enough, unless the probability jumps; chosen: bounds the search
+_PRECISELY = 1e-3  # error of a quantile of a sum, over the spread of its parts; chosen: far below a deviation
 _EXACTLY = 1e-3  # relative accuracy of a quantile's probability; chosen: far below that of any risk
 
 
@@ -165,9 +166,15 @@ def _below(z: float, skewness: float) -> float:
     As in a Pearson type III distribution, by Wilson and Hilferty's cube root (Proceedings of the National Academy of
     Sciences 17, 1931).
     """
+    return 0.5 * math.erfc(-_standardised(z, skewness) / math.sqrt(2.0))
+
+
+@inline
+def _standardised(z: float, skewness: float) -> float:
+    """Standard deviations at which a number without skewness has the same probability, see `_below`."""
     if abs(skewness) > rules.LEAST_SKEWNESS:
-        z = 6.0 / skewness * (np.cbrt(max(1.0 + 0.5 * skewness * z, 0.0)) - 1.0) + skewness / 6.0
-    return 0.5 * math.erfc(-z / math.sqrt(2.0))
+        return float(6.0 / skewness * (np.cbrt(max(1.0 + 0.5 * skewness * z, 0.0)) - 1.0) + skewness / 6.0)
+    return z
 
 
 @inline
@@ -213,6 +220,60 @@ def _quantile(each: Any, risk: float, z: float) -> float:
             high, above, below = value, off, 0.5 * below if was > 0.0 else below
         was = off
     return low
+
+
+@compiled
+def chance_below(each: Any, totals: Any, weights: Any, value: float) -> float:
+    """Probability that the sum of two independent numbers is below a value.
+
+    Args:
+        each: The first, a mixture: weight, mean, standard deviation and skewness of each part, shape (n, 4). Its tails
+            are those of Student's t (`homeward.estimation.tails`).
+        totals: Values of the second, shape (m,).
+        weights: Their probabilities, shape (m,).
+        value: The value.
+    """
+    below = 0.0
+    for k in range(len(each)):
+        if each[k, 0] > 0.0:
+            for m in range(len(totals)):
+                z = (value - each[k, 1] - totals[m]) / max(each[k, 2], 1e-300)
+                below += each[k, 0] * weights[m] * _below_by_student(_standardised(z, each[k, 3]))
+    return float(below)
+
+
+@compiled
+def quantile_of_sum(each: Any, totals: Any, weights: Any, risk: float, z: float) -> float:
+    """Value below which the sum of `chance_below` is with a probability of `risk`; `z`: the same of Student's t.
+
+    It lies between those of the sum's parts, and is found there by bisection.
+    """
+    low, high = np.inf, -np.inf
+    for k in range(len(each)):
+        if each[k, 0] > 0.0:
+            own = each[k, 1] + each[k, 2] * _deviations(z, each[k, 3])
+            low, high = min(low, own + totals[0]), max(high, own + totals[-1])
+    least = _PRECISELY * max(high - low, 0.0)
+    while high - low > least:
+        middle = 0.5 * (low + high)
+        if chance_below(each, totals, weights, middle) > risk:
+            high = middle
+        else:
+            low = middle
+    return float(low)
+
+
+@inline
+def _below_by_student(z: float) -> float:
+    """Probability that a number of Student's t with seven degrees of freedom is below `z`.
+
+    In closed form, as for all odd numbers of them (Abramowitz and Stegun, 26.7.3).
+    """
+    angle = math.atan2(z, math.sqrt(rules.DEGREES))
+    cosine = math.cos(angle)
+    square = cosine * cosine
+    series = cosine * (1.0 + square * (2.0 / 3.0 + square * (8.0 / 15.0)))
+    return 0.5 + (angle + math.sin(angle) * series) / math.pi
 
 
 @inline

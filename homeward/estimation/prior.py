@@ -40,6 +40,7 @@ class Prior(NamedTuple):
     soc_error_lasts: float = 0.1  # energy used until it fades to 1/e, over the file's usable. Chosen: a tenth
     soc_lag_s: float = 0.0  # time constant by which the state of charge lags
     slope_noise: float = 0.0  # of a reading of a slope's sine
+    slope_offset: float = 0.0  # of all those readings, as of a sensor that is mounted at a tilt; 0: none are read
     slope_within_place: float = 0.003  # of the sine along a place about its mean: ground is less even than its map
     model_knows_slopes: float = 1.0  # whether modelled energies use the true slopes (1) or the slopes as read (0)
     model_error: float = 0.001  # of a decision's energy, a share: what the model omits
@@ -50,10 +51,10 @@ class Prior(NamedTuple):
         return float(np.hypot(self.soc_step / 12.0**0.5, self.soc_noise))
 
 
-STATES = 13
+STATES = 14
 """Number of states of a hypothesis, named in the next lines."""
 GAIN, ROLLING, WEIGHT, EAST, NORTH, GUST_EAST, GUST_NORTH = range(7)
-OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY, SOC_ERROR = range(7, STATES)
+OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY, SOC_ERROR, TILT = range(7, STATES)
 """States of a hypothesis. Energies are as metered, without the meter's offset, over the file's usable energy.
 
 GAIN        metered over modelled energy of all but rolling and climbing
@@ -67,6 +68,7 @@ CLIMB       the file's climbing energy between home and here beyond that of the 
 USED        energy used so far
 PER_CAPACITY            1 over the battery's capacity
 SOC_ERROR               of the state of charge as read, a share: the part that lasts
+TILT        true sine of the slopes less that of the readings on the way out
 """
 _RING = 8
 """Hypotheses of a wind that the forecast lacks, in all directions. Chosen: neighbours are 3.4 m/s apart (chord of a
@@ -107,6 +109,7 @@ def first_hypotheses(
     capacity_sd = np.hypot(prior.capacity_sd, prior.capacity * prior.gain_sd)
     covariance[..., PER_CAPACITY, PER_CAPACITY] = (capacity_sd / prior.capacity**2) ** 2
     covariance[..., SOC_ERROR, SOC_ERROR] = prior.soc_error**2
+    covariance[..., TILT, TILT] = prior.slope_offset**2
 
     # The forecast is of mean wind and gust together.
     wind, gust = prior.wind_sd_mps**2, 2.0 * (prior.gust_share * prior.wind_sd_mps) ** 2

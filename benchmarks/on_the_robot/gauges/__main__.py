@@ -56,6 +56,8 @@ class Args:
     """What gives the voltage: the simulator's own circuit, or a table by PyBaMM (nmc and lfp only)."""
     curve: Curve | None = None
     """What the robot file says of the open-circuit voltage; None: what the installed version accepts."""
+    charged: FlagCreatePairsOff[bool] = False
+    """The user charges the battery and says so: `Companion(soc=1.0)`. By default the gauge's first reading counts."""
     jobs: int = 2
     """Processes."""
     out: Path | None = None
@@ -123,6 +125,7 @@ def make_cases(args: Args, curve: Curve, sizes: Sizes) -> list[Case]:
                 with_current=with_current,
                 pack_share=pack_share,
                 curve=curve,
+                told_soc=1.0 if args.charged else None,
             )
         )
     return cases

@@ -63,7 +63,12 @@ class CompanionRun:
 
 
 def run_companion(
-    robot_file: Path, readings: Readings, cruise_mps: float, cutoff_v: float | None, rated_energy_j: float
+    robot_file: Path,
+    readings: Readings,
+    cruise_mps: float,
+    cutoff_v: float | None,
+    rated_energy_j: float,
+    told_soc: float | None,
 ) -> CompanionRun:
     """Let the companion read along the way out until it says to turn.
 
@@ -76,10 +81,11 @@ def run_companion(
         cruise_mps: Speed at which the robot would drive home.
         cutoff_v: Voltage of the cut-off, if the user knows it.
         rated_energy_j: Energy on the label, to notice estimates above it.
+        told_soc: State of charge at the start as the user says; None: the gauge shows it.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the file's pack may be unusual for its robot
-        companion = Companion(robot_file, home=(0.0, 0.0), cruise_mps=cruise_mps, cutoff_v=cutoff_v)
+        companion = Companion(robot_file, home=(0.0, 0.0), cruise_mps=cruise_mps, cutoff_v=cutoff_v, soc=told_soc)
     run = CompanionRun()
     start_s = time.perf_counter()
     try:

@@ -59,6 +59,7 @@ class Case:
     with_current: bool
     pack_share: float
     curve: Curve
+    told_soc: float | None = None
 
 
 @dataclass(frozen=True)
@@ -178,7 +179,7 @@ def run_drive(case: Case, sizes: Sizes, table: Table | None) -> Drive:
         def ask(asked: Conditions) -> tuple[Readings, CompanionRun]:
             """Let the companion drive under some conditions, with the same errors of all other instruments."""
             readings = read(way, ground, shown, asked, sizes.instruments, np.random.default_rng(reading_seed))
-            return readings, run_companion(path, readings, robot.cruise_mps, cutoff_v, label.energy_j)
+            return readings, run_companion(path, readings, robot.cruise_mps, cutoff_v, label.energy_j, case.told_soc)
 
         readings, run = ask(conditions)
         drive.outcomes["companion"] = _outcome(run.turn, pack, way, ground, sizes)

@@ -1,0 +1,297 @@
+"""The battery: a grid of possible ones, each weighed by how well it predicts what is read.
+
+A possible battery has a capacity and a state of charge at the start. The energy drawn, which the power integrates to,
+gives its charge at any time. Three witnesses weigh it:
+
+* The robot drives: a battery that would be empty is out.
+* The voltage: the open-circuit voltage at its charge, less the resistance times the current. The resistance, and by how
+  much these cells are above their curve, are estimated for each possible battery by a Kalman filter.
+* The gauge, as far as it is believed (`homeward.companion.gauge`).
+
+Energies are as metered, over the energy of a full battery by the robot's file.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import reduce
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from homeward.companion import rules
+from homeward.companion.cells import Cells
+from homeward.companion.gauge import FOLLOWS, GaugeTrust
+from homeward.estimation import Prior
+from homeward.physics.battery import charge_share, energy_share
+
+Floats = NDArray[np.float64]
+
+CAPACITIES, STARTS = 61, 25
+"""Points of the grid along either axis. Chosen: neighbours differ by less than what readings tell apart."""
+_PARTS = np.array([0.0, 1e-4, 1e-3, 5e-3, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 1.0])
+"""Ends of the shares of probability in which the energy left is told; chosen: fine where risks are."""
+PARTS = len(_PARTS) - 1
+_FACTOR_STEPS = 41
+_LEAST_LIKELIHOOD = 1e-12
+
+
+class Start(NamedTuple):
+    """The charge at the start.
+
+    Attributes:
+        charge: State of charge, 0 to 1.
+        told: Whether a person or program said so; otherwise the gauge showed it.
+    """
+
+    charge: float = 1.0
+    told: bool = True
+
+
+class Conditions(NamedTuple):
+    """What the capacity depends on, beside the age.
+
+    Attributes:
+        temperature_c: Of the air, C; NaN: not read.
+        rate_per_h: Mean rate of the discharge.
+        gain_sd: Relative standard deviation of the energy drawn, as of the meter.
+        modelled_sd: The same, if no power is read and the model takes the meter's place; 0 otherwise.
+        metered_share: Share of the energy out of the cells that the meter measures.
+    """
+
+    temperature_c: float = math.nan
+    rate_per_h: float = 0.0
+    gain_sd: float = 0.0
+    modelled_sd: float = 0.0
+    metered_share: float = 1.0
+
+
+class Witnesses(NamedTuple):
+    """What is read of the battery in a window.
+
+    Attributes:
+        used: Energy drawn since the start.
+        used_sd: Its standard deviation, beyond the meter's gain.
+        voltage_v: Mean voltage, V; NaN: not read, like the next two.
+        current_a: Mean current, A.
+        peak_a: Largest current, A; minus infinity: none was read.
+        gauge: State of charge as shown, 0 to 1.
+    """
+
+    used: float
+    used_sd: float
+    voltage_v: float
+    current_a: float
+    peak_a: float
+    gauge: float
+
+
+class BatteryBelief:
+    """Probabilities of the possible batteries.
+
+    Args:
+        cells: The robot's cells.
+        prior: Prior of the estimator: the capacity, and the errors of the gauge.
+        capacity_is_fitted: Whether the capacity was measured, so that it is normally distributed; otherwise it is
+            within a range.
+        cutoff_v: Voltage under load at which the battery is cut off, V, if it is known.
+
+    Attributes:
+        trust: What is believed of the gauge.
+        totals: Energy from the start until empty or cut off, by equal-ordered parts of the probability, shape (PARTS,).
+        weights: Probability of each part, shape (PARTS,).
+    """
+
+    SAVED: ClassVar = (
+        "trust", "totals", "weights", "_capacity", "_start", "_holds", "_volts", "_volts_covariance", "_charge",
+        "_rate", "_start_charge", "_told", "_most",
+    )  # fmt: skip
+
+    def __init__(self, cells: Cells, prior: Prior, capacity_is_fitted: bool, cutoff_v: float | None) -> None:
+        self._cells, self._prior, self._capacity_is_fitted = cells, prior, capacity_is_fitted
+        self._cutoff, self._cutoff_v = cells.cutoff(cutoff_v), -math.inf if cutoff_v is None else cutoff_v
+        self.begin(Start(), Conditions())
+
+    def begin(self, start: Start, conditions: Conditions) -> None:
+        """Begin with a battery of which only the prior is known."""
+        derating = self._cells.derating(conditions.temperature_c, conditions.rate_per_h)
+        capacity, capacity_weight = self._capacities(derating, conditions)
+        charge, charge_weight = _starts(start)
+        self._start_charge, self._told = start.charge, start.told
+        self._capacity = np.repeat(capacity, STARTS)
+        self._start = np.tile(charge, CAPACITIES)
+        weights = np.outer(capacity_weight, charge_weight).ravel()
+        self.trust = GaugeTrust(weights, self._prior, self._start, *self._counted(derating))
+        self._holds = np.ones(CAPACITIES * STARTS)
+        self._rate = conditions.rate_per_h
+        self._most = math.inf
+        self._charge = self._start.copy()
+        self._volts = np.zeros((CAPACITIES * STARTS, 2))
+        self._volts[:, 1] = rules.RESISTANCE
+        self._volts_covariance = np.diag([self._curve_variance, rules.RESISTANCE_SD**2])
+        shown = math.nan if start.told else start.charge
+        self.see(Witnesses(0.0, 0.0, math.nan, math.nan, -math.inf, shown))
+
+    def _capacities(self, derating: tuple[float, float], conditions: Conditions) -> tuple[Floats, Floats]:
+        """Capacities and their probabilities: the product of what is uncertain about them."""
+        prior = self._prior
+        shares = (np.arange(_FACTOR_STEPS) + 0.5) / _FACTOR_STEPS
+        half_range = math.sqrt(3.0) * prior.capacity_sd
+        if self._capacity_is_fitted:
+            aged = prior.capacity + prior.capacity_sd * ndtri(shares)
+        else:
+            aged = prior.capacity + half_range * (2.0 * shares - 1.0)
+        self._aged = np.maximum(aged, 0.05)
+        steps = shares[:: _FACTOR_STEPS // 8]
+        derated = derating[0] + (derating[1] - derating[0]) * shares
+        # What is lost in the resistance is not metered at the terminals.
+        sag = 1.0 - conditions.rate_per_h * rules.RESISTANCE * 2.0 * steps
+        metered = np.maximum(1.0 + conditions.gain_sd * ndtri(steps), 0.1)
+        modelled = 1.0 + math.sqrt(3.0) * conditions.modelled_sd * (2.0 * steps - 1.0)
+        factors = [self._aged, derated, np.maximum(sag, 0.1), metered, np.maximum(modelled, 0.1)]
+        product = conditions.metered_share * np.asarray(reduce(np.multiply.outer, factors)).ravel()
+        counts, edges = np.histogram(product, CAPACITIES)
+        return 0.5 * (edges[1:] + edges[:-1]), counts / counts.sum()
+
+    def _counted(self, derating: tuple[float, float]) -> tuple[Floats, Floats]:
+        """Fall of a counter over the fall of the charge that can be drawn, by battery: mean and standard deviation.
+
+        A counter has learned the charge of a warm battery that is drawn slowly. Whether it knows the cold and the rate
+        is unknown, so that the ratio is between what these leave of the capacity and 1.
+        """
+        least_aged, most_aged = self._aged[[0, -1]]
+        # A capacity that is low for its age is so by the cold or the rate.
+        least = np.clip(self._capacity / most_aged, *derating)
+        most = np.clip(self._capacity / least_aged, *derating)
+        leaves = 0.5 * (least + most)
+        return 0.5 * (1.0 + leaves), np.hypot(1.0 - leaves, 0.5 * (most - least)) / math.sqrt(12.0)
+
+    @property
+    def _curve_variance(self) -> float:
+        return self._cells.facts.curve_sd**2 + rules.VOLTAGE_GAIN_SD**2 if self._cells.has_curve else 0.0
+
+    def see(self, read: Witnesses) -> None:
+        """Weigh the possible batteries by what was read in a window."""
+        charge_before = self._charge
+        energy = energy_share(self._cells.curve, self._start) - read.used / self._capacity
+        self._charge = charge_share(self._cells.curve, np.clip(energy, 0.0, 1.0))
+        likelihood = self._drives(energy, read) * self._fits_voltage(charge_before, read)
+        unsure = np.full_like(self._charge, read.used_sd / self._capacity.mean())
+        if read.voltage_v <= self._cutoff_v:
+            self._most = read.used  # it is cut off: nothing is left
+        self.trust.see(read.gauge, self._start - self._charge, unsure**2, likelihood)
+        self._tell()
+
+    def _drives(self, energy: Floats, read: Witnesses) -> Floats:
+        """Likelihood of driving still, given that it did before."""
+        unsure = np.hypot(read.used_sd / self._capacity, rules.EMPTY_SD)
+        holds = np.minimum(ndtr(energy / unsure), self._holds)
+        likelihood = np.maximum(holds / self._holds, _LEAST_LIKELIHOOD)
+        self._holds = np.maximum(holds, _LEAST_LIKELIHOOD)
+        return np.asarray(likelihood)
+
+    def _fits_voltage(self, charge_before: Floats, read: Witnesses) -> Floats:
+        """Likelihood of the voltage, and update of resistance and curve."""
+        cells = self._cells
+        if not cells.has_curve or not math.isfinite(read.voltage_v + read.current_a):
+            return np.ones_like(self._charge)
+        rate = cells.rate_per_h(read.current_a)
+        # Protections cut off within seconds: the largest load on the way counts, not the mean.
+        self._rate = max(self._rate, rate, cells.rate_per_h(read.peak_a))
+        moved = abs(float(self.trust.weights @ (self._charge - charge_before)))
+        # The error of the curve is another one some tenths of the charge further on, the resistance a little.
+        stays = math.exp(-moved / rules.CURVE_ERROR_LASTS)
+        self._volts[:, 0] *= stays
+        fade = np.diag([stays, 1.0])
+        renewed = np.diag([self._curve_variance * (1.0 - stays * stays), rules.RESISTANCE_SD**2 * moved])
+        covariance = fade @ self._volts_covariance @ fade + renewed
+        row = np.array([1.0, -rate])
+        points = cells.curve.knots
+        open_circuit = np.interp(self._charge, cells.curve.charge[:points], cells.curve.relative_v[:points])
+        surprise = read.voltage_v / cells.curve.mean_v - (open_circuit + self._volts @ row)
+        sag = rate * float(self.trust.weights @ self._volts[:, 1])
+        noise = math.hypot(rules.VOLTAGE_NOISE, rules.SAG_ERROR * sag)
+        variance = float(row @ covariance @ row) + noise**2
+        density = np.exp(-0.5 * surprise**2 / variance)
+        inlier = (1.0 - rules.VOLTAGE_OUTLIERS) * density
+        outlier = rules.VOLTAGE_OUTLIERS * math.sqrt(2.0 * math.pi * variance) / rules.VOLTAGE_RANGE
+        gain = covariance @ row / variance
+        self._volts += (surprise * inlier / (inlier + outlier))[:, None] * gain
+        self._volts_covariance = covariance - np.outer(gain, gain) * variance
+        return np.asarray(inlier + outlier)
+
+    def _tell(self) -> None:
+        """Tell the energy from the start until empty by parts of the probability."""
+        until_empty = energy_share(self._cells.curve, self._start) - self._energy_at_cutoff()
+        totals = np.minimum(until_empty * self._capacity, self._most)
+        order = np.argsort(totals, kind="stable")
+        ordered, weights = totals[order], self.trust.weights[order]
+        reached = np.concatenate([[0.0], np.cumsum(weights)])
+        reached /= reached[-1]
+        # Mass and moment up to each end, so that a possible battery may be in two parts.
+        moments = np.concatenate([[0.0], np.cumsum(weights * ordered)])
+        moment_at_end = np.interp(_PARTS, reached, moments / self.trust.weights.sum())
+        self.weights = np.diff(_PARTS)
+        self.totals = np.diff(moment_at_end) / self.weights
+
+    def _energy_at_cutoff(self) -> Floats | float:
+        """Share of the energy that stays in the battery when its voltage under load reaches the cut-off."""
+        if not self._cells.has_curve or math.isnan(self._cutoff):
+            return 0.0
+        curve = self._cells.curve
+        points = curve.knots
+        resistance = np.maximum(self._volts[:, 1], 0.0)
+        open_circuit = self._cutoff + resistance * max(self._rate, 0.0)
+        charge = np.interp(open_circuit, curve.relative_v[:points], curve.charge[:points])
+        return np.asarray(energy_share(curve, charge))
+
+    @property
+    def start(self) -> Start:
+        """The charge at the start, as it was told or shown."""
+        return Start(self._start_charge, self._told)
+
+    @property
+    def charge(self) -> float:
+        """State of charge, 0 to 1."""
+        return float(self.trust.weights @ self._charge)
+
+    @property
+    def charge_sd(self) -> float:
+        """Standard deviation of that."""
+        return math.sqrt(max(float(self.trust.weights @ (self._charge - self.charge) ** 2), 0.0))
+
+    @property
+    def total(self) -> float:
+        """Mean energy from the start until empty."""
+        return float(self.weights @ self.totals)
+
+    @property
+    def total_sd(self) -> float:
+        """Standard deviation of that."""
+        return math.sqrt(max(float(self.weights @ (self.totals - self.total) ** 2), 0.0))
+
+    @property
+    def believes_gauge(self) -> bool:
+        """Whether the gauge most probably follows the charge."""
+        return self.trust.believed == FOLLOWS
+
+
+def _starts(start: Start) -> tuple[Floats, Floats]:
+    """States of charge at the start and their probabilities, each of shape (STARTS,)."""
+    if start.told:
+        # Chargers end, and cells lose, some per cent; nobody tells more than full.
+        charge = np.linspace(
+            max(start.charge - 4.0 * rules.TOLD_SD, 0.005), min(start.charge + rules.TOLD_SD, 1.0), STARTS
+        )
+        weight = np.exp(-0.5 * ((charge - start.charge) / rules.TOLD_SD) ** 2)
+        return charge, weight / weight.sum()
+    coarse = np.linspace(0.04, 1.0, STARTS // 2 + 1)
+    fine = np.clip(start.charge + np.linspace(-0.05, 0.05, STARTS // 2), 0.005, 1.0)
+    charge = np.sort(np.concatenate([coarse, fine]))
+    width = np.gradient(charge)
+    full = np.exp(-0.5 * ((1.0 - charge) / rules.TOLD_SD) ** 2) * width
+    any_charge = width / width.sum()
+    weight = rules.STARTS_FULL * full / full.sum() + (1.0 - rules.STARTS_FULL) * any_charge
+    return charge, weight / weight.sum()

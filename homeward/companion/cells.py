@@ -1,0 +1,119 @@
+"""What is known of cells by their chemistry, beside the open-circuit curve: its error, the cold, the rate, the end.
+
+Voltages are relative to the mean open-circuit voltage of a full charge, currents are per hour: 1 empties the rated
+charge in an hour. In these units cells of all sizes and chemistries are alike.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from homeward.physics import Robot
+from homeward.physics.battery import FLAT, Curve
+
+_S_PER_H = 3600.0
+OWN_CURVE = "own curve"
+"""A robot whose file has an `open_circuit_v` instead of a chemistry."""
+
+
+class CellFacts(NamedTuple):
+    """Ranges of cells of a chemistry; a pair is the least and the most.
+
+    Attributes:
+        curve_sd: Standard deviation of the open-circuit voltage of one cell about the curve, relative.
+        cold_per_k: Share of the capacity that is lost per kelvin below 25 C.
+        peukert: Exponent of Peukert's law.
+        label_h: Hours in which the charge on the label is drawn.
+        cutoff: Usual cut-off under load, relative; NaN: the voltage of the empty cell.
+    """
+
+    curve_sd: float
+    cold_per_k: tuple[float, float]
+    peukert: tuple[float, float]
+    label_h: tuple[float, float]
+    cutoff: float = math.nan
+
+
+_LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H = (0.002, 0.007), (1.0, 1.05), (1.0, 5.0)
+"""Lithium-ion cells lose 15 to 30 % at -20 C (biolng.com.pl; with less at 0 C: Waag, Kaebitz & Sauer, Applied Energy
+102, 2013). Victron's battery monitors take an exponent of 1.05 for them. Data sheets draw the label in 1 to 5 h."""
+
+FACTS = {
+    # Spread of the cells behind each curve (homeward.physics.battery) in mid-charge: 15 to 45, 11 to 28, 8 to 16 with
+    # a hysteresis of 15, and 5 to 12 mV of 2 V.
+    "nmc": CellFacts(0.030 / 3.75, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
+    "lipo": CellFacts(0.020 / 3.84, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
+    "lfp": CellFacts(0.020 / 3.29, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
+    # 0.6 % at a 10 or 20 h rate and 1 % at a 1 or 3 h rate (velapower.com), 0.64 % for more than an hour (Discover
+    # Energy). Exponents 1.05 to 1.15 of AGM and 1.1 to 1.25 of gel (bdbatteries.com). Labels of sealed ones are of
+    # 20 h, those of traction batteries of 5 h. The usual end is 1.75 V of 2.05. Its rest voltage takes hours, so that
+    # the spread counts three times. Chosen.
+    "lead_acid": CellFacts(0.030 / 2.05, (0.006, 0.010), (1.05, 1.25), (5.0, 20.0), cutoff=1.75 / 2.054),
+    OWN_CURVE: CellFacts(0.005, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
+    FLAT: CellFacts(math.nan, (0.0, 0.010), (1.0, 1.0), (1.0, 5.0)),
+}
+"""A curve that a user measured is within half a per cent: a meter's error. A flat battery may be of any chemistry."""
+
+WARM_C = 25.0
+"""Temperature of labels, C."""
+
+
+class Cells(NamedTuple):
+    """The cells of a robot.
+
+    Attributes:
+        chemistry: Name in `FACTS`.
+        facts: What is known of them.
+        curve: Open-circuit curve of the pack.
+        rated_as: Charge on the label, A s; NaN without a curve.
+    """
+
+    chemistry: str
+    facts: CellFacts
+    curve: Curve
+    rated_as: float
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether the voltage says anything about the charge."""
+        return self.curve.mean_v > 0.0
+
+    def rate_per_h(self, current_a: float) -> float:
+        """A current as charges per hour."""
+        return current_a * _S_PER_H / self.rated_as
+
+    def derating(self, temperature_c: float, rate_per_h: float) -> tuple[float, float]:
+        """Least and most share of the label's charge that the cells give in the cold and at a rate.
+
+        Args:
+            temperature_c: Of the air, C; NaN: they are warm.
+            rate_per_h: Mean rate of the discharge.
+        """
+        cold_k = max(WARM_C - temperature_c, 0.0) if math.isfinite(temperature_c) else 0.0
+        least_cold, most_cold = self.facts.cold_per_k
+        gentle, steep = self.facts.peukert
+        soon_h, late_h = self.facts.label_h
+        # Peukert: the charge given falls with the rate over the label's, to the power of the exponent less 1.
+        at_rate_most = min((max(rate_per_h, 0.0) * soon_h) ** (1.0 - gentle), 1.0) if rate_per_h > 0.0 else 1.0
+        at_rate_least = min((rate_per_h * late_h) ** (1.0 - steep), 1.0) if rate_per_h > 0.0 else 1.0
+        return (1.0 - most_cold * cold_k) * at_rate_least, (1.0 - least_cold * cold_k) * at_rate_most
+
+    def cutoff(self, cutoff_v: float | None) -> float:
+        """Cut-off under load, relative: the one that is known, or the usual one; NaN without a curve."""
+        if not self.has_curve:
+            return math.nan
+        if cutoff_v is not None:
+            return cutoff_v / self.curve.mean_v
+        empty = float(self.curve.relative_v[0])
+        return self.facts.cutoff if math.isfinite(self.facts.cutoff) else empty
+
+
+def cells_of(robot: Robot) -> Cells:
+    """The cells of a robot's file."""
+    curve = robot.curve
+    chemistry = robot.chemistry
+    if chemistry == FLAT and curve.mean_v > 0.0:
+        chemistry = OWN_CURVE
+    rated_as = robot.rated_energy_j / curve.mean_v if curve.mean_v > 0.0 else math.nan
+    return Cells(chemistry, FACTS[chemistry], curve, rated_as)
