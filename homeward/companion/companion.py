@@ -435,7 +435,7 @@ class Companion:
         return "loop" if self._way.ends_at_home else "route"
 
     def state(self) -> dict[str, Any]:
-        """State for a restart, for JSON; some tens of kilobytes. Nothing changes by asking for it."""
+        """State for a restart, for JSON; some hundred kilobytes. Nothing changes by asking for it."""
         policy = {} if self._policy is None else {"policy": self._policy.state()}
         return sealed({"robot": self.robot.name, "made_for": self._made_for, "companion": values_of(self), **policy})
 

@@ -113,7 +113,11 @@ class GaugeTrust:
             else:
                 by_explanation = self._weigh_change(reading, 0.5 * (drawn_before + drawn), variance)
             self._last = reading
-        joint = (_TRANSITIONS.T @ self.joint) * by_explanation * likelihood
+        # A gauge that jumps may show anything, so that its reading then is no evidence.
+        jumps = rules.GAUGE_CHANGES * self.joint[FOLLOWS]
+        joint = (_TRANSITIONS.T @ self.joint) * by_explanation
+        joint[JUMPED] += jumps * (1.0 - by_explanation[JUMPED])
+        joint *= likelihood
         total = joint.sum()
         if total > 0.0:
             self.joint = joint / total
@@ -134,16 +138,18 @@ class GaugeTrust:
     def _weigh_change(self, reading: float, drawn: Floats, variance: Floats) -> Floats:
         """Likelihood of a reading that changed, by explanation and battery; the errors of the gauge are updated."""
         change = reading - self._last
-        rounding = change * change / 12.0
-        by_explanation = np.empty_like(self.joint)
-        by_explanation[FOLLOWS] = self._follow(0.5 * (reading + self._last), drawn, variance + rounding)
-        surprise = change + self._fallen
         weights = self.weights
         expected = self._expected(drawn)
         spread = float(weights @ (self._total_variance(drawn, variance) + (expected - weights @ expected) ** 2))
+        surprise = change + self._fallen
         # A reading that only rounds is as near to the one before as to the expected one: that is no evidence.
         wanders = max(self._wanders, spread)
+        by_explanation = np.empty_like(self.joint)
         by_explanation[JUMPED:] = _likelihood(np.array(surprise), np.array(wanders))
+        rounds = change * self._fallen < 0.0  # not one that rises while the battery is discharged
+        shown = 0.5 * (reading + self._last) if rounds else reading
+        rounding = change * change / 12.0 if rounds else 0.0
+        by_explanation[FOLLOWS] = self._follow(shown, drawn, variance + rounding)
         self._wanders += rules.GAUGE_LEARNS * (surprise**2 - self._wanders)
         self._fallen = 0.0
         return by_explanation

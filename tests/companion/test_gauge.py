@@ -12,7 +12,7 @@ import pytest
 
 from homeward import load_robot
 from homeward.companion import Advice, Companion
-from homeward.companion.gauge import FOLLOWS, GaugeTrust, Predicted
+from homeward.companion.gauge import FOLLOWS, GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_share, open_circuit_v
 
@@ -103,7 +103,7 @@ def test_the_energy_left_rises_only_within_what_was_said_before(gauge: Gauge) ->
 
 def test_one_that_is_right_again_is_used_again() -> None:
     def wrong_for_a_while(second: float, charge: float, volts: float) -> float:
-        return charge + (0.3 if 1000.0 < second < 1600.0 else 0.0)
+        return charge - (0.3 if 1000.0 < second < 1600.0 else 0.0)
 
     given = drive(wrong_for_a_while, until_turn=False, seconds=4500)
     said = [any("power alone is used" in text for text in advice.warnings) for advice, _ in given]
@@ -133,23 +133,28 @@ def test_a_charge_is_not_taken_for_energy() -> None:
     assert abs(ends[0]) < 0.02 < ends[1]
 
 
+def trusted(drawn: float) -> tuple[GaugeTrust, np.ndarray]:
+    """Trust in the gauge of one full battery, and the charge drawn since."""
+    trust = GaugeTrust(np.ones(1), Prior(), np.ones(1), np.ones(1), np.zeros(1))
+    trust.see(1.0, np.zeros(1), np.zeros(1), np.ones(1))
+    return trust, np.array([drawn])
+
+
 def test_what_nobody_can_tell_apart_is_left_to_the_prior() -> None:
-    """The first reading is neither evidence for a gauge nor against it."""
-    trust = GaugeTrust()
-    before = trust.weights.copy()
-    trust.see(0.7, Predicted(0.7, 1e-4, 1.0, Prior()))
-    np.testing.assert_array_equal(trust.weights, before)
-    trust.see(math.nan, Predicted(0.7, 1e-4, 1.0, Prior()))
-    np.testing.assert_array_equal(trust.weights, before)
-    assert trust.believed == FOLLOWS
+    """A reading that stays within the coarsest step of gauges is no evidence, nor is none."""
+    trust, drawn = trusted(0.05)
+    before = trust.probabilities.copy()
+    trust.see(1.0, drawn, np.zeros(1), np.ones(1))
+    trust.see(math.nan, drawn, np.zeros(1), np.ones(1))
+    np.testing.assert_allclose(trust.probabilities, before, atol=0.02)
 
 
-def test_one_outlier_does_not_end_the_belief_and_a_lasting_one_does() -> None:
-    trust = GaugeTrust()
-    for soc in (0.7, 0.7, 0.7, 0.3, 0.7, 0.7):
-        trust.see(soc, Predicted(0.7, 1e-4, 1.0, Prior()))
+def test_one_outlier_does_not_end_the_belief_and_a_lasting_course_of_its_own_does() -> None:
+    trust, drawn = trusted(0.3)
+    for shown in (0.7, 0.71, 0.7, 0.3, 0.7, 0.71, 0.7):
+        trust.see(shown, drawn, np.zeros(1), np.ones(1))
     assert trust.believed == FOLLOWS
-    for _ in range(5):
-        trust.see(0.3, Predicted(0.7, 1e-4, 1.0, Prior()))
+    for shown in (0.3, 0.32, 0.31, 0.3, 0.33):
+        trust.see(shown, drawn, np.zeros(1), np.ones(1))
     assert trust.believed != FOLLOWS
-    assert trust.weights.sum() == pytest.approx(1.0)
+    assert trust.joint.sum() == pytest.approx(1.0)
