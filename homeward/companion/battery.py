@@ -147,7 +147,7 @@ class BatteryBelief:
         steps = shares[:: _FACTOR_STEPS // 8]
         derated = derating[0] + (derating[1] - derating[0]) * shares
         # What is lost in the resistance is not metered at the terminals.
-        sag = 1.0 - conditions.rate_per_h * rules.RESISTANCE * 2.0 * steps
+        sag = 1.0 - self._cells.beyond_label_per_h(conditions.rate_per_h) * rules.RESISTANCE * 2.0 * steps
         metered = np.maximum(1.0 + conditions.gain_sd * ndtri(steps), 0.1)
         modelled = 1.0 + math.sqrt(3.0) * conditions.modelled_sd * (2.0 * steps - 1.0)
         factors = [self._aged, derated, np.maximum(sag, 0.1), metered, np.maximum(modelled, 0.1)]
@@ -243,7 +243,9 @@ class BatteryBelief:
         curve = self._cells.curve
         points = curve.knots
         resistance = np.maximum(self._volts[:, 1], 0.0)
-        open_circuit = self._cutoff + resistance * max(self._rate, 0.0)
+        told = math.isfinite(self._cutoff_v)
+        rate = max(self._rate, 0.0) if told else self._cells.beyond_label_per_h(self._rate)
+        open_circuit = self._cutoff + resistance * rate
         charge = np.interp(open_circuit, curve.relative_v[:points], curve.charge[:points])
         return np.asarray(energy_share(curve, charge))
 

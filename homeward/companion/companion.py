@@ -84,7 +84,7 @@ class Companion:
 
     SAVED: ClassVar = (
         "_readings", "_way", "_window", "_estimator", "_other_way_m", "_turned", "_charged", "_mismatched",
-        "_stands", "_has", "_action",
+        "_since_stop", "_may_be_swapped", "_stands", "_has", "_action",
     )  # fmt: skip
 
     def __init__(
@@ -155,6 +155,7 @@ class Companion:
         self._other_way: RouteLike | None = None
         self._other_way_m: float | None = None
         self._turned, self._charged, self._mismatched, self._stands = False, False, 0, 0
+        self._since_stop, self._may_be_swapped = math.inf, False
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
         self._action: tuple[float, float, str] | None = None
         if self._policy is not None:
@@ -301,16 +302,21 @@ class Companion:
         """Pass the readings so far to the estimator."""
         if self._window.time_s > 0.0:
             self._estimator.add_window(self._window, self._way.position_m)
-            self._check_charge(self._window.soc)
+            self._check_charge(self._window)
             self._check_speed(self._window)
             self._window = Window()
 
-    def _check_charge(self, soc: float) -> None:
-        """Say which reading is not believed. A lower one after a jump is accepted, as of a weaker battery: that is
+    def _check_charge(self, window: Window) -> None:
+        """Say which reading is not believed. A lower one after a stop is accepted, as of another battery: that is
         safe."""
-        believed, differs = self._estimator.gauge.believed, soc - self._estimator.charge
+        soc, believed = window.soc, self._estimator.gauge.believed
+        differs = soc - self._estimator.charge
+        # Nobody changes a battery while the robot drives; while it is off, readings are missing.
+        stops = window.stood_s > 0.0 or window.time_s > rules.GAP_INTERVALS * self._window_s
+        self._since_stop = 0.0 if stops else self._since_stop + 1.0
         if believed == FOLLOWS:
             self._mismatched = 0
+            self._may_be_swapped = self._since_stop < rules.SOC_MISMATCH_WINDOWS
             return
         kind = "the state of charge"
         less_or_more = f"{abs(differs):.0%} {'more' if differs > 0.0 else 'less'}"
@@ -319,7 +325,8 @@ class Companion:
             self._readings.say(f"{text}; power alone is used", kind)
             return
         text = f"{kind} has jumped or stays: it reads {less_or_more} than the energy drawn implies"
-        self._mismatched = self._mismatched + 1 if differs < -rules.SOC_MISMATCH else 0
+        lower = self._may_be_swapped and differs < -rules.SOC_MISMATCH
+        self._mismatched = self._mismatched + 1 if lower else 0
         if self._mismatched < rules.SOC_MISMATCH_WINDOWS:
             self._readings.say(f"{text}; power alone is used", kind)
             return

@@ -146,10 +146,10 @@ class GaugeTrust:
         wanders = max(self._wanders, spread)
         by_explanation = np.empty_like(self.joint)
         by_explanation[JUMPED:] = _likelihood(np.array(surprise), np.array(wanders))
-        rounds = change * self._fallen < 0.0  # not one that rises while the battery is discharged
-        shown = 0.5 * (reading + self._last) if rounds else reading
-        rounding = change * change / 12.0 if rounds else 0.0
-        by_explanation[FOLLOWS] = self._follow(shown, drawn, variance + rounding)
+        # One that rounds passed an edge: it changes by no more than was drawn since the last one, and never against it.
+        step = min(abs(change), abs(self._fallen)) if change * self._fallen < 0.0 else 0.0
+        shown = reading - 0.5 * math.copysign(step, change)
+        by_explanation[FOLLOWS] = self._follow(shown, drawn, variance + step * step / 12.0)
         self._wanders += rules.GAUGE_LEARNS * (surprise**2 - self._wanders)
         self._fallen = 0.0
         return by_explanation
