@@ -525,6 +525,23 @@ def test_a_cut_off_that_comes_early_turns_the_robot() -> None:
     assert electric(robot, knee)["voltage_v"] > 21.3  # home before the cut-off
 
 
+@pytest.mark.parametrize("offset_rad", [-0.0035, 0.0035])
+def test_a_slope_sensor_that_is_mounted_at_a_tilt_is_allowed_for(offset_rad: float) -> None:
+    """The way home is level, as the way out was, though that was read as a slope."""
+    one, robot = companion(), Driven(every_s=5.0)
+    advice = robot.drive(one, 0.0, 2000.0, grade_rad=offset_rad)
+    assert advice.energy_home_j.low < robot.power_w() * 2000.0 < advice.energy_home_j.high
+
+
+def test_a_clock_that_is_set_forward_by_an_hour_draws_no_energy() -> None:
+    one, robot = companion(), Driven(every_s=5.0)
+    robot.drive(one, 0.0, 1000.0)
+    robot.time_s += 3600.0
+    advice = robot.drive(one, 0.0, 30.0)
+    assert any(text.startswith("the clock was set forward") for text in advice.warnings)
+    assert advice.energy_left_j.low < robot.left_j < advice.energy_left_j.high
+
+
 def test_at_its_cut_off_voltage_nothing_is_left() -> None:
     """Also of a robot whose file has no curve."""
     one, robot = companion(cutoff_v=21.0), Driven(every_s=10.0)

@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import optimize, stats
+from scipy.special import stdtr, stdtrit
 
-from homeward.estimation import WAY_DTYPE, Estimator, margin
+from homeward.estimation import WAY_DTYPE, Estimator, margin, rules
+from homeward.estimation.margin import chance_below, quantile_of_sum
 from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES
 from homeward.estimation.wind import covariance_of_wind
 from homeward.physics import mission_energy
@@ -210,3 +212,18 @@ def test_a_mixture_has_the_quantile_that_a_root_search_finds() -> None:
 def test_a_probability_undoes_its_deviations(z: float, skewness: float) -> None:
     deviations = margin._deviations(z, skewness)
     assert margin._below(deviations, skewness) == pytest.approx(stats.norm.cdf(z), rel=1e-6)
+
+
+def test_a_sum_with_a_second_number_has_the_tails_of_student() -> None:
+    each = np.array([[0.3, 1.0, 2.0, 0.0], [0.7, -2.0, 0.5, 0.0]])
+    totals, weights = np.array([0.0, 3.0]), np.array([0.4, 0.6])
+    for value in (-30.0, -4.0, 0.5, 6.0):
+        expected = sum(
+            part[0] * weight * float(stdtr(rules.DEGREES, (value - part[1] - total) / part[2]))
+            for part in each
+            for total, weight in zip(totals, weights, strict=True)
+        )
+        assert chance_below(each, totals, weights, value) == pytest.approx(expected, rel=1e-6)
+    for risk in (1e-6, 1e-3, 0.3):
+        value = quantile_of_sum(each, totals, weights, risk, float(stdtrit(rules.DEGREES, risk)))
+        assert chance_below(each, totals, weights, value) == pytest.approx(risk, rel=0.05)

@@ -1,0 +1,94 @@
+"""What is believed of the battery: bounds of age and cold, what was drawn, the voltage, and a counter that errs."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from homeward import load_robot
+from homeward.companion.battery import BatteryBelief, Conditions, Start, Witnesses
+from homeward.companion.cells import cells_of
+from homeward.estimation import Prior
+from homeward.physics import Robot
+from homeward.physics.battery import charge_share, open_circuit_v
+
+HUSKY = dataclasses.replace(load_robot("husky"), chemistry="flat", cells_in_series=0)
+NMC = dataclasses.replace(HUSKY, chemistry="nmc", cells_in_series=7)
+LEAD = dataclasses.replace(HUSKY, chemistry="lead_acid", cells_in_series=12)
+PRIOR = Prior(soc_step=1e-3, soc_error=5e-3)
+RATE_PER_H = 0.3
+NOTHING = math.nan
+
+
+def belief(robot: Robot, *, temperature_c: float = NOTHING, cutoff_v: float | None = None) -> BatteryBelief:
+    battery = BatteryBelief(cells_of(robot), PRIOR, False, cutoff_v)
+    battery.begin(Start(), Conditions(temperature_c=temperature_c, rate_per_h=RATE_PER_H))
+    return battery
+
+
+def discharge(
+    battery: BatteryBelief, robot: Robot, capacity: float, to: float, *, ohm: float = 0.0, learned: float | None = None
+) -> float:
+    """Draw from a full battery of a capacity, 1 % a window; returns the energy left.
+
+    With `ohm`, voltage and current are read; with `learned`, a counter that takes this for a full charge.
+    """
+    curve, used = robot.curve, 0.0
+    for used in np.arange(0.01, to, 0.01):
+        charge = float(charge_share(curve, 1.0 - used / capacity))
+        volts = float(open_circuit_v(curve, charge))
+        current_a = RATE_PER_H * (1.0 + 0.5 * math.sin(40.0 * used)) * cells_of(robot).rated_as / 3600.0
+        shown = NOTHING if learned is None else 1.0 - (1.0 - charge) * capacity / learned
+        read = (volts - ohm * current_a, current_a, current_a) if ohm else (NOTHING, NOTHING, -math.inf)
+        battery.see(Witnesses(float(used), 0.0, *read, shown))
+    return capacity - float(used)
+
+
+def test_the_capacity_is_within_the_range_of_age_and_what_was_drawn_excludes_less() -> None:
+    battery = belief(HUSKY)
+    assert 0.72 < battery.totals[0] < 0.83 and battery.totals[-1] < 1.02
+    discharge(battery, HUSKY, 1.0, 0.9)
+    assert battery.total > 0.92 and battery.totals[0] > 0.88
+
+
+@pytest.mark.parametrize("temperature_c", [20.0, -10.0])
+def test_cold_batteries_hold_less(temperature_c: float) -> None:
+    warm, here = belief(LEAD), belief(LEAD, temperature_c=temperature_c)
+    assert here.total == pytest.approx(warm.total * (1.0 - 0.008 * (25.0 - temperature_c)), rel=0.03)
+
+
+def test_the_voltage_tells_resistance_and_charge() -> None:
+    without, read = belief(NMC), belief(NMC)
+    discharge(without, NMC, 0.83, 0.6)
+    left = discharge(read, NMC, 0.83, 0.6, ohm=0.1)
+    assert read.total_sd < 0.8 * without.total_sd
+    assert abs(read.total - 0.59 - left) < 2.0 * read.total_sd
+    rated_ah = cells_of(NMC).rated_as / 3600.0
+    resistance = read.trust.weights @ read._volts[:, 1]
+    assert resistance == pytest.approx(0.1 * rated_ah / NMC.curve.mean_v, rel=0.25)
+
+
+def test_a_cut_off_under_load_keeps_more_in_a_battery_of_higher_resistance() -> None:
+    kept = []
+    for ohm in (0.02, 0.3):
+        battery = belief(NMC, cutoff_v=22.5)
+        discharge(battery, NMC, 0.9, 0.4, ohm=ohm)
+        kept.append(0.9 - battery.total)
+    assert 0.0 < kept[0] < kept[1] - 0.03
+
+
+@pytest.mark.parametrize("capacity", [0.6, 0.75, 0.85])
+def test_a_counter_that_may_not_know_rate_and_cold_does_not_tell_the_capacity(capacity: float) -> None:
+    """It has learned the charge of slow discharges in the warm."""
+    battery = belief(LEAD, temperature_c=5.0)
+    left = discharge(battery, LEAD, capacity, 0.35, learned=0.9)
+    assert abs(battery.total - 0.34 - left) < 2.5 * battery.total_sd
+
+
+def test_a_battery_at_its_cut_off_is_empty_whatever_its_gauge_shows() -> None:
+    battery = belief(HUSKY, cutoff_v=22.0)
+    battery.see(Witnesses(0.1, 0.0, 21.9, 5.0, 5.0, 0.95))
+    assert battery.total == pytest.approx(0.1, abs=1e-9)
