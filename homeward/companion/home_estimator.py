@@ -391,7 +391,7 @@ class HomeEstimator:
                 float(total["margin_j"]) + beyond_j, math.hypot(float(total["margin_sd_j"]), total_sd_j)
             ),
             low_j=float(low_j),
-            chance_home=max(1.0 - float(chance_below(each, totals_j, battery.weights, 0.0)), 0.0),
+            chance_home=max(1.0 - float(chance_below(each, totals_j, battery.weights, 0.0, 0.0)), 0.0),
         )
 
     def _cost(self, total: np.void) -> UncertainValue:

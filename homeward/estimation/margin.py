@@ -47,6 +47,9 @@ MARGIN_DTYPE = np.dtype(
 """Energy left, energy of a plan and margin, as metered, and their standard deviations; the energy of the plan as a
 share of a full battery; and the margin at the given risk."""
 _MOST_STEPS = 100  # five or six are enough, unless the probability jumps; chosen: bounds the search
+_NEGLIGIBLE = (
+    1e-3  # weight of a hypothesis, over the risk, that moves no quantile; chosen: a thousandth of its probability
+)
 _PRECISELY = 1e-3  # error of a quantile of a sum, over the spread of its parts; chosen: far below a deviation
 _EXACTLY = 1e-3  # relative accuracy of a quantile's probability; chosen: far below that of any risk
 
@@ -223,7 +226,7 @@ def _quantile(each: Any, risk: float, z: float) -> float:
 
 
 @compiled
-def chance_below(each: Any, totals: Any, weights: Any, value: float) -> float:
+def chance_below(each: Any, totals: Any, weights: Any, value: float, least: float) -> float:
     """Probability that the sum of two independent numbers is below a value.
 
     Args:
@@ -232,10 +235,11 @@ def chance_below(each: Any, totals: Any, weights: Any, value: float) -> float:
         totals: Values of the second, shape (m,).
         weights: Their probabilities, shape (m,).
         value: The value.
+        least: Weight up to which a part of the first is left out.
     """
     below = 0.0
     for k in range(len(each)):
-        if each[k, 0] > 0.0:
+        if each[k, 0] > least:
             for m in range(len(totals)):
                 z = (value - each[k, 1] - totals[m]) / max(each[k, 2], 1e-300)
                 below += each[k, 0] * weights[m] * _below_by_student(_standardised(z, each[k, 3]))
@@ -248,15 +252,15 @@ def quantile_of_sum(each: Any, totals: Any, weights: Any, risk: float, z: float)
 
     It lies between those of the sum's parts, and is found there by bisection.
     """
-    low, high = np.inf, -np.inf
+    low, high, negligible = np.inf, -np.inf, _NEGLIGIBLE * risk
     for k in range(len(each)):
-        if each[k, 0] > 0.0:
+        if each[k, 0] > negligible:
             own = each[k, 1] + each[k, 2] * _deviations(z, each[k, 3])
             low, high = min(low, own + totals[0]), max(high, own + totals[-1])
     least = _PRECISELY * max(high - low, 0.0)
     while high - low > least:
         middle = 0.5 * (low + high)
-        if chance_below(each, totals, weights, middle) > risk:
+        if chance_below(each, totals, weights, middle, negligible) > risk:
             high = middle
         else:
             low = middle

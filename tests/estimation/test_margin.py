@@ -223,7 +223,7 @@ def test_a_sum_with_a_second_number_has_the_tails_of_student() -> None:
             for part in each
             for total, weight in zip(totals, weights, strict=True)
         )
-        assert chance_below(each, totals, weights, value) == pytest.approx(expected, rel=1e-6)
+        assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(expected, rel=1e-6)
     for risk in (1e-6, 1e-3, 0.3):
         value = quantile_of_sum(each, totals, weights, risk, float(stdtrit(rules.DEGREES, risk)))
-        assert chance_below(each, totals, weights, value) == pytest.approx(risk, rel=0.05)
+        assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(risk, rel=0.05)
