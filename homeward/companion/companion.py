@@ -150,7 +150,7 @@ class Companion:
             policy is None, self._estimator.estimates.dtype.descr, self._estimator.places.tobytes(),
         )))  # fmt: skip
         self._way = Way(home, route, max(place_m / _CRUMBS, 1.0), self._limits.way_m)
-        self._readings = Readings(self._limits, self._way.is_possible)
+        self._readings = Readings(self._limits, self._way.is_possible, self._way.noise_m)
         self._window = Window()
         self._other_way: RouteLike | None = None
         self._other_way_m: float | None = None

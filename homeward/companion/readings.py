@@ -70,6 +70,7 @@ class Readings:
     Args:
         limits: What the robot cannot exceed.
         is_possible: Whether the robot can be at a position at all.
+        noise_m: Standard deviation of the positions along an axis, as learned so far, m.
 
     Attributes:
         clock_s: Time since the first reading, s: it never goes back.
@@ -81,8 +82,8 @@ class Readings:
         "_place", "_place_at_s", "_jumps", "_anchor", "_driven_m", "_said",
     )  # fmt: skip
 
-    def __init__(self, limits: Limits, is_possible: Callable[[Position], bool]) -> None:
-        self._limits, self._is_possible = limits, is_possible
+    def __init__(self, limits: Limits, is_possible: Callable[[Position], bool], noise_m: Callable[[], float]) -> None:
+        self._limits, self._is_possible, self._noise_m = limits, is_possible, noise_m
         self.clock_s, self.counts = 0.0, dict[str, int]()
         self._last_s, self._ignored_s, self._back = math.nan, math.nan, 0
         self._power, self._grade, self._heading = _Held(), _Held(), _Held()
@@ -236,7 +237,8 @@ class Readings:
             return None
         if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
             apart_m = _apart_m(position, self._place)
-            most_m = self._limits.speed_mps * (self.clock_s - self._place_at_s) + 2.0 * shared.POSITION_M
+            error_m = max(2.0 * shared.POSITION_M, rules.NOISY * self._noise_m())
+            most_m = self._limits.speed_mps * (self.clock_s - self._place_at_s) + error_m
             if apart_m > most_m and self._jumps < rules.JUMPS:
                 self._jumps += 1
                 self._leave_out("impossible position", f" (the last {apart_m:.0f} m away from the one before)")

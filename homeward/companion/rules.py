@@ -153,6 +153,10 @@ count, and one gap does not become typical at once."""
 JUMPS = 5
 """Positions in a row that are too far away until they are accepted. Chosen: fewer may be a receiver's errors."""
 
+NOISY = 6.0
+"""Distance between two positions, in standard deviations of their noise along an axis, that noise alone may make.
+Chosen: four deviations of a difference."""
+
 POSITION_LEARNS = 0.02
 """Weight of a position in the estimated noise of positions. Chosen: fifty count."""
 

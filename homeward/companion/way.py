@@ -205,6 +205,10 @@ class Way:
         self.off_route_m = float(apart_m[best])
         return float(at_m[best] + self.off_route_m)
 
+    def noise_m(self) -> float:
+        """Standard deviation of the positions along an axis, as learned so far, m."""
+        return math.sqrt(self._positions.noise_variance)
+
     def is_possible(self, position: Position) -> bool:
         """Whether the robot can come to a position from home, on several charges; without a home, whether it is on
         the earth."""
