@@ -41,10 +41,10 @@ def test_the_same_seed_draws_the_same_faults() -> None:
     assert len({(fault.file, fault.line) for fault in first}) == 5
 
 
-@pytest.mark.parametrize(("test", "by"), [(NEGLIGENT, "none"), (CAREFUL, "its folder")])
+@pytest.mark.parametrize(("test", "by"), [(NEGLIGENT, ""), (CAREFUL, "tests/test_double.py::test_it")])
 def test_a_fault_is_noticed_where_a_test_asks(checkout: Path, test: str, by: str) -> None:
     (checkout / "tests" / "test_double.py").write_text(test)
     file = checkout / "homeward" / "double.py"
     fault = next(iter(changeable(file)[3]))
-    assert noticed_by(mutant_of(file, fault), checkout) == by
+    assert noticed_by(mutant_of(file, fault), checkout, 0) == by
     assert file.read_text() == SOURCE
