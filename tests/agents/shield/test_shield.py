@@ -14,7 +14,7 @@ from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward, Wanderer
 from homeward.envs.actions import decode_actions, encode_actions
 from homeward.envs.features import INDEX
-from homeward.envs.options import MISSIONS, Options, known_of
+from homeward.envs.options import MISSIONS, Known, Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.rules.shown import RULES
@@ -33,6 +33,27 @@ def test_who_wanders_for_ever_comes_home(mission: str, action_type: str) -> None
     assert not bare.home.any()
     assert safe.home.all()
     assert (safe.score > 0.0).all()
+
+
+@final
+class Wasteful(Policy):
+    """Drives out and, from 40 % of the charge on, home: at top speed, and sensing as often as it can."""
+
+    def __init__(self, known: Known) -> None:
+        self._known = known
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        s = self._known.shared[0]
+        mode = np.where(observations[:, INDEX["energy"]] < 0.4, RETURN, GO)
+        return encode_actions(self._known, s["max_speed_mps"], s["max_sensing_hz"], mode)
+
+
+@pytest.mark.parametrize("difficulty", ["known", "uncertain"])
+def test_who_wastes_energy_on_the_way_home_is_stopped_in_time(difficulty: str) -> None:
+    options = Options("OutAndBack", difficulty=difficulty)
+    bare = run_episodes(Wasteful(known_of(options)), options, episode_seeds(2, 24)).episodes
+    assert bare.home.mean() < 0.5
+    assert shielded(Wasteful(known_of(options)), options, 24).episodes.home.all()
 
 
 @pytest.mark.parametrize("route", ["generated", "hidden_wind"])
