@@ -80,15 +80,30 @@ def changeable(file: Path) -> dict[int, list[int]]:
 
 def mutant_of(file: Path, number: int) -> Mutant:
     """A file with one node changed."""
-    tree = ast.parse(file.read_text("utf-8"))
+    text = file.read_text("utf-8")
+    tree = ast.parse(text)
     before = ast.unparse(tree).splitlines()
     node = list(ast.walk(tree))[number]
     _change(node)
-    source = ast.unparse(tree)
-    pairs = zip(before, source.splitlines(), strict=False)
+    pairs = zip(before, ast.unparse(tree).splitlines(), strict=False)
     old, new = next(pair for pair in pairs if pair[0] != pair[1])
     assert isinstance(node, ast.expr)
-    return Mutant(file, node.lineno, old.strip(), new.strip(), source)
+    return Mutant(file, node.lineno, old.strip(), new.strip(), _source(text, tree, node))
+
+
+def _source(text: str, tree: ast.Module, node: ast.expr) -> str:
+    """Text of a changed tree: as before but for the node, because tests also read comments and layout."""
+    lines = text.encode().splitlines(keepends=True)
+    assert node.end_lineno is not None and node.end_col_offset is not None
+    start = sum(map(len, lines[: node.lineno - 1])) + node.col_offset
+    end = sum(map(len, lines[: node.end_lineno - 1])) + node.end_col_offset
+    whole = b"".join(lines)
+    try:
+        source = (whole[:start] + f"({ast.unparse(node)})".encode() + whole[end:]).decode()
+        kept = ast.dump(ast.parse(source)) == ast.dump(tree)
+    except (SyntaxError, UnicodeDecodeError):
+        kept = False
+    return source if kept else ast.unparse(tree)  # in an f-string, Python 3.11 has no places of nodes
 
 
 def _change(node: ast.AST) -> bool:
