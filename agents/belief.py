@@ -132,10 +132,8 @@ class Belief:
         readings["power_w"] = feature(observations, "power") * s["cruise_w"] if self._sees_turns else np.nan
         readings["soc"] = feature(observations, "energy")
         readings["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
-        speed_mps = feature(observations, "speed") * s["max_speed_mps"]
-        # At an end of the route a robot stands in the end, so its speed on the way is unknown.
-        arrives = (speed_mps == 0.0) & (position_m != self._position_m)
-        readings["speed_mps"] = np.where(arrives, np.nan, speed_mps)
+        # It is 0 where a robot has come to an end of the route: the estimator then takes the way over the time.
+        readings["speed_mps"] = feature(observations, "speed") * s["max_speed_mps"]
         readings["east"] = outwards * feature(observations, "east")
         readings["north"] = outwards * feature(observations, "north")
         place = at.astype(np.int64)

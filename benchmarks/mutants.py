@@ -3,14 +3,17 @@
     python benchmarks/mutants.py --lines 30 --seed 1
 
 The lines are drawn from those of `homeward`, `envs` and `agents` that hold something to change. Each fault is made in a
-copy of the checkout and run against the tests of its own folder and, if they pass, against all others.
+copy of the checkout and run against the tests near it: all faults against the tests of their file, those that are left
+against the tests of their folder, then against those that import their file, and then against all others.
 """
 
 from __future__ import annotations
 
 import ast
 import os
+import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -34,6 +37,9 @@ SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
     ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.And: ast.Or, ast.Or: ast.And,
 }  # fmt: skip
 """What each operator becomes."""
+STAGES = ("its file", "its folder", "those that import it", "all")
+LONGEST_S = 1800.0
+"""Time, s, after which tests of a fault do not end. Chosen: all tests take a quarter of it."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +80,30 @@ def changeable(file: Path) -> dict[int, list[int]]:
 
 def mutant_of(file: Path, number: int) -> Mutant:
     """A file with one node changed."""
-    tree = ast.parse(file.read_text("utf-8"))
+    text = file.read_text("utf-8")
+    tree = ast.parse(text)
     before = ast.unparse(tree).splitlines()
     node = list(ast.walk(tree))[number]
     _change(node)
-    source = ast.unparse(tree)
-    pairs = zip(before, source.splitlines(), strict=False)
+    pairs = zip(before, ast.unparse(tree).splitlines(), strict=False)
     old, new = next(pair for pair in pairs if pair[0] != pair[1])
     assert isinstance(node, ast.expr)
-    return Mutant(file, node.lineno, old.strip(), new.strip(), source)
+    return Mutant(file, node.lineno, old.strip(), new.strip(), _source(text, tree, node))
+
+
+def _source(text: str, tree: ast.Module, node: ast.expr) -> str:
+    """Text of a changed tree: as before but for the node, because tests also read comments and layout."""
+    lines = text.encode().splitlines(keepends=True)
+    assert node.end_lineno is not None and node.end_col_offset is not None
+    start = sum(map(len, lines[: node.lineno - 1])) + node.col_offset
+    end = sum(map(len, lines[: node.end_lineno - 1])) + node.end_col_offset
+    whole = b"".join(lines)
+    try:
+        source = (whole[:start] + f"({ast.unparse(node)})".encode() + whole[end:]).decode()
+        kept = ast.dump(ast.parse(source)) == ast.dump(tree)
+    except (SyntaxError, UnicodeDecodeError):
+        kept = False
+    return source if kept else ast.unparse(tree)  # in an f-string, Python 3.11 has no places of nodes
 
 
 def _change(node: ast.AST) -> bool:
@@ -107,67 +128,92 @@ def drawn(count: int, rng: np.random.Generator) -> list[Mutant]:
     return [mutant_of(lines[line][0], int(rng.choice(lines[line][1]))) for line in chosen]
 
 
-def noticed_by(mutant: Mutant, checkout: Path) -> str:
-    """Which tests fail with a fault: those of its folder, others, or none."""
+def tests_of(mutant: Mutant, checkout: Path, stage: int) -> tuple[list[str], list[str]]:
+    """Tests of a stage, and those in them that earlier stages ran."""
     inside = mutant.file.relative_to(ROOT)
-    place = checkout / inside
+    module = Path(*[part for part in inside.parts if part != "homeward"])
+    folder = Path("tests", *module.parts[:-1])
+    nearest = next(place for place in (folder, *folder.parents) if (checkout / place).is_dir())
+    # The links in `homeward` are what the tests collect: a file's own examples belong to it.
+    examples = Path("homeward", module)
+    file = [str(path) for path in (folder / f"test_{module.name}", examples) if (checkout / path).exists()]
+    near = [str(nearest)]
+    if nearest == Path("tests"):  # of a file at the top: without the other folders
+        near = [str(path.relative_to(checkout)) for path in sorted((checkout / nearest).glob("test_*.py"))]
+    name = re.compile(rf"\b{re.escape('.'.join(examples.with_suffix('').parts))}\b")
+    importing = [
+        str(path.relative_to(checkout))
+        for path in sorted((checkout / "tests").rglob("test_*.py"))
+        if name.search(path.read_text("utf-8"))
+    ]
+    stages = (file, near, importing, ["tests", "homeward", "README.md", "docs"])
+    seen = [path for tests in stages[:stage] for path in tests]
+    return [path for path in stages[stage] if not _within(path, seen)], seen
+
+
+def _within(path: str, folders: list[str]) -> bool:
+    return any(Path(path).is_relative_to(folder) for folder in folders)
+
+
+def noticed_by(mutant: Mutant, checkout: Path, stage: int) -> str:
+    """The first test of a stage that fails with a fault; empty: none does."""
+    tests, seen = tests_of(mutant, checkout, stage)
+    if not tests:
+        return ""
+    place = checkout / mutant.file.relative_to(ROOT)
     original = place.read_text("utf-8")
     place.write_text(mutant.source, "utf-8")
     try:
-        own, *wider = _folders(inside, checkout)
-        if not _pass(checkout, own, []):
-            return "its folder"
-        seen = own
-        for tests in wider:
-            if not _pass(checkout, tests, seen):
-                return "others"
-            seen = tests
-        return "none"
+        return _first_failure(checkout, tests, seen)
     finally:
         place.write_text(original, "utf-8")
 
 
-def _folders(inside: Path, checkout: Path) -> list[list[str]]:
-    """Tests of a file, from its own folder to all: those near it usually notice a fault first."""
-    folder = Path("tests", *[part for part in inside.parts[:-1] if part != "homeward"])
-    folders = [
-        [str(place)] for place in (folder, *folder.parents) if len(place.parts) > 1 and (checkout / place).is_dir()
-    ]
-    if not folders:  # of a file at the top: without the other folders
-        folders = [[str(path.relative_to(checkout)) for path in sorted((checkout / "tests").glob("test_*.py"))]]
-    return [*folders, ["tests", "homeward", "README.md", "docs"]]
-
-
-def _pass(checkout: Path, tests: list[str], seen: list[str]) -> bool:
-    """Whether tests pass in a checkout, without those that were seen to; it stops at the first that fails."""
+def _first_failure(checkout: Path, tests: list[str], seen: list[str]) -> str:
+    """The first of some tests that fails in a checkout; empty: all pass."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "2", "--dist", "worksteal", "-p", "no:cacheprovider"]
     command += [f"--ignore={path}" for path in seen]
     environment = os.environ | {"PYTHONPATH": str(checkout)}
-    code = subprocess.run([*command, *tests], cwd=checkout, env=environment, capture_output=True).returncode
-    return code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+    with subprocess.Popen(
+        [*command, *tests], cwd=checkout, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        try:
+            output, _ = process.communicate(timeout=LONGEST_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            return "a test that does not end"
+    if process.returncode in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+        return ""
+    if process.returncode == pytest.ExitCode.USAGE_ERROR:
+        raise RuntimeError(f"pytest cannot run {tests}:\n{output}")
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
+    return failed[1] if failed else output.strip().splitlines()[-1]
 
 
 def main(args: Args) -> None:
-    """Draw the faults, try each, and print the table."""
+    """Draw the faults, try them stage by stage, and print the table."""
     console, rng = Console(), np.random.default_rng(args.seed)
-    shown = table(f"{args.lines} lines, seed {args.seed}", ("", "line", "before", "after", "noticed by"), ())
-    missed, tried = 0, 0
+    faults = dict(enumerate(drawn(args.lines, rng), 1))
+    tried = {number: fault for number, fault in faults.items() if not args.only or number in args.only}
+    by: dict[int, str] = {}
     with tempfile.TemporaryDirectory() as folder:
         checkout = Path(folder) / "checkout"
         tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
         for name in filter(None, tracked.split("\0")):
             (checkout / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, checkout / name, follow_symlinks=False)
-        for number, mutant in enumerate(drawn(args.lines, rng), 1):
-            if args.only and number not in args.only:
-                continue
-            by = noticed_by(mutant, checkout)
-            tried += 1
-            missed += by == "none"
-            shown.add_row(str(number), mutant.place, mutant.before, mutant.after, by)
-            console.print(f"{number} {mutant.place}: {by}", markup=False, highlight=False)
-    console.print(shown)
-    console.print(f"noticed: {tried - missed} of {tried}")
+        for stage, tests in enumerate(STAGES):
+            for number, fault in tried.items():
+                if by.get(number):
+                    continue
+                by[number] = noticed_by(fault, checkout, stage)
+                shown = by[number] or f"not by the tests of: {tests}"
+                console.print(f"{number} {fault.place}: {shown}", markup=False, highlight=False, soft_wrap=True)
+    shown_faults = table(f"{args.lines} lines, seed {args.seed}", ("", "line", "before", "after", "noticed by"), ())
+    for number, fault in tried.items():
+        shown_faults.add_row(str(number), fault.place, fault.before, fault.after, by[number] or "none")
+    console.print(shown_faults)
+    console.print(f"noticed: {sum(map(bool, by.values()))} of {len(tried)}")
 
 
 if __name__ == "__main__":

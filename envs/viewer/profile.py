@@ -66,7 +66,7 @@ def draw_interest(canvas: Canvas, box: Box, scene: Scene) -> None:
     if scene.no_return_m is not None:
         x = to_x(scene.no_return_m)
         canvas.dashes((x, plot[1]), (x, bottom), palette.RED, 1.5)
-    canvas.text((plot[0] - 8.0, bottom - scale * float(scene.interest.max()) + 5.0),
+    canvas.text((plot[0] - 8.0, plot[1] + 5.0),
                 f"{scene.interest.max():.1f}", 11, palette.MUTED, align="right")  # fmt: skip
     canvas.text((plot[0] - 8.0, bottom - 4.0), "0", 11, palette.MUTED, align="right")
 

@@ -192,11 +192,6 @@ STRAIGHT = 0.15
 """Relative difference allowed between the change of the way home and the way driven, for a way straight out or back.
 Chosen: cos(32 degrees), and above the errors of speed and position of a short way."""
 
-OFTEN = 0.2
-"""Distance, in places, over which a slope reading may stand for the way since the last reading. A window's single
-reading may be of the other direction of travel, if the robot has just turned. If it is used for the whole way, 60
-missions of benchmarks/on_the_robot/companion.py turn home at 82 % of the shield's distance, not at 96 %."""
-
 SLOPE_OFFSET = 3.5e-3
 """Standard deviation of the sine by which a slope sensor is mounted at a tilt: 0.2 degrees. Chosen: makers of attitude
 sensors state 0.2 to 0.5 degrees for the pitch at rest."""

@@ -155,18 +155,20 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
     stamp = wanted.index(mapping.stamp) if mapping.stamp is not None else None
     whole: dict[str, list[Any]] = {name: [] for name in wanted}
     numbers: list[int] = []
-    count = 0
+    broken = 0
     with tables.refusing(), tables.opened(path) as file:
-        for count, line in enumerate(io.TextIOWrapper(file, "utf-8-sig", "replace"), start=1):
-            if count > tables.MOST_ROWS:
+        for number, line in enumerate(io.TextIOWrapper(file, "utf-8-sig", "replace")):
+            if number >= tables.MOST_ROWS:
                 raise RecordingError(f"has more than {tables.MOST_ROWS} lines; cut it into several runs")
             cells = line.rstrip("\r\n").split(mapping.separator or ",")
             values = _values(cells, places, stamp) if len(cells) == len(mapping.header) else None
-            if values is not None:
-                numbers.append(count - 1)
-                for name, value in zip(wanted, values, strict=True):
-                    whole[name].append(value)
-    broken = count - len(numbers)
+            if values is None:
+                broken += 1
+                continue
+            numbers.append(number)
+            for name, value in zip(wanted, values, strict=True):
+                whole[name].append(value)
+    count = broken + len(numbers)
     if broken > rules.MOST_BROKEN_SHARE * count:
         meant = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
         raise RecordingError(f"{broken} of {count} lines do not hold {meant}")

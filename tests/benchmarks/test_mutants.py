@@ -10,7 +10,7 @@ import pytest
 from benchmarks import mutants
 from benchmarks.mutants import changeable, drawn, mutant_of, noticed_by
 
-SOURCE = "def double(number):\n    if number > 3:\n        return number + number\n    return 2 * number\n"
+SOURCE = "def double(number):\n    if number > 3:  # µ\n        return number + number\n    return 2 * number\n"
 NEGLIGENT = "def test_it():\n    assert True\n"
 CAREFUL = "from homeward.double import double\n\n\ndef test_it():\n    assert [double(n) for n in (1, 4)] == [2, 8]\n"
 
@@ -33,6 +33,9 @@ def test_each_fault_changes_one_place(checkout: Path) -> None:
         (2, "if number <= 3:"), (2, "if number > 4:"), (3, "return number - number"), (4, "return 2 / number"),
         (4, "return 3 * number"),
     }  # fmt: skip
+    for fault in faults:  # comments and layout stay
+        lines = [new for new, old in zip(fault.source.splitlines(), SOURCE.splitlines(), strict=True) if new != old]
+        assert len(lines) == 1
 
 
 def test_the_same_seed_draws_the_same_faults() -> None:
@@ -41,10 +44,10 @@ def test_the_same_seed_draws_the_same_faults() -> None:
     assert len({(fault.file, fault.line) for fault in first}) == 5
 
 
-@pytest.mark.parametrize(("test", "by"), [(NEGLIGENT, "none"), (CAREFUL, "its folder")])
+@pytest.mark.parametrize(("test", "by"), [(NEGLIGENT, ""), (CAREFUL, "tests/test_double.py::test_it")])
 def test_a_fault_is_noticed_where_a_test_asks(checkout: Path, test: str, by: str) -> None:
     (checkout / "tests" / "test_double.py").write_text(test)
     file = checkout / "homeward" / "double.py"
     fault = next(iter(changeable(file)[3]))
-    assert noticed_by(mutant_of(file, fault), checkout) == by
+    assert noticed_by(mutant_of(file, fault), checkout, 0) == by
     assert file.read_text() == SOURCE

@@ -35,6 +35,18 @@ def test_a_file_that_is_less_sure_than_runs_differ_is_as_sure_as_it_says() -> No
     assert sd_of_power(0.3, 0.1) > 0.2
 
 
+def test_battery_and_instruments_are_as_the_file_says() -> None:
+    """A gain is uniform within its limits, and adds to what the file itself may be off by."""
+    read = {"power_noise": 0.03, "soc_step": 0.01, "soc_noise": 0.02, "soc_lag_s": 40.0}
+    battery: dict[str, Any] = {"fitted": ("capacity",), "covariance": ((0.02**2,),), "between_runs": 0.04}
+    instruments = (*read.items(), ("power_gain", 0.05), ("grade_noise", 0.006))
+    prior, plain = known(**battery, instruments=instruments).prior, known(**battery).prior
+    assert prior.capacity == 1.0 and prior.capacity_sd == pytest.approx(0.02)
+    assert {name: getattr(prior, name) for name in read} == read and prior.slope_noise == 0.006
+    assert prior.gain_sd**2 - plain.gain_sd**2 == pytest.approx(0.05**2 / 3.0)
+    assert known().prior.capacity == 0.9  # where it says nothing: 80 to 100 %
+
+
 @pytest.mark.parametrize("way_m", [1.0, 300.0])
 def test_what_nothing_explains_widens_by_its_measured_interval(way_m: float) -> None:
     sizes: dict[str, Any] = {"between_runs": 0.05, "unexplained": 0.4, "unexplained_m": 30.0}

@@ -162,6 +162,14 @@ def test_a_charge_that_never_ends_has_no_range() -> None:
     assert d_max(free, 2.0, -0.8, energy_j=0.0) == d_max(robot, 2.0, -0.8, energy_j=0.0) == 0.0
 
 
+def test_a_charge_that_lasts_for_ages_has_a_range() -> None:
+    """A joule at a twentieth of a nanowatt: a thousandth of it lasts longer than any effect remembers."""
+    powers = ("mass_kg", "drag_ns2_per_m2", "sensing_idle_w", "communication_w", "controller_w")
+    tiny = dataclasses.replace(PLAIN, **{name: 1e-12 * getattr(PLAIN, name) for name in powers})
+    by_kernel = _range_by_kernel(tiny, 2.0, 0.0, 1.0, 0.0, 1.0)
+    assert float(by_kernel) == pytest.approx(float(d_max(tiny, 2.0, energy_j=1.0)), rel=1e-9)
+
+
 def test_a_duty_cycle_with_a_load_ends_within_a_cycle_of_eq_8() -> None:
     """The kernel drives and stands in turn; the last cycle counts by the share for which the charge is enough."""
     for duty in (0.2, 0.5, 0.9):

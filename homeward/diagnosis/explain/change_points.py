@@ -183,11 +183,12 @@ def _blocks(shape: Array, count: int) -> Index:
 
 def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
     """Size of each block, constant over stretches that reduce the squared error by more than their penalty."""
-    if len(moment) < 2:
-        return np.asarray(moment / weight)
-    search = ruptures.KernelCPD(kernel="linear", min_size=1).fit((moment / np.sqrt(weight))[:, None])
+    ends = [len(moment)]
+    if len(moment) > 1:  # the search takes no single block
+        search = ruptures.KernelCPD(kernel="linear", min_size=1).fit((moment / np.sqrt(weight))[:, None])
+        ends = search.predict(pen=max(penalty, 1e-300))
     size = np.empty(len(moment))
-    for start, end in pairwise([0, *search.predict(pen=max(penalty, 1e-300))]):
+    for start, end in pairwise([0, *ends]):
         size[start:end] = moment[start:end].sum() / weight[start:end].sum()
     return size
 

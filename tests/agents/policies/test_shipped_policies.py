@@ -11,7 +11,7 @@ from homeward.agents.evaluation import Episodes, episode_seeds, run_episodes
 from homeward.agents.evaluation.learning_curve import read_curve
 from homeward.agents.registry import SHIPPED, shipped
 from homeward.agents.trained.policy_file import NetworkPolicy
-from homeward.agents.trained.provenance import differences
+from homeward.agents.trained.provenance import differences, made_with
 from homeward.envs import IDS
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
@@ -41,6 +41,8 @@ def test_what_ships_loads_without_a_warning(agent: str, mission: str) -> None:
     assert isinstance(policy, NetworkPolicy)
     assert not differences(policy.description, IDS[mission], env.batch.options, env.batch.known)
     assert {"command", "versions", "training"} <= set(policy.description)
+    then, now = policy.description["made_with"], made_with(env.batch.options)
+    assert all(then[name] == now[name] for name in ("robot", "instruments", "route"))  # hashes stay the same
     assert " /" not in policy.description["command"]  # a path of somebody's machine
     assert len(read_curve(FOLDERS[agent, mission])) > 5
 

@@ -14,7 +14,7 @@ from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward, Wanderer
 from homeward.envs.actions import decode_actions, encode_actions
 from homeward.envs.features import INDEX
-from homeward.envs.options import MISSIONS, Options, known_of
+from homeward.envs.options import MISSIONS, Known, Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.rules.shown import RULES
@@ -33,6 +33,38 @@ def test_who_wanders_for_ever_comes_home(mission: str, action_type: str) -> None
     assert not bare.home.any()
     assert safe.home.all()
     assert (safe.score > 0.0).all()
+
+
+@final
+class Careless(Policy):
+    """Drives out at cruise and, from half of the charge on, home at another speed."""
+
+    def __init__(self, known: Known, home_mps: float, sensing_hz: float) -> None:
+        self._known, self._home_mps, self._sensing_hz = known, home_mps, sensing_hz
+
+    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
+        returns = observations[:, INDEX["energy"]] < 0.5
+        speed_mps = np.where(returns, self._home_mps, self._known.shared["cruise_mps"][0])
+        return encode_actions(self._known, speed_mps, self._sensing_hz, np.where(returns, RETURN, GO))
+
+
+@pytest.mark.parametrize(
+    ("robot", "home_at", "sensing_hz", "difficulty"),
+    [
+        ("rusti_computer", "max", 100.0, "known"),
+        ("rusti_computer", "max", 100.0, "uncertain"),
+        ("rusti_computer", "min", 0.0, "known"),  # which takes too long
+        ("husky", "min", 0.0, "known"),  # whose electronics consume more by then than is left
+    ],
+)
+def test_who_goes_home_in_a_costly_way_is_stopped_in_time(
+    robot: str, home_at: str, sensing_hz: float, difficulty: str
+) -> None:
+    options = Options("OutAndBack", robot=robot, difficulty=difficulty)
+    known = known_of(options)
+    policy = Careless(known, float(known.shared[f"{home_at}_speed_mps"][0]), sensing_hz)
+    assert run_episodes(policy, options, episode_seeds(2, 24)).episodes.home.mean() < 0.6
+    assert shielded(policy, options, 24).episodes.home.all()
 
 
 @pytest.mark.parametrize("route", ["generated", "hidden_wind"])

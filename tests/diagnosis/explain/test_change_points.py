@@ -79,6 +79,13 @@ def test_what_begins_once_and_stays_changes_once_however_many_runs_follow() -> N
     assert found.changes == 1
 
 
+def test_a_run_of_a_few_windows_has_a_level_of_the_long_ones() -> None:
+    """It is too short to be cut, and its size counts as theirs do."""
+    on = np.append(np.arange(200) >= 90, np.ones(6, np.bool_))
+    (found,) = search("time", np.ones(206), noise(206) + 5.0 * on, runs_of(200, 6), signed=False)
+    assert found.levels == 2 and np.array_equal(found.level > 0, on)
+
+
 def test_a_few_windows_less_of_a_load_that_is_rarely_on_are_another_schedule() -> None:
     """They are few of all windows, but not of those in which it is on."""
     on = np.zeros(2000, np.bool_)

@@ -190,3 +190,35 @@ def test_candidates_are_products_of_different_channels_each_once(drive: Drive, h
     bases = library.places[:, 0]
     cheapest = [float(library.cost[bases == base].min()) for base in np.unique(bases)]
     assert cheapest == [pytest.approx(2.0 * np.log(3.0))] * 3
+
+
+@pytest.mark.parametrize(("track_m", "turning"), [(0.5, "B / v_max"), (0.0, "v_max / g")])
+def test_a_candidate_is_what_its_formula_says(
+    track_m: float, turning: str, short_fit: Refit, short_runs: Runs, husky: Robot
+) -> None:
+    robot, windows = dataclasses.replace(husky, track_m=track_m), len(short_runs.observed)
+    fit = dataclasses.replace(short_fit, parameters=dataclasses.replace(short_fit.parameters, nominal=robot))
+    warm_c, soc, far_m = np.linspace(-5.0, 45.0, windows), np.linspace(1.0, 0.3, windows), np.linspace(-4, 9.0, windows)
+    payload_kg = np.linspace(0.0, 10.0, windows)
+    own = {"temperature_c": warm_c, "soc": soc, "base_distance_m": far_m, "payload_kg": payload_kg}
+    runs = dataclasses.replace(short_runs, context={**short_runs.context, **own})
+    v, w, a, grade, hz = (
+        runs.context[name] for name in ("speed_mps", "yaw_rate_radps", "accel_mps2", "grade_rad", "sensing_hz")
+    )
+    scale_s = {"B / v_max": track_m / robot.max_speed_mps, "v_max / g": robot.max_speed_mps / GRAVITY_MPS2}[turning]
+    passed_s = runs.elapsed_s
+    expected = {
+        "v / v_max": v / robot.max_speed_mps, f"|w| {turning}": np.abs(w) * scale_s,
+        f"w+ {turning}": np.maximum(w, 0.0) * scale_s, "|a| / g": np.abs(a) / GRAVITY_MPS2,
+        "a+ / g": np.maximum(a, 0.0) / GRAVITY_MPS2, "a- / g": np.maximum(-a, 0.0) / GRAVITY_MPS2,
+        "|sin(grade)|": np.abs(np.sin(grade)), "sin(grade)+": np.maximum(np.sin(grade), 0.0),
+        "sin(grade)-": np.maximum(-np.sin(grade), 0.0), "f_s / f_max": hz / robot.max_sensing_hz,
+        "(T - 20 C) / 20 K": (warm_c - 20.0) / 20.0, "(T - 20 C)+ / 20 K": np.maximum(warm_c - 20.0, 0.0) / 20.0,
+        "(20 C - T)+ / 20 K": np.maximum(20.0 - warm_c, 0.0) / 20.0, "r / r_max": np.abs(far_m) / 9.0,
+        "payload / m": payload_kg / robot.mass_kg, "1 - soc": 1.0 - soc, "t / t_max": passed_s / passed_s.max(),
+    }  # fmt: skip
+    library = candidates(fit, runs)
+    weight_w = robot.mass_kg * GRAVITY_MPS2 * np.abs(v)
+    for text, values in expected.items():
+        column = library.columns([library.texts.index(f"m g v ({text})")])[:, 0]
+        np.testing.assert_allclose(column, weight_w * values, rtol=1e-9, err_msg=text)

@@ -71,10 +71,13 @@ def test_a_rising_function_holds_every_line_and_never_falls(short_fit: Refit, sh
     assert total[np.argmin(speed)] == pytest.approx(falling.columns.shape[1]) and total[np.argmax(speed)] == 0.0
 
 
-def test_of_turning_only_its_size_counts_for_a_rising_function(short_fit: Refit, short_runs: Runs) -> None:
-    one = dataclasses.replace(CATALOGUE["viscous"], rises_with="yaw_rate_radps")
-    mirrored = with_context(short_runs, yaw_rate_radps=-short_runs.context["yaw_rate_radps"])
-    (left,), (right,) = (list(rising(one, Setting.of(short_fit, runs))) for runs in (short_runs, mirrored))
+@pytest.mark.parametrize("channel", ["yaw_rate_radps", "wheel_difference_mps"])
+def test_of_turning_only_its_size_counts_for_a_rising_function(
+    channel: str, short_fit: Refit, short_runs: Runs
+) -> None:
+    one, turning = dataclasses.replace(CATALOGUE["viscous"], rises_with=channel), short_runs.context["yaw_rate_radps"]
+    both = (with_context(short_runs, **{channel: sign * turning}) for sign in (1.0, -1.0))
+    (left,), (right,) = (list(rising(one, Setting.of(short_fit, runs))) for runs in both)
     np.testing.assert_allclose(left.columns, right.columns)
 
 

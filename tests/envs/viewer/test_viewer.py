@@ -227,8 +227,12 @@ def test_every_cause_has_one_place_in_the_battery() -> None:
 @pytest.mark.parametrize("mission", MISSIONS)
 @pytest.mark.parametrize("difficulty", ["known", "harsh"])
 def test_the_battery_adds_up(mission: str, difficulty: str) -> None:
-    for scene in random_walk(make(mission, difficulty=difficulty, render_mode="ansi"), seed=1):
+    scenes = list(random_walk(make(mission, difficulty=difficulty, render_mode="ansi"), seed=1))
+    for scene in scenes:
         assert scene.worn_j + sum(scene.used_j.values()) + scene.left_j == pytest.approx(scene.full_j)
+    for before, after in itertools.pairwise(scenes):
+        passed_s = after.time_s - before.time_s
+        assert after.power_w * passed_s == pytest.approx(before.left_j - after.left_j)
 
 
 @pytest.mark.parametrize("instruments", ["exact", "meter", "gauge"])
