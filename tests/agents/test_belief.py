@@ -227,7 +227,7 @@ def test_what_is_known_beforehand_does_not_tell_what_is_hidden(hidden: dict[str,
 def test_generic_priors_are_those_of_uncertain_missions() -> None:
     """Estimation and companion know no environments, so that they have these numbers of their own."""
     unsure = dataclasses.replace(load_robot("rusti"), uncertainty=None)
-    own = ("slope_within_place", "model_knows_slopes", "model_error", "soc_error")
+    own = ("slope_within_place", "slope_offset", "model_knows_slopes", "model_error", "soc_error")
     for generic, instruments in ((Prior(), "exact"), (companion_knows(unsure, True).prior, "meter")):
         missions = prior_of(known_of(Options("OutAndBack", instruments=instruments)), generic.missed)
         for name, value in generic._asdict().items():
