@@ -84,7 +84,7 @@ class Companion:
 
     SAVED: ClassVar = (
         "_readings", "_way", "_window", "_estimator", "_other_way_m", "_turned", "_charged", "_mismatched",
-        "_since_stop", "_may_be_swapped", "_stands", "_has", "_action",
+        "_since_stop", "_may_be_swapped", "_left_j", "_used_j", "_stands", "_has", "_action",
     )  # fmt: skip
 
     def __init__(
@@ -156,6 +156,7 @@ class Companion:
         self._other_way_m: float | None = None
         self._turned, self._charged, self._mismatched, self._stands = False, False, 0, 0
         self._since_stop, self._may_be_swapped = math.inf, False
+        self._left_j, self._used_j = math.inf, 0.0
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
         self._action: tuple[float, float, str] | None = None
         if self._policy is not None:
@@ -245,6 +246,7 @@ class Companion:
         check_number("soc", soc, 0.0, 1.0)
         self._flush()
         self._estimator.begin_battery(Start(soc))
+        self._left_j = math.inf
         self._turned = False
         if self._policy is not None:
             self._policy.begin()
@@ -385,6 +387,7 @@ class Companion:
     def _advise(self) -> Advice:
         home, estimator = self._way_home(), self._estimator
         now = estimator.leaves(home)
+        self._check_rise(now.left.mean)
 
         def low_after_j(onwards_m: float) -> float:
             return estimator.leaves(home, onwards_m).low_j
@@ -418,6 +421,17 @@ class Companion:
             warnings=(*self._readings.warnings(), *self._off_route()),
             action=None if self._action is None else Action(*self._action),
         )
+
+    def _check_rise(self, left_j: float) -> None:
+        """Say if the energy left rises by more than was recovered: what is read shows a fuller battery."""
+        used_j = self._estimator.used_j
+        recovered_j = max(self._used_j - used_j, 0.0)
+        rises_j = left_j - self._left_j - recovered_j
+        self._left_j, self._used_j = left_j, used_j
+        if rises_j > rules.LEAST_RISE * self.vehicle.full_j:
+            kind = "the energy left rises"
+            share = rises_j / self.vehicle.full_j
+            self._readings.say(f"{kind} by {share:.1%} of the battery: what is read shows a fuller one", kind)
 
     def _cutoff_words(self) -> str:
         """Down to which voltage the battery is used."""

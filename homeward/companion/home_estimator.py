@@ -213,6 +213,11 @@ class HomeEstimator:
         return self.battery.charge
 
     @property
+    def used_j(self) -> float:
+        """Energy drawn from this battery, J as metered."""
+        return float(self._estimator.mean()[0, USED]) * self.vehicle.full_j
+
+    @property
     def driving_w(self) -> float:
         """Power half way between standing and driving at cruise on level ground, by the robot's own model."""
         return self.vehicle.idle_w + rules.DRIVES * modelled_driving(self.vehicle, 0.0, self.vehicle.cruise_mps) * (

@@ -26,6 +26,9 @@ SOC_MISMATCH, SOC_MISMATCH_WINDOWS = 0.1, 3
 """Fall of the state-of-charge reading below the energy drawn, and windows in a row with it, that indicate another
 battery. Monitors that measure voltage are off by some per cent. Chosen: above that, and more than a single window."""
 
+LEAST_RISE = 0.01
+"""Rise of the energy left, over a full battery, that is said. Chosen: the step of displays."""
+
 OWN_COURSE = 0.1
 """Prior probability that a state-of-charge reading has a course of its own. Chosen: the drivers
 of Husarion, Clearpath, Ubiquity, ROBOTIS, ROSbot and OpenMower map the voltage, but no count of robots is known."""
