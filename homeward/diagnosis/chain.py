@@ -15,6 +15,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY, find_effects
 from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
+from homeward.diagnosis.explain.gauge import capacity_question, weigh_gauge
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
@@ -24,7 +25,7 @@ from homeward.diagnosis.fit.folds import FOLDS, cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
-from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.fit.usable import Finding, usable_runs
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
 from homeward.diagnosis.tell.file_choice import choose_file, determined
 from homeward.diagnosis.tell.missing import missing_physics
@@ -97,7 +98,12 @@ def analyse(
         return Analysis(untestable, robot, robot, tuple(findings), None)
     rng = np.random.default_rng(seed)
     with threadpool_limits(1):
-        evidence, fit = _gather(average(usable, rules.SAMPLES_A_WINDOW), robot, rng, progress)
+        runs, gauge = weigh_gauge(average(usable, rules.SAMPLES_A_WINDOW), robot)
+        evidence, fit = _gather(runs, robot, rng, progress)
+        if gauge is not None:
+            gauge = dataclasses.replace(gauge, question=capacity_question(evidence.capacity, robot))
+            lines = filter(None, (gauge.says, gauge.question))
+            findings += [Finding(runs.signals[0].name, line) for line in lines]
         verdict, off = _conclude(evidence)
         choice = choose_file(robot, verdict, evidence, rng)
     if choice.held_out is not None:
@@ -112,7 +118,7 @@ def analyse(
         reach = recorded_range((robot, choice.robot), (nominal, choice.replayed), evidence.runs, rng)
     of_range = evidence.runs.unit == "W" and verdict != "unknown_physics"
     diagnosis = Diagnosis(
-        robot.name, infos, verdict, summary(verdict, evidence, off, fit, findings, found, choice.file),
+        robot.name, infos, verdict, summary(verdict, evidence, off, fit, findings, found, choice.file, gauge),
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
@@ -123,6 +129,7 @@ def analyse(
         range=reach,
         range_change_m=float(d_max(choice.robot) - d_max(robot)) if of_range else None,
         file=choice.file,
+        gauge=gauge,
         next_experiment=next_experiment(evidence),
     )  # fmt: skip
     return Analysis(diagnosis, robot, choice.robot, tuple(findings), evidence)
@@ -212,7 +219,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     known = {one.group.symbol for one in evidence.estimates if one.off}
     off = tuple(one for one in evidence.measured if one.group in known)
     capacity = evidence.capacity
-    if capacity is not None and capacity.off:
+    if capacity is not None and capacity.written:
         interval, rivals = capacity.ci95, capacity.rivals
         off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, interval, "J", rivals))
     if evidence.blocks < rules.FEWEST_BLOCKS:
@@ -233,7 +240,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     least = max(least, (_CLEAR_OF_TILT * tilt_error(evidence.fitted, evidence.runs)) ** 2)
     p_value = better(refitted, nominal, observed, evidence.block)
     if p_value > rules.FALSE_ALARM_RATE or before - after < least:
-        other_capacity = capacity is not None and capacity.off
+        other_capacity = capacity is not None and capacity.written
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
     if any(one.status == "at bound" for one in evidence.estimates):
         return "unknown_physics", off  # only unphysical parameters would explain the recordings

@@ -14,6 +14,7 @@ SCHEMA = 2
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
 VERDICTS = get_args(Verdict)
 Together = Literal["product", "ratio", "mean power"]
+Followed = Literal["charge", "voltage", "load"]
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,20 @@ class Range:
     file_m: float  # predicted by corrected.toml
     d_max_nominal_m: float
     d_max_file_m: float
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """What the recorded state of charge is worth, in words in `says`.
+
+    It follows the charge drawn, the recorded voltage or, as a map of a voltage that was not recorded does, the load.
+    """
+
+    follows: Followed
+    says: str
+    drawn_j: float  # in all runs, by the meter
+    covered: float | None  # share of the charge over which a counter was read
+    question: str | None = None  # what nothing that was recorded answers
 
 
 @dataclass(frozen=True)
@@ -162,6 +177,7 @@ class Diagnosis:
     range: Range | None = None
     range_change_m: float | None = None
     file: CorrectedFile | None = None
+    gauge: Gauge | None = None  # None without a state of charge that falls
     next_experiment: str | None = None
     schema: int = SCHEMA
 

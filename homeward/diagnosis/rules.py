@@ -223,9 +223,26 @@ it decides words, and no status."""
 LEAST_FALL = 0.02
 """Fall of charge over all runs below which the capacity is not identifiable: it is read in whole per cents."""
 
-GAUGE_ERROR = 0.05
-"""Relative error of the capacity within which a state-of-charge reading is trusted. Chosen above the 3 % by which a
-current sensor without calibration is off in heat and cold (Allegro ACS712 data sheet)."""
+GAUGE_GAIN_SD = 0.025
+"""Relative standard error of the charge that a counter counts: its current sensor 1.5 % (Allegro ACS712 data sheet),
+and 2 % of the full charge that it has learned (makers of gauges that learn it, such as Impedance Track, state 1 to
+2 %). Chosen: their sum of squares."""
+
+CURVE_SD = 0.02
+"""Relative standard error of the voltage by an open-circuit curve: cells of one chemistry are within 75 mV of 3.7 V
+(`CHEMISTRIES` of `homeward.physics.battery`)."""
+
+CAPACITY_SD = 0.063
+"""Relative standard error of a battery's capacity by its file, against which the charge is weighed: between 80 and
+100 % of it (as the prior of `homeward.estimation`: 5.8 %), and GAUGE_GAIN_SD."""
+
+GAUGE_BIC = 10.4
+"""Least reduction of BIC by a map of the voltage: STRONG_BIC, and 4.4 = 2 log 9 for one gauge in ten that is one (as in
+`OWN_COURSE` of `homeward.companion.rules`)."""
+
+GAUGE_STEP = 0.01
+"""Least step of a state of charge to which its readings count as known: whole per cents, as drivers and smart batteries
+show them (sensor_msgs/BatteryState; SBS 1.1, RelativeStateOfCharge)."""
 
 INFORMATION_GAIN = 0.1
 """Rise of the log-determinant of Fisher information from which a drive is advised: 0.1 narrows an interval by 5 %."""

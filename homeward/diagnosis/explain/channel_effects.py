@@ -30,7 +30,7 @@ from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Proof, Value
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot
-from homeward.physics.battery import energy_share
+from homeward.physics.battery import CHEMISTRIES, curve_of, energy_share
 from homeward.physics.effects import EFFECTS
 from homeward.physics.terminal_power import lost_inside
 
@@ -61,13 +61,24 @@ class ChannelEffect:
 
 @dataclass(frozen=True)
 class Capacity:
-    """Energy of a full battery estimated from a recorded state of charge, J."""
+    """Energy of a full battery by a recorded state of charge, J; `ci95` has the errors of gauge and curve."""
 
     assumed_j: float
     fitted_j: float  # one for all runs
     ci95: tuple[float, float]
     off: bool  # significantly differs from assumed, and is the same in all runs
     rivals: tuple[str, ...] = ()  # losses that explain the charge as well, with the file's capacity
+    above_rated: bool = False  # above that of a new battery by the robot's file
+
+    @property
+    def asked(self) -> bool:
+        """Whether it is off, and above what the battery's maker rates: asked about, and not written to a file."""
+        return self.off and self.above_rated
+
+    @property
+    def written(self) -> bool:
+        """Whether it is off, and a file may have it."""
+        return self.off and not self.above_rated
 
 
 def find_effects(
@@ -76,15 +87,16 @@ def find_effects(
     """Effects identified by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
     robot = fit.parameters.nominal
     sag = _sag(robot, runs, block, rng)
-    # A recorded `power_w` counts as what the battery gives and loses, as it does in the replay.
+    # A recorded `power_w` counts as what the battery gives and loses, as it does in the replay, unless the charge
+    # showed that it does not (`gauge.weigh_gauge`).
     at_terminals = np.array([run.at_terminals for run in runs.signals])[runs.run]
-    inside_w = at_terminals * _inside_w(robot, runs) + (0.0 if sag is None else sag.contribution)
-    capacity, shown = _state_of_charge(fit, runs, inside_w, sag, block, rng)
+    lost_w = at_terminals * inside_w(robot, runs) + (0.0 if sag is None else sag.contribution)
+    capacity, shown = _state_of_charge(fit, runs, lost_w, sag, block, rng)
     found = (sag, shown, _odometer(fit, runs))
     return capacity, tuple(one for one in found if one is not None)
 
 
-class _Reading:
+class Reading:
     """Regression of a channel, where it is known, with fixed effects: a mean for each stretch without a gap.
 
     The energy drawn in a gap is unknown. Columns have shape (known windows, columns).
@@ -157,12 +169,12 @@ def _fit(design: Array, target: Array) -> Array:
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 
-def _matters(lost_w: Array, runs: Runs) -> bool:
+def matters(lost_w: Array, runs: Runs) -> bool:
     """Whether a loss exceeds `MATERIAL_SHARE` of the energy drawn."""
     return float(lost_w @ runs.duration_s) >= rules.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
 
 
-def _inside_w(robot: Robot, runs: Runs) -> Array:
+def inside_w(robot: Robot, runs: Runs) -> Array:
     """What the effects of a robot's file lose inside its battery, W, shape (windows,)."""
     air_c = np.nan_to_num(runs.context.get("temperature_c", np.full(len(runs.observed), _MILD_C)), nan=_MILD_C)
     record, conditions = robot.record().view(np.recarray)[0], SimpleNamespace(temperature_c=air_c)
@@ -190,14 +202,14 @@ def _sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffec
     current_a = np.where(known, runs.observed / np.where(known, voltage_v, 1.0), 0.0)
     in_file_v = given_ohm * current_a
     if of_cold.get(battery.COLD_W.name):
-        in_file_w = _inside_w(dataclasses.replace(robot, effects={cold: of_cold}), runs)
+        in_file_w = inside_w(dataclasses.replace(robot, effects={cold: of_cold}), runs)
         in_file_v = in_file_v + in_file_w / np.where(current_a > 0.0, current_a, np.inf)
-    channel = _Reading(np.where(known, voltage_v + in_file_v, np.nan), runs, block)
+    channel = Reading(np.where(known, voltage_v + in_file_v, np.nan), runs, block)
     base, drawn = channel.summed(current_a)[:, None], -channel.within(current_a)[:, None]
     found, errors = channel.fit(np.hstack([base, drawn]))
     ohm, wide = float(found[-1]), rules.NORMAL_95 * float(errors[-1])
     lost_w = max(ohm, 0.0) * current_a**2
-    proof = channel.proof(base, drawn, rng) if _matters(lost_w, runs) else None
+    proof = channel.proof(base, drawn, rng) if matters(lost_w, runs) else None
     if proof is None or given_ohm + ohm > one.entry.switch.high:
         return None
     if (by_warmth := _falls_with_warmth(channel, base, drawn, current_a, robot, runs, rng)) is not None:
@@ -210,7 +222,7 @@ def _sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffec
 
 
 def _falls_with_warmth(
-    channel: _Reading, base: Array, drawn: Array, current_a: Array, robot: Robot, runs: Runs, rng: Generator
+    channel: Reading, base: Array, drawn: Array, current_a: Array, robot: Robot, runs: Runs, rng: Generator
 ) -> ChannelEffect | None:
     """A cold battery, where the resistance falls with warmth, and explains the voltage no worse than one that differs
     from run to run or changes as the battery empties; a rival where it explains it no better."""
@@ -243,7 +255,7 @@ def _falls_with_warmth(
 
 
 def _state_of_charge(
-    fit: Refit, runs: Runs, inside_w: Array, sag: ChannelEffect | None, block: Index, rng: Generator
+    fit: Refit, runs: Runs, lost_w: Array, sag: ChannelEffect | None, block: Index, rng: Generator
 ) -> tuple[Capacity | None, ChannelEffect | None]:
     """Capacity by the state of charge, and an effect that changes its fall; None of both where it hardly fell.
 
@@ -255,25 +267,60 @@ def _state_of_charge(
     of_run = pd.Series(soc).groupby(runs.run)  # NaN of a run that lacks it
     if float((of_run.max() - of_run.min()).sum()) < rules.LEAST_FALL:
         return None, None
-    channel = _Reading(-energy_share(robot.curve, soc), runs, block)
-    drawn = channel.summed((runs.observed + inside_w) / robot.usable_energy_j)[:, None]
+    channel = Reading(-energy_share(robot.curve, soc), runs, block)
+    drawn = channel.summed((runs.observed + lost_w) / robot.usable_energy_j)[:, None]
     (*_, rate), (*_, error) = channel.fit(channel.per_run(drawn) if battery.AGEING.in_file(robot)[0] else drawn)
     if rate <= 0.0:
         return None, None
-    off = abs(rate - 1.0) > max(rules.GAUGE_ERROR, float(norm.ppf(1.0 - rules.FALSE_ALARM_RATE / 2.0)) * error)
-    low, high = (robot.usable_energy_j / max(rate + sign * rules.NORMAL_95 * error, 1e-9) for sign in (1.0, -1.0))
-    fitted_j = float(robot.usable_energy_j / rate)
-    capacity = Capacity(robot.usable_energy_j, fitted_j, (float(low), float(high)), bool(off))
+    capacity = _capacity(robot, float(rate), float(error), covered(soc, runs.run))
+    off = capacity is not None and capacity.off
+    right = None if capacity is None else dataclasses.replace(capacity, off=False)
     if (misread := _misread(fit, runs, channel, drawn, block, rng)) is not None:
-        return dataclasses.replace(capacity, off=False), misread
+        return right, misread
     losses = _Losses(fit, runs, channel, drawn, sag)
     both = (losses.found(rng), _fading(channel, runs, robot, drawn, rng))
     if not (found := sorted((one for one in both if one is not None), key=lambda one: -_gained(one.proof))):
-        return dataclasses.replace(capacity, rivals=losses.instead(float(rate)) if off else ()), None
+        if capacity is None or not off:
+            return capacity, None
+        return dataclasses.replace(capacity, rivals=losses.instead(float(rate))), None
     best = found[0]
     alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.RIVAL_SHARE * _gained(best.proof))
     best = dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
-    return dataclasses.replace(capacity, off=False), best
+    return right, best
+
+
+def covered(soc: Array, run: Index) -> tuple[float, float]:
+    """Lowest and highest state of charge, (windows,), of the widest part of a battery that runs cover together."""
+    known = np.isfinite(soc)
+    of_run = pd.Series(soc[known]).clip(0.0, 1.0).groupby(run[known])
+    widest = low, high = 0.0, 0.0
+    for least, most in sorted(zip(of_run.min(), of_run.max(), strict=True)):
+        low, high = (low, max(high, most)) if least <= high else (least, most)
+        widest = max(widest, (low, high), key=lambda part: part[1] - part[0])
+    return widest
+
+
+def _capacity(robot: Robot, rate: float, error: float, part: tuple[float, float]) -> Capacity | None:
+    """Capacity of a battery whose charge falls `rate` times as fast as its file implies, with a standard error of the
+    regression, from a part of its charge; None from less than half."""
+    if part[1] - part[0] < rules.HALF:
+        return None
+    total = float(np.hypot(error, rate * np.hypot(rules.GAUGE_GAIN_SD, _curve_error(robot, part))))
+    off = abs(rate - 1.0) > float(norm.ppf(1.0 - rules.FALSE_ALARM_RATE / 2.0)) * total
+    low, high = (robot.usable_energy_j / max(rate + sign * rules.NORMAL_95 * total, 1e-9) for sign in (1.0, -1.0))
+    fitted_j = robot.usable_energy_j / rate
+    return Capacity(robot.usable_energy_j, fitted_j, (low, high), off, above_rated=fitted_j > robot.rated_energy_j)
+
+
+def _curve_error(robot: Robot, part: tuple[float, float]) -> float:
+    """Relative standard error of the energy of a part of the charge, as the open-circuit curve may be another one: any
+    of the known ones where the robot's file has none."""
+    low, high = part
+    if robot.curve.mean_v > 0.0:
+        return rules.CURVE_SD * (1.0 - (high - low))
+    curves = [curve_of(points) for points in CHEMISTRIES.values()]
+    energies = [float(energy_share(curve, high) - energy_share(curve, low)) for curve in curves]
+    return max(abs(energy / (high - low) - 1.0) for energy in energies) / rules.NORMAL_95
 
 
 def not_contradicted(
@@ -290,7 +337,7 @@ def not_contradicted(
     if soc is None or runs.unit != "W" or not np.isfinite(soc).any() or not (faults or misread.any()):
         return list(candidates)
     energy = energy_share(setting.parameters.nominal.curve, soc)
-    channel, read = _Reading(-energy, runs, block), runs.observed - misread
+    channel, read = Reading(-energy, runs, block), runs.observed - misread
 
     def fallen(power: Array) -> Array:
         """The charge as it falls by the energy and by a loss inside the battery that grows with the square of power."""
@@ -309,7 +356,7 @@ def not_contradicted(
 
 
 def _misread(
-    fit: Refit, runs: Runs, channel: _Reading, drawn: Array, block: Index, rng: Generator
+    fit: Refit, runs: Runs, channel: Reading, drawn: Array, block: Index, rng: Generator
 ) -> ChannelEffect | None:
     """A fault of the meter that power shows, be it too little to be named: less its error, the charge falls by the
     energy drawn, at least as well as with a capacity for each run."""
@@ -325,7 +372,7 @@ def _misread(
         true = drawn - channel.summed(added / fit.parameters.nominal.usable_energy_j)[:, None]
         by_ageing = channel.delta_bic(true, per_run)
         proof = channel.proof(drawn, true, rng)
-        if proof is None or by_ageing >= rules.STRONG_BIC or not _matters(np.abs(added), runs):
+        if proof is None or by_ageing >= rules.STRONG_BIC or not matters(np.abs(added), runs):
             continue
         wide = rules.NORMAL_95 * float(standard_errors(design, setting.residual - design @ weights, block)[-1])
         switch, rivals = term.hypothesis.entry.switch, (battery.AGEING.id,) if by_ageing > -rules.STRONG_BIC else ()
@@ -345,9 +392,9 @@ def _misread(
 class _Losses:
     """Effects of the battery that make the charge fall faster at some loads or temperatures than at others."""
 
-    def __init__(self, fit: Refit, runs: Runs, channel: _Reading, drawn: Array, sag: ChannelEffect | None) -> None:
+    def __init__(self, fit: Refit, runs: Runs, channel: Reading, drawn: Array, sag: ChannelEffect | None) -> None:
         self.runs, self.channel, self.drawn, self.robot = runs, channel, drawn, fit.parameters.nominal
-        setting, self.in_file_w = Setting.of(fit, runs), _inside_w(self.robot, runs)
+        setting, self.in_file_w = Setting.of(fit, runs), inside_w(self.robot, runs)
         self.tried = [
             (one, shape, self._fallen(one, shape, TINY) / TINY)
             for one in CATALOGUE.values()
@@ -367,7 +414,7 @@ class _Losses:
         rate, per_size = _fit(np.column_stack([self.drawn, self._fallen(one, shape, TINY) / TINY]), self.channel.target)
         size = self._size(one, shape, per_size / max(float(rate), 1e-9), self._residual_beside_capacity)
         lost_w = self._loss_w(one, shape, size)
-        if not _matters(lost_w, self.runs):
+        if not matters(lost_w, self.runs):
             return None
         step = SMALL_STEP * max(size, TINY) * (-1.0 if (1.0 + SMALL_STEP) * size > self._most(one) else 1.0)
         at = self._fallen(one, shape, size)
@@ -426,10 +473,10 @@ class _Losses:
         """What an effect loses that is larger by this size than the robot file's, W, shape (windows,)."""
         numbers = {**shape, one.entry.switch.name: one.in_file(self.robot)[0] + size}
         with_it = dataclasses.replace(self.robot, effects={**self.robot.effects, one.id: numbers})
-        return _inside_w(with_it, self.runs) - self.in_file_w
+        return inside_w(with_it, self.runs) - self.in_file_w
 
 
-def _fading(channel: _Reading, runs: Runs, robot: Robot, drawn: Array, rng: Generator) -> ChannelEffect | None:
+def _fading(channel: Reading, runs: Runs, robot: Robot, drawn: Array, rng: Generator) -> ChannelEffect | None:
     """Ageing: a capacity that shrinks from run to run."""
     numbers = np.unique(channel.run)
     if len(numbers) < rules.FEWEST_RUNS:
@@ -446,7 +493,7 @@ def _fading(channel: _Reading, runs: Runs, robot: Robot, drawn: Array, rng: Gene
     of_window = lost[runs.run]
     lost_w = np.maximum(runs.observed, 0.0) * of_window / (1.0 - of_window)
     # No battery that has lost more than the effect allows drives a robot: its reading is wrong.
-    if not _matters(lost_w, runs) or max(now, lost.max()) > battery.AGEING.entry.switch.high:
+    if not matters(lost_w, runs) or max(now, lost.max()) > battery.AGEING.entry.switch.high:
         return None
     return ChannelEffect(
         battery.AGEING, {battery.AGEING.entry.switch.name: last}, lost_w, proof, _confounders(rate, runs, numbers),

@@ -118,7 +118,7 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.rand
         for numbers in shown:
             changed = with_effects_of(changed, numbers)
         file = replace(file, why=f"{file.why}; it also holds what voltage or charge show of the battery")
-    if capacity is not None and capacity.off and verdict != "unknown_physics":
+    if capacity is not None and capacity.written and verdict != "unknown_physics":
         changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
     return replace(choice, robot=changed, file=file)
 

@@ -10,7 +10,7 @@ from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, MissingPhysics, Verdict
+from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, Gauge, MissingPhysics, Verdict
 from homeward.layout.notation import templates
 
 PAPER_ACCURACY = "66 to 91 %"
@@ -43,6 +43,7 @@ def summary(
     findings: Sequence[Finding],
     found: Sequence[MissingPhysics],
     file: CorrectedFile,
+    gauge: Gauge | None = None,
 ) -> str:
     """The verdict in one or two sentences, the content of corrected.toml, and how many runs were excluded."""
     text = templates("homeward.diagnosis.tell", autoescape=False).get_template("summary.txt").render(
@@ -50,9 +51,17 @@ def summary(
         why_open=why_open, place=_place(evidence), excess=_excess(evidence),
         shares=[total_share(added, evidence.runs) for added in evidence.contributions],
         refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-        usable_energy=USABLE_ENERGY, rules=rules,
+        usable_energy=USABLE_ENERGY, rules=rules, of_gauge=_of_gauge(gauge),
     )  # fmt: skip
     return " ".join(text.split())
+
+
+def _of_gauge(gauge: Gauge | None) -> list[str]:
+    """Why a gauge is not believed, and what is asked about its battery, as sentences; nothing of a plain counter."""
+    if gauge is None:
+        return []
+    lines = [gauge.says if gauge.follows != "charge" else None, gauge.question]
+    return [f"{line[0].upper()}{line[1:].rstrip('?')}{'?' if line.endswith('?') else '.'}" for line in lines if line]
 
 
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
