@@ -100,6 +100,7 @@ class Observer:
         m, usable_j = self._records[0], float(self.known.shared["usable_j"][0])
         m["temperature_c"] = _or(read.temperature_c, float(m["temperature_c"]))
         m["soc"] = m["metered"] = _or(read.soc, 1.0)
+        m["soc_lowest"] = 1.0
         # The energy left is read, not computed: it decides the voltage, and the battery does not run out.
         m["endless"], m["capacity_j"], m["energy_j"] = True, usable_j, m["soc"] * usable_j
         # Energy missing from the battery counts as used, as the model predicts it.

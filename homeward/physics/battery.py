@@ -159,6 +159,9 @@ def square_v2(squares_v2: Any, energy: Any) -> Any:
     return low_v2 + (squares_v2[cell + 1] - low_v2) * (energy * CELLS - cell)
 
 
-def open_circuit_v(curve: Curve, charge: Any) -> Any:
-    """Open-circuit voltage at a share of charge, V; 0 for a battery of constant voltage, whose file has no curve."""
-    return curve.mean_v * np.interp(charge, curve.charge[: curve.knots], curve.relative_v[: curve.knots])
+@inline
+def open_circuit_v(curve: Any, charge: Any) -> Any:
+    """Open-circuit voltage at a share of charge within 0 and 1, V; 0 for a battery of constant voltage."""
+    k = np.maximum(np.minimum(np.searchsorted(curve.charge, charge, side="right"), curve.knots - 1) - 1, 0)
+    rise = (curve.relative_v[k + 1] - curve.relative_v[k]) / (curve.charge[k + 1] - curve.charge[k])
+    return curve.mean_v * (curve.relative_v[k] + rise * (charge - curve.charge[k]))
