@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from homeward import Robot, load_robot
 from homeward.physics import d_max, ideal_range, manoeuvring_energy, mission_energy, optimal_speed
+from homeward.physics.battery import FLAT
 from homeward.physics.range import _range_by_kernel
 from tests.physics.drives import FALLING, PLAIN, STEADY, drive, quantities, robots, with_effect
 
@@ -141,6 +142,8 @@ def test_range_by_the_kernel_is_eq_8_at_any_duty_cycle(robot: Robot, duty: float
 def test_a_range_with_effects_runs_out_where_the_steps_run_out(curve: tuple[tuple[float, float], ...]) -> None:
     robot = dataclasses.replace(
         load_robot("husky"),
+        chemistry=FLAT,
+        cells_in_series=0,
         open_circuit_v=tuple((share, 2.4 * volts) for share, volts in curve),
         effects={
             "motor_heating": {"per_k": 0.004, "rise_k_per_w": 0.2, "time_constant_s": 1200.0},
