@@ -76,7 +76,7 @@ class Args:
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     instruments: str | None = None
-    """exact, meter, gauge or a TOML file with sizes of errors; by default that of the difficulty."""
+    """exact, meter, gauge, any_gauge or a TOML file with sizes of errors; by default that of the difficulty."""
     weather: str | None = None
     """still or changing; by default that of the difficulty."""
     robot: str = "rusti_computer"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from homeward import estimation
 from homeward.agents.base import Observations, feature
 from homeward.envs.actions import encode_actions
+from homeward.envs.conditions.gauges import LOST, lowest_believed
 from homeward.envs.conditions.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
 from homeward.envs.options import Known
 from homeward.envs.routes.route import HIDDEN_WIND_MPS, KNOTS, NEW_PATCH, WIND_SCALE_MPS
@@ -60,6 +61,7 @@ def prior_of(known: Known, missed: float) -> Prior:
         power_noise=i.power_noise,
         soc_step=i.soc_step,
         soc_noise=i.soc_noise,
+        soc_error=float(s["soc_error"]),
         soc_lag_s=i.soc_lag_s,
         slope_noise=i.grade_noise,
         slope_within_place=0.0,
@@ -98,6 +100,7 @@ class Belief:
         self.estimator = Estimator(self._vehicle, self._prior, int(self._known.shared["places"][0]), count)
         self._modelled, self._position_m = np.zeros((2, count))
         self._place, self._decisions = np.full(count, -1), np.zeros(count, np.int64)
+        self._soc_lowest = np.ones(count)
 
     def learn(
         self, observations: Observations, begun: NDArray[np.bool_], asked: NDArray[np.bool_] | None = None
@@ -116,7 +119,7 @@ class Belief:
             east, north = (10.0 * feature(observations, f"forecast_{axis}") for axis in ("east", "north"))
             self.estimator.begin(begun, east, north)
             self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
-            self._decisions[begun] = 0
+            self._decisions[begun], self._soc_lowest[begun] = 0, 1.0
         outwards = feature(observations, "outbound")
         at = feature(observations, "distance") * s["reach_m"] / s["place_m"]
         on_border = np.abs(at - np.rint(at)) < _ON_BORDER
@@ -130,7 +133,10 @@ class Belief:
         readings["time_s"] = self._decisions * s["decision_s"]
         readings["position_m"] = position_m
         readings["power_w"] = feature(observations, "power") * s["cruise_w"] if self._sees_turns else np.nan
-        readings["soc"] = feature(observations, "energy")
+        # A gauge that rises was reset: from then on it says nothing.
+        soc = feature(observations, "energy")
+        self._soc_lowest = lowest_believed(self._soc_lowest, soc)
+        readings["soc"] = np.where(self._soc_lowest == LOST, np.nan, soc)
         readings["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
         # It is 0 where a robot has come to an end of the route: the estimator then takes the way over the time.
         readings["speed_mps"] = feature(observations, "speed") * s["max_speed_mps"]

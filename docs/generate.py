@@ -31,6 +31,7 @@ from homeward.envs import IDS
 from homeward.envs.actions import action_space
 from homeward.envs.batch import observation_space
 from homeward.envs.conditions.difficulty import DIFFICULTY, DRAWN
+from homeward.envs.conditions.gauges import GAUGES, rms_error, suits
 from homeward.envs.conditions.instruments import INSTRUMENTS, Instruments
 from homeward.envs.features import FEATURES, RANGES
 from homeward.envs.options import Options, known_of
@@ -165,11 +166,29 @@ def instruments() -> str:
     """Sizes of the errors of each set of instruments, with their meanings from the docstring."""
     _, _, attributes = (Instruments.__doc__ or "").partition("Attributes:\n")
     meanings = dict(re.findall(r"^ +(\w+): (.+)$", attributes, re.MULTILINE))
-    rows = (
+    rows = [
         (f"`{one.name}`", *(f"{getattr(sizes, one.name):g}" for sizes in INSTRUMENTS.values()), meanings[one.name])
         for one in dataclasses.fields(Instruments)
-    )
+        if one.name != "gauges"
+    ]
+    names = [", ".join(sizes.gauges) if sizes.gauges != tuple(GAUGES) else "all" for sizes in INSTRUMENTS.values()]
+    rows.append(("`gauges`", *names, "gauges of the next table, of which each mission has one, all equally likely"))
     return table(("size", *(f"`{name}`" for name in INSTRUMENTS), "meaning"), rows)
+
+
+def gauges() -> str:
+    """Gauges of the state of charge, and how far they are off."""
+    robots = {"rusti_computer": "constant", "turtlebot3_burger": "Li-Po", "husky": "lead acid"}
+    rows = []
+    for name, gauge in GAUGES.items():
+        errors = []
+        for preset in robots:
+            robot = load_robot(preset)
+            lasts_s = float(d_max(robot)) / float(optimal_speed(robot))
+            errors.append(f"{rms_error(gauge, robot, lasts_s):.1%}" if suits(gauge, robot) else "none")
+        rows.append((f"`{name}`", gauge.meaning, *errors, gauge.source))
+    heads = [f"error, {words} voltage" if words == "constant" else f"error, {words}" for words in robots.values()]
+    return table(("gauge", "what it shows", *heads, "source of its sizes"), rows)
 
 
 def robots() -> str:
@@ -350,7 +369,7 @@ def worked_case() -> str:
 GENERATED: dict[str, Callable[..., str]] = {
     one.__name__: one
     for one in (
-        agents, causes, channels, counts, difficulties, drives, effects, features, instruments, missions, bench,
+        agents, causes, channels, counts, difficulties, drives, effects, features, gauges, instruments, missions, bench,
         reference_scores, results, robot_file, robots, spaces, worked_case,
     )
 }  # fmt: skip

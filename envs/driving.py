@@ -121,12 +121,13 @@ def map_place(
     kept = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w
     m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left = 0.0, shared.decision_s, cruise, 0.0, 0.0
     true_home_w = demand(p, m, _conditions(m, place, cruise, 0.0, 0.0, weather.headwind(m, place), -1.0))
-    true_sine = place.sin_grade
-    place.sin_grade = place.sine_read
+    true_sine, true_j = place.sin_grade, m.energy_j
+    # The robot's model knows the charge, and so the voltage, as it is read.
+    place.sin_grade, m.energy_j = place.sine_read, m.soc * m.capacity_j
     standing_w = demand(believed, m, _conditions(m, place, 0.0, 0.0, 0.0, headwind, 1.0))
     out_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
     home_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
-    place.sin_grade = true_sine
+    place.sin_grade, m.energy_j = true_sine, true_j
     m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w = kept
     place.standing_w = standing_w
     place.out_j_per_m = (out_w - standing_w) / cruise

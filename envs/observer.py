@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 _STANDING_MPS = 1e-6  # chosen: above 0, because the kernel divides by speed, and no distance in a decision
 _BORDER = 1e-6
 """Share of a place within which a robot counts as being on its border. Chosen: above rounding, and no distance."""
-_PLENTY = 1e3  # full batteries: the energy left is read, not computed; chosen: any number far above 1
 
 
 class Read(NamedTuple):
@@ -99,9 +98,11 @@ class Observer:
     def begin(self, read: Read) -> NDArray[np.float32]:
         """Observe the start of the mission, shape (1, features)."""
         m, usable_j = self._records[0], float(self.known.shared["usable_j"][0])
-        m["energy_j"] = m["capacity_j"] = _PLENTY * usable_j
         m["temperature_c"] = _or(read.temperature_c, float(m["temperature_c"]))
         m["soc"] = m["metered"] = _or(read.soc, 1.0)
+        m["soc_lowest"] = 1.0
+        # The energy left is read, not computed: it decides the voltage, and the battery does not run out.
+        m["endless"], m["capacity_j"], m["energy_j"] = True, usable_j, m["soc"] * usable_j
         # Energy missing from the battery counts as used, as the model predicts it.
         m["metered_followed"] = 1.0 - m["soc"]
         m["metered_j"] = m["modelled_j"] = m["metered_followed"] * usable_j
@@ -155,11 +156,11 @@ class Observer:
             self._records, self._routes = records.copy(), routes
             self._drive(action, way_m / decision_s)
         m = self._records[0]
-        m["energy_j"] = m["capacity_j"]
         modelled_w = float(m["modelled_j"] - records["modelled_j"][0]) / decision_s
         m["read_w"] = _or(read.power_w, modelled_w)
         m["read_mps"] = _or(read.speed_mps, abs(way_m) / decision_s)
         m["soc"] = _or(read.soc, max(float(m["metered"] - m["read_w"] * decision_s / s["usable_j"]), 0.0))
+        m["energy_j"] = m["soc"] * m["capacity_j"]
         rows = plain(np.zeros(1, OBSERVATION_DTYPE))
         temperature_c = _or(read.temperature_c, float(m["temperature_c"]))
         _read(self._records, self._routes, self._constants, read.position_m, temperature_c, rows)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.conditions.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty, Uniform
+from homeward.envs.conditions.gauges import GAUGES, RISE, resistance_ohm, rms_error, suits, write_gauge
 from homeward.envs.conditions.instruments import InstrumentError, Instruments, load_instruments
 from homeward.envs.routes import load_route
 from homeward.envs.routes.route import GENERATED, GENERATED_PLACES, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
@@ -102,8 +103,9 @@ class Options:
         difficulty: `known` (as in the files, route and wind known), `uncertain` (battery health, rolling resistance,
             payload and wind hidden, changing weather, the route seen a little ahead and forecast beyond) or
             `harsh` (also rough patches); see `homeward.envs.conditions.difficulty`.
-        instruments: Instruments of the robot: `exact`, `meter`, `gauge`, the path of a TOML file with sizes, or
-            `Instruments`; by default those of the difficulty: these three for `known`, `uncertain` and `harsh`.
+        instruments: Instruments of the robot: `exact`, `meter`, `gauge`, `any_gauge`, the path of a TOML file with
+            sizes, or `Instruments`; by default those of the difficulty: `exact` for `known`, `meter` for `uncertain`
+            and `any_gauge` for `harsh`.
         weather: `still` (as at the start) or `changing` (`homeward.envs.conditions.weather`); by default that of the
             difficulty. Nothing changes at `known`.
         action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).
@@ -340,7 +342,7 @@ def _by_file(
         payload=around(0.0, "mass", difficulty.payload),
     )
     if own_s is not None:
-        read = {
+        read: dict[str, Any] = {
             name: value if name == "soc_lag_s" else min(value, physics_rules.MOST_ERROR)
             for name, value in sure.instruments
         }
@@ -354,8 +356,9 @@ def _by_file(
 
 def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Difficulty, s: Any) -> None:
     s["inexact"] = instruments != Instruments()
-    for name in ("soc_step", "soc_noise", "power_gain", "power_noise", "speed_noise", "grade_noise"):
+    for name in ("soc_noise", "power_gain", "power_noise", "speed_noise", "grade_noise"):
         s[name] = getattr(instruments, name)
+    _write_gauges(instruments, robot, s)
     s["soc_lag_decisions"] = instruments.soc_lag_s / s["decision_s"]
     s["soc_keeps"] = np.exp(-s["decision_s"] / instruments.soc_lag_s) if instruments.soc_lag_s else 0.0
     fastest = np.array([robot.max_speed_mps])
@@ -368,7 +371,25 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
     s["soc_per_metered"] = (1.0 + (health.deviation / health.mean) ** 2) / health.mean
     deviation = float(s["soc_per_metered"]) * np.hypot(health.deviation / health.mean, instruments.power_gain / _SQRT_3)
     # Never zero: before anything is metered, only the prior is known.
-    s["soc_prior"] = max(instruments.soc_variance / deviation**2, 1e-12) if deviation > 0.0 else 1e12
+    s["soc_prior"] = (
+        max((instruments.soc_variance + s["soc_error"] ** 2) / deviation**2, 1e-12) if deviation > 0.0 else 1e12
+    )
+
+
+def _write_gauges(instruments: Instruments, robot: Robot, s: Any) -> None:
+    """Write the gauges that a robot can have: those that map a voltage only if it changes with the charge."""
+    chosen = [GAUGES[name] for name in instruments.gauges if suits(GAUGES[name], robot)]
+    if not chosen:
+        raise OptionError(
+            f"instruments have the gauges {', '.join(instruments.gauges)}, but {robot.name!r} has a constant voltage; "
+            "give its chemistry and cells_in_series, or another gauge"
+        )
+    lasts_s = robot.usable_energy_j / float(s["cruise_w"])
+    s["soc_error"] = np.sqrt(np.mean([rms_error(gauge, robot, lasts_s, RISE) ** 2 for gauge in chosen]))
+    s["resistance_ohm"] = resistance_ohm(robot)
+    s["gauge_count"] = len(chosen)
+    for gauge, record in zip(chosen, s["gauges"], strict=False):
+        write_gauge(gauge, robot, instruments.soc_step, instruments.soc_lag_s, float(s["decision_s"]), record)
 
 
 def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from homeward.envs.conditions.gauges import GAUGE_DTYPE, GAUGES
 from homeward.physics.battery import CURVE_DTYPE
 from homeward.physics.kernel import STATE_FIELDS
 from homeward.physics.robot import ROBOT_DTYPE
@@ -74,12 +75,16 @@ MISSION_DTYPE = np.dtype(
         ("meter_gain", np.float64),
         ("meter_offset_w", np.float64),
         ("soc_followed", np.float64),  # lagged state of charge, before noise and rounding
+        ("soc_lowest", np.float64),  # reading so far, or `gauges.LOST`
         ("metered_followed", np.float64),  # metered energy with the same lag, as a share of a full battery
         ("sum_used_metered", np.float64),  # sums over the readings, to estimate the metered energy of a full battery
         ("sum_metered_squared", np.float64),
         ("soc", np.float64),  # read
         ("metered", np.float64),  # state of charge by the meter
         ("metered_j", np.float64),  # energy by the meter since the start
+        ("gauge", np.int64),  # which one the mission has
+        ("gauge_reset_left", np.float64),  # share of charge at which it is set anew; 0 if it is not, or was
+        ("gauge_shift", np.float64),  # what it shows too much since
         ("read_w", np.float64),
         ("read_mps", np.float64),
         ("key", np.uint64),  # determines weather and noise (`homeward.envs.conditions.draws`)
@@ -127,7 +132,6 @@ INVERSES = {
     "per_out_and_home_j_per_m": "out_and_home_j_per_m",
     "per_place_m": "place_m",
     "per_return_decisions": "return_decisions",
-    "per_soc_step": "soc_step",
     "per_cruise_w": "cruise_w",
 }
 """Fields of the shared record that hold the inverse of another: a step has no time for divisions."""
@@ -165,8 +169,8 @@ SHARED_DTYPE = np.dtype(
         ("discount", np.float64),
         ("drag_j_per_m", np.float64),  # drive energy per metre against drag at 1 m/s, by the robot's own model
         # Sizes of the instruments' errors, see `homeward.envs.conditions.instruments`.
-        ("soc_step", np.float64),
         ("soc_noise", np.float64),
+        ("soc_error", np.float64),  # root mean square of what the gauges show beyond what a counter shows
         ("soc_lag_decisions", np.float64),  # lag of the state of charge, and share of a difference that is
         ("soc_keeps", np.float64),  # left after a decision
         ("power_gain", np.float64),
@@ -178,6 +182,9 @@ SHARED_DTYPE = np.dtype(
         ("soc_prior", np.float64),  # weight of that, as a sum of squares of metered shares
         *((name, np.float64) for name in INVERSES),
         ("curve", CURVE_DTYPE),  # of the robot's file
+        ("resistance_ohm", np.float64),  # of the battery, by the same
+        ("gauge_count", np.int64),  # gauges, of which each mission has one
+        ("gauges", GAUGE_DTYPE, (len(GAUGES),)),
     ],
     align=True,
 )

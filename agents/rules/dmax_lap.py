@@ -36,7 +36,7 @@ class LapRule(BelievingRule):
         # By the file: hidden variables only increase it, so that shortening the stop saves at least this.
         saved_s = max(float(s["pit_stop_s"] - (s["return_decisions"] - 1) * s["decision_s"]), 0.0)
         self._stop_share = saved_s * float(ancillary_power(known.robot, 0.0) / s["usable_j"])
-        self._gauge_error = float(known.instruments.soc_variance**0.5)
+        self._gauge_error = float((known.instruments.soc_variance + s["soc_error"] ** 2) ** 0.5)
         self._forget(0)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:

@@ -82,7 +82,7 @@ DIFFICULTY: dict[str, Difficulty] = {
         weather_changes=True,
     ),
 }
-DIFFICULTY["harsh"] = replace(DIFFICULTY["uncertain"], instruments="gauge", surface=Uniform(0.2, 1.0))
+DIFFICULTY["harsh"] = replace(DIFFICULTY["uncertain"], instruments="any_gauge", surface=Uniform(0.2, 1.0))
 """Difficulties by name."""
 
 DIFFICULTIES = tuple(DIFFICULTY)

@@ -11,15 +11,30 @@ import numpy as np
 
 from homeward.physics.jit import inline
 
-SOC, POWER, SPEED, GRADE, GUST_EAST, GUST_NORTH, FORECAST_GRADE, FORECAST_INTEREST = range(8)
+SOC, POWER, SPEED, GRADE, GUST_EAST, GUST_NORTH, FORECAST_GRADE, FORECAST_INTEREST, GAUGE, RESET = range(10)
 """Channels with independent numbers."""
 
 # SplitMix64 (Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014).
 _WEYL, _MIX_1, _MIX_2 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _CHANNELS = np.uint64(16)
 _BITS = tuple(np.uint64(bits) for bits in (16, 27, 30, 31, 32, 48))
-_LOW = np.uint64(0xFFFF)
+_LOW, _HALF, _PER_HALF = np.uint64(0xFFFF), np.uint64(32), 2.0**-32
 _MEAN, _DEVIATION = 4 * 65535 / 2, float(np.sqrt(4 * (65536**2 - 1) / 12))
+
+
+@inline
+def _mixed(key: Any, number: Any, channel: Any) -> Any:
+    """64 random bits."""
+    z = key + (np.uint64(number) * _CHANNELS + np.uint64(channel)) * _WEYL
+    z = (z ^ (z >> _BITS[2])) * _MIX_1
+    z = (z ^ (z >> _BITS[1])) * _MIX_2
+    return z ^ (z >> _BITS[3])
+
+
+@inline
+def uniform(key: Any, number: Any, channel: Any) -> Any:
+    """Uniform number from 0 to below 1; arguments as of `normal`."""
+    return np.float64(_mixed(key, number, channel) >> _HALF) * _PER_HALF
 
 
 @inline
@@ -31,10 +46,7 @@ def normal(key: Any, number: Any, channel: Any) -> Any:
         number: Number of the decision or the place.
         channel: One of the channels.
     """
-    z = key + (np.uint64(number) * _CHANNELS + np.uint64(channel)) * _WEYL
-    z = (z ^ (z >> _BITS[2])) * _MIX_1
-    z = (z ^ (z >> _BITS[1])) * _MIX_2
-    z = z ^ (z >> _BITS[3])
+    z = _mixed(key, number, channel)
     total = np.float64(z & _LOW) + np.float64((z >> _BITS[0]) & _LOW)
     total += np.float64((z >> _BITS[4]) & _LOW) + np.float64(z >> _BITS[5])
     return (total - _MEAN) / _DEVIATION

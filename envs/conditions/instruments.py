@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from homeward.envs.conditions import gauges
 from homeward.envs.conditions.draws import GRADE, POWER, SOC, SPEED, normal
+from homeward.envs.conditions.gauges import COUNTER, GAUGES
 from homeward.files import read_toml
 from homeward.physics import battery
 from homeward.physics import rules as physics_rules
@@ -38,9 +40,11 @@ class Instruments:
         power_noise: Noise of a reading of the power, as a share of the power.
         speed_noise: Noise of a reading of the speed, as a share of the speed.
         grade_noise: Noise of the sine of a place's grade.
+        gauges: Gauges of the state of charge (`homeward.envs.conditions.gauges`), of which each mission has one, all
+            equally likely. A robot of constant voltage has none that maps the voltage.
 
     Raises:
-        InstrumentError: A size is not within its bounds.
+        InstrumentError: A size is not within its bounds, or a gauge is unknown.
     """
 
     soc_step: float = 0.0
@@ -51,10 +55,14 @@ class Instruments:
     power_noise: float = 0.0
     speed_noise: float = 0.0
     grade_noise: float = 0.0
+    gauges: tuple[str, ...] = (COUNTER,)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "gauges", _checked_gauges(self.gauges))
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
+            if field.name == "gauges":
+                continue
             bounds = Bounds(0.0, physics_rules.MOST_LAG_S if field.name == "soc_lag_s" else physics_rules.MOST_ERROR)
             if isinstance(value, bool) or not isinstance(value, int | float) or not bounds.hold(value):
                 raise InstrumentError(f"{field.name} = {value!r} is not allowed; give a number in {bounds}")
@@ -63,6 +71,14 @@ class Instruments:
     def soc_variance(self) -> float:
         """Variance of a reading of the state of charge: its noise, and a twelfth of the square of a step."""
         return self.soc_noise**2 + self.soc_step**2 / 12.0
+
+
+def _checked_gauges(names: Any) -> tuple[str, ...]:
+    """Names of gauges, in the order of their table."""
+    known = isinstance(names, list | tuple) and bool(names) and all(isinstance(name, str) for name in names)
+    if not known or not set(names) <= set(GAUGES):
+        raise InstrumentError(f"gauges = {names!r} is not allowed; give a list of {', '.join(GAUGES)}")
+    return tuple(name for name in GAUGES if name in names)
 
 
 INSTRUMENTS: dict[str, Instruments] = {
@@ -85,7 +101,8 @@ INSTRUMENTS: dict[str, Instruments] = {
         speed_noise=0.01, grade_noise=0.003,
     ),
 }  # fmt: skip
-"""Instruments by name."""
+INSTRUMENTS["any_gauge"] = dataclasses.replace(INSTRUMENTS["gauge"], gauges=tuple(GAUGES))
+"""Instruments by name. The last are those of `gauge`, with any of the gauges that robots have."""
 
 
 def load_instruments(given: str | Path | Instruments) -> Instruments:
@@ -131,9 +148,10 @@ def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
     """
     m.meter_gain = 1.0 + shared.power_gain * (2.0 * gain - 1.0)
     m.meter_offset_w = shared.power_offset_w * (2.0 * offset - 1.0)
-    m.soc = m.soc_followed = m.metered = 1.0
+    m.soc = m.soc_followed = m.soc_lowest = m.metered = 1.0
     m.metered_j = m.metered_followed = m.read_w = m.read_mps = 0.0
     m.sum_used_metered = m.sum_metered_squared = 0.0
+    gauges.choose(m, shared)
 
 
 @inline
@@ -151,13 +169,16 @@ def read(m: Any, shared: Any, used_j: float) -> None:
     before = (m.energy_j + used_j) / m.capacity_j
     if shared.curved:
         soc, before = battery.charge_share(shared.curve, soc), battery.charge_share(shared.curve, before)
-    behind = (before - soc) * shared.soc_lag_decisions
-    m.soc_followed = soc + behind + (m.soc_followed - before - behind) * shared.soc_keeps
+    g = shared.gauges[m.gauge]
+    behind = (before - soc) * g.lag_decisions
+    m.soc_followed = soc + behind + (m.soc_followed - before - behind) * g.keeps
     shown = m.soc_followed
+    if g.maps or g.resets:
+        shown = gauges.shown_by(m, shared, shown, soc, power_w)
     if shared.soc_noise > 0.0:
         shown += shared.soc_noise * normal(m.key, m.decisions, SOC)
-    if shared.soc_step > 0.0:
-        shown = shared.soc_step * np.floor(shown * shared.per_soc_step + 0.5)
+    if g.step > 0.0:
+        shown = g.step * np.floor(shown * g.per_step + 0.5)
     m.soc = in_energy(shared, min(max(shown, 0.0), 1.0))
     meter(m, shared)
 
@@ -174,7 +195,8 @@ def meter(m: Any, shared: Any) -> None:
 
     This estimate also changes between the steps of the state-of-charge reading. It is the metered energy over the
     metered energy of a full battery. Regularised least squares estimate the latter from all state-of-charge readings,
-    with the robot's file as the prior. Each is compared with the metered energy at the same lag.
+    with the robot's file as the prior. Each is compared with the metered energy at the same lag. A gauge that has risen
+    (`gauges.RISE`) counts no more.
     """
     m.metered_j += m.read_w * shared.decision_s
     if not shared.inexact:
@@ -183,8 +205,10 @@ def meter(m: Any, shared: Any) -> None:
     metered, step = m.metered_j * shared.per_usable_j, m.read_w * shared.decision_s * shared.per_usable_j
     behind = step * shared.soc_lag_decisions
     m.metered_followed = metered - behind + (m.metered_followed - metered + step + behind) * shared.soc_keeps
-    m.sum_used_metered += (1.0 - m.soc) * m.metered_followed
-    m.sum_metered_squared += m.metered_followed * m.metered_followed
+    m.soc_lowest = gauges.lowest_believed(m.soc_lowest, m.soc)
+    if m.soc_lowest != gauges.LOST:
+        m.sum_used_metered += (1.0 - m.soc) * m.metered_followed
+        m.sum_metered_squared += m.metered_followed * m.metered_followed
     per_metered = shared.soc_prior * shared.soc_per_metered + m.sum_used_metered
     per_metered /= shared.soc_prior + m.sum_metered_squared
     m.metered = min(max(1.0 - metered * per_metered, 0.0), 1.0)

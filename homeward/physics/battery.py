@@ -69,6 +69,10 @@ CURVE_DTYPE = np.dtype(
 )
 """A `Curve` as a record."""
 
+CELLS = 31
+"""Even parts of the energy in which the step interpolates the square of the voltage. Chosen: above a tenth of the
+energy within 16 mV of each curve above, and within 61 mV below; twice as many slow 4,096 missions by 3 %."""
+
 
 class Curve(NamedTuple):
     """An open-circuit curve in the form of the formulas. The arrays have shape (MOST_KNOTS,), of which `knots` count.
@@ -132,6 +136,32 @@ def charge_share(curve: Any, energy: Any) -> Any:
     return curve.charge[k] + 2.0 * beyond / (curve.relative_v[k] + root)
 
 
-def open_circuit_v(curve: Curve, charge: Any) -> Any:
-    """Open-circuit voltage at a share of charge, V; 0 for a battery of constant voltage, whose file has no curve."""
-    return curve.mean_v * np.interp(charge, curve.charge[: curve.knots], curve.relative_v[: curve.knots])
+def squares_of(curve: Curve) -> NDArray[np.float32]:
+    """Square of the open-circuit voltage at `CELLS` + 1 even shares of the energy, V^2, shape (CELLS + 1,).
+
+    It is linear in the energy between the points of the curve, and so between these.
+    """
+    shares = np.linspace(0.0, 1.0, CELLS + 1)
+    squares: NDArray[np.float32] = np.square(open_circuit_v(curve, charge_share(curve, shares))).astype(np.float32)
+    return squares
+
+
+@inline
+def square_v2(squares_v2: Any, energy: Any) -> Any:
+    """Square of the open-circuit voltage at a share of the energy within 0 and 1, V^2, from `squares_of`.
+
+    >>> squares_v2 = squares_of(curve_of(CHEMISTRIES["lipo"]))
+    >>> round(float(square_v2(squares_v2, 0.483) ** 0.5), 2)
+    3.81
+    """
+    cell = np.int64(np.minimum(energy * CELLS, CELLS - 1.0))
+    low_v2 = squares_v2[cell]
+    return low_v2 + (squares_v2[cell + 1] - low_v2) * (energy * CELLS - cell)
+
+
+@inline
+def open_circuit_v(curve: Any, charge: Any) -> Any:
+    """Open-circuit voltage at a share of charge within 0 and 1, V; 0 for a battery of constant voltage."""
+    k = np.maximum(np.minimum(np.searchsorted(curve.charge, charge, side="right"), curve.knots - 1) - 1, 0)
+    rise = (curve.relative_v[k + 1] - curve.relative_v[k]) / (curve.charge[k + 1] - curve.charge[k])
+    return curve.mean_v * (curve.relative_v[k] + rise * (charge - curve.charge[k]))

@@ -42,6 +42,7 @@ STATE_FIELDS = (
     ("drive_w", np.float64),  # mean power into the drive in the last step
     ("power_w", np.float64),  # mean power out of the battery in the last step
     ("depleted", np.bool_),
+    ("endless", np.bool_),  # the battery does not run out, and is never full: that of a recording
     ("ledger_j", np.float64, (len(CAUSES),)),  # energy that left the battery, by cause
     ("parts_w", np.float64, (len(CAUSES),)),  # power of each effect that is on, in the step under way
 )
@@ -164,13 +165,13 @@ def _stepper(effects: bool) -> Callable[..., Any]:
         power_w = power(p, s, x, watts_per_n)
         passed_s = dt_s
         spent_j = power_w * dt_s
-        if spent_j >= s.energy_j:
+        if spent_j >= s.energy_j and not s.endless:
             s.depleted = True
             if effects:
                 power_w = _demand_until_empty(p, s, x, watts_per_n)
             passed_s = s.energy_j / power_w if power_w > 0.0 else 0.0
             spent_j = s.energy_j
-        elif effects and spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j:
+        elif effects and spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j and not s.endless:
             # A full battery stores nothing: the brakes take the energy.
             s.ledger_j[BRAKING] += s.energy_j - spent_j - s.capacity_j
             spent_j = s.energy_j - s.capacity_j
@@ -281,8 +282,12 @@ ROBOT_STATE_DTYPE = np.dtype(list(STATE_FIELDS), align=True)
 
 
 def full_charge(robot: Robot, energy_j: float | None = None) -> NDArray[np.void]:
-    """State of a robot before its first step, shape (1,): battery full, or with `energy_j` in it."""
+    """State of a robot before its first step, shape (1,): battery full, or with `energy_j` in it.
+
+    One with infinite energy does not run out; its voltage begins at that of a full battery, and ends at an empty one's.
+    """
     state = np.zeros(1, ROBOT_STATE_DTYPE)
-    state["energy_j"] = robot.usable_energy_j if energy_j is None else energy_j
+    state["endless"] = energy_j == np.inf
+    state["energy_j"] = robot.usable_energy_j if energy_j in (None, np.inf) else energy_j
     state["capacity_j"] = np.maximum(state["energy_j"], robot.usable_energy_j)
     return state

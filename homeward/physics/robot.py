@@ -140,13 +140,10 @@ class Robot:
         """Energy of a full charge after the robot's own cycles and age (Eq. 6), J."""
         return float(model.usable_energy(self, self.cycles, self.age))
 
-    @functools.cached_property
+    @property
     def curve(self) -> battery.Curve:
         """Open-circuit curve of the pack: its own, that of its chemistry, or a constant voltage."""
-        if self.chemistry == battery.FLAT:
-            return battery.curve_of(self.open_circuit_v)
-        cell = battery.CHEMISTRIES[self.chemistry]
-        return battery.curve_of([(share, self.cells_in_series * volts) for share, volts in cell])
+        return _curve(self.chemistry, self.cells_in_series, self.open_circuit_v)
 
     def record(self) -> NDArray[np.void]:
         """Array of shape (1,) and dtype `ROBOT_DTYPE`, the form that compiled kernels take."""
@@ -155,7 +152,7 @@ class Robot:
             active |= (table.get(effect.switch.name, 0.0) != 0.0) << bit
         own = (getattr(self, quantity.name) for quantity in _QUANTITIES)
         of_effects = (table.get(one.name, one.default) for effect, table in tables for one in effect.parameters)
-        return np.array([(active, *own, *of_effects)], ROBOT_DTYPE)
+        return np.array([(active, *own, *of_effects, battery.squares_of(self.curve))], ROBOT_DTYPE)
 
     def to_toml(self, comments: Mapping[str, str] = MappingProxyType({})) -> str:
         """Text of a robot file that `load_robot` reads back as an equal robot.
@@ -201,10 +198,19 @@ _EFFECT_BY_ID: dict[str, Effect] = {effect.id: effect for effect in EFFECTS}
 ROBOT_DTYPE = np.dtype(
     [("effects", np.uint64)]
     + [(quantity.name, np.float64) for quantity in _QUANTITIES]
-    + [(name, np.float64) for name in PARAMETER_FIELDS],
+    + [(name, np.float64) for name in PARAMETER_FIELDS]
+    + [("squares_v2", np.float32, (battery.CELLS + 1,))],
     align=True,
 )
-"""One robot as a record: the fields of `Robot`, the parameters of every effect, and the bits of those switched on."""
+"""One robot as a record: the fields of `Robot`, the parameters of every effect, the bits of those switched on, and the
+open-circuit curve."""
+
+
+@functools.lru_cache(maxsize=64)
+def _curve(chemistry: str, cells: int, points: tuple[tuple[float, float], ...]) -> battery.Curve:
+    if chemistry == battery.FLAT:
+        return battery.curve_of(points)
+    return battery.curve_of([(share, cells * volts) for share, volts in battery.CHEMISTRIES[chemistry]])
 
 
 def preset_names() -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from homeward.companion import Advice, Companion
 from homeward.physics import Robot, load_robot
+from homeward.physics.battery import charge_share
 from homeward.physics.model import GRAVITY_MPS2
 
 
@@ -42,8 +43,12 @@ class Driven:
             advice = companion.update(self.time_s, **self.reads(heading_rad) | other)
         return advice
 
+    def charge(self) -> float:
+        """Share of the charge that is left, which gauges show."""
+        return float(charge_share(self.robot.curve, self.left_j / self.full_j))
+
     def reads(self, heading_rad: float) -> dict[str, Any]:
         return {
-            "speed_mps": 1.0, "power_w": self.power_w(), "soc": self.left_j / self.full_j, "grade_rad": 0.0,
+            "speed_mps": 1.0, "power_w": self.power_w(), "soc": self.charge(), "grade_rad": 0.0,
             "heading_rad": heading_rad, "position": (float(self.xy[0]), float(self.xy[1])),
         }  # fmt: skip

@@ -82,7 +82,7 @@ def test_a_seed_is_the_same_mission_with_any_instruments(difficulty: str) -> Non
         HomewardVectorEnv(4, difficulty=difficulty, instruments=name, autoreset_mode="Disabled") for name in INSTRUMENTS
     ]
     read = {"soc", "metered", "metered_j", "read_w", "read_mps", "soc_followed", "meter_gain", "meter_offset_w"}
-    read |= {"metered_followed", "sum_used_metered", "sum_metered_squared"}
+    read |= {"metered_followed", "sum_used_metered", "sum_metered_squared", "gauge", "gauge_shift", "soc_lowest"}
     read |= {"here", "potential", "shaping_reward"}  # grades are read too
     actions = random_actions(np.random.default_rng(0), "discrete", 4 * 30, home=0.0).reshape(30, 4, 3)
     for env in envs:
@@ -130,7 +130,8 @@ def by_python(env: Any, seed: int) -> tuple[Any, Any, Any, np.random.Generator]:
     shared, hidden = (record.copy().view(np.recarray)[0] for record in (batch.known.shared, batch.hidden.record))
     assert shared.dtype == SHARED_DTYPE and hidden.dtype == HIDDEN_DTYPE
     m.key = np.uint64(2.0**53 * rng.random())
-    instruments.begin(m, shared, rng.random(), rng.random())
+    with np.errstate(over="ignore"):  # of unsigned integers, as in compiled code
+        instruments.begin(m, shared, rng.random(), rng.random())
     difficulties.draw(rng, p, truth, m, hidden)
     generate(rng, route, m, int(shared.places), float(shared.length_m), bool(hidden.hidden_wind))
     weather.begin(m, rng, shared, hidden)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from homeward import load_robot
 from homeward.envs.features import FEATURES
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
@@ -276,3 +278,25 @@ def test_a_policy_that_acts_at_random_does_not_end_at_once(mission_id: str, acti
     assert batch.records["over"].all()
     assert (lasted <= 3).mean() == pytest.approx(1.0 / 27.0, abs=0.05)
     assert np.median(lasted) > 20 and 30 < lasted.mean() < 60
+
+
+def test_the_way_home_is_predicted_with_the_voltage_at_the_charge_as_read() -> None:
+    """The battery is emptier than it is read: the robot's own model must not know, and the robot consumes more."""
+    robot = dataclasses.replace(
+        load_robot("turtlebot3_burger"), effects={"internal_resistance": {"ohm": 0.5}}, chemistry="flat",
+        cells_in_series=0, open_circuit_v=((0.0, 9.0), (1.0, 12.6)),
+    )  # fmt: skip
+    ways = []
+    for left in (1.0, 0.3):
+        env = HomewardEnv(mission="OutAndBack", robot=robot, difficulty="uncertain")
+        env.reset(seed=0)
+        mission(env)["energy_j"] *= left
+        place_m = float(env.batch.known.shared["place_m"][0])
+        env.step([4, 0, GO])
+        while mission(env)["place"] == 0:
+            mission(env)["soc"] = 1.0
+            env.step([4, 0, GO])
+        place = env.batch.routes[0]["places"][1]
+        ways.append((float(place["home_j_per_m"]), float(place["true_home_j_per_m"]), place_m))
+    assert ways[0][0] == ways[1][0]
+    assert ways[1][1] > 1.002 * ways[0][1]

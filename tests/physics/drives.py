@@ -40,6 +40,9 @@ PLAIN = Robot(
 )
 """Round numbers: Gamma is one half."""
 
+FALLING = ((0.0, 8.0), (0.1, 9.5), (0.4, 10.0), (1.0, 11.5))
+"""Open-circuit voltage of a battery that falls as it empties."""
+
 STEADY = Conditions(
     speed_mps=2.0,
     sensing_hz=50.0,
@@ -97,6 +100,7 @@ def robots(draw: st.DrawFn, with_effects: bool = True, without: Sequence[str] = 
         computer_w=draw(not_negative(1e-3, 100.0)),
         computer_j_per_sample=draw(not_negative(1e-6, 1.0)),
         track_m=draw(quantities(0.05, 5.0)),
+        open_circuit_v=draw(st.just(()) | st.just(FALLING)),
         effects=draw(effects(without)) if with_effects else {},
     )
 

@@ -82,7 +82,8 @@ def test_compiled_code_and_arrays_agree() -> None:
 
 
 def with_battery(**changes: Any) -> Robot:
-    return dataclasses.replace(load_robot("turtlebot3_burger"), **changes)
+    flat: dict[str, Any] = {"chemistry": FLAT, "cells_in_series": 0}
+    return dataclasses.replace(load_robot("turtlebot3_burger"), **flat | changes)
 
 
 @pytest.mark.parametrize(

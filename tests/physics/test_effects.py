@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from homeward import Robot
 from homeward.physics import CAUSES, EFFECTS
+from homeward.physics.battery import energy_share, open_circuit_v
 from homeward.physics.effects import PARAMETER_FIELDS, Effect, turning
 from homeward.physics.kernel import Conditions, full_charge
 from homeward.physics.model import GRAVITY_MPS2
-from tests.physics.drives import PLAIN, Array, conditions, drive, robots, with_effect
+from tests.physics.drives import FALLING, PLAIN, Array, conditions, drive, robots, with_effect
 from tests.physics.drives import STEADY as LEVEL
 
 BY_ID = {effect.id: effect for effect in EFFECTS}
@@ -272,6 +273,19 @@ def test_internal_resistance_is_the_current_that_delivers_the_load(load: float, 
         assert ohm * current_a**2 == pytest.approx(loss_w, rel=1e-6, abs=1e-9 * abs(load))
     else:
         assert loss_w == load
+
+
+@given(charge=st.floats(0.01, 1.0), load=st.floats(-200.0, 200.0))
+def test_internal_resistance_takes_its_current_from_the_voltage_at_the_present_charge(
+    charge: float, load: float
+) -> None:
+    robot = dataclasses.replace(with_effect(PLAIN, "internal_resistance", ohm=0.05), open_circuit_v=FALLING)
+    now = full_charge(robot, robot.usable_energy_j * float(energy_share(robot.curve, charge)))
+    now["capacity_j"] = robot.usable_energy_j
+    loss_w = float(BY_ID["internal_resistance"].function(record(robot), now.view(np.recarray)[0], LEVEL, load))
+    rest_v = float(open_circuit_v(robot.curve, charge))
+    lost_w = 0.05 * ((rest_v - math.sqrt(rest_v**2 - 4.0 * 0.05 * load)) / (2.0 * 0.05)) ** 2
+    assert loss_w == pytest.approx(lost_w, rel=0.025, abs=1e-9)  # it is interpolated
 
 
 def test_slip_only_costs() -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from homeward import Robot
 from homeward.physics import CAUSES, ancillary_power, mission_energy, replay, traction_force
 from homeward.physics.model import drive_power
-from tests.physics.drives import PLAIN, STEADY, conditions, drive, robots, with_effect
+from tests.physics.drives import FALLING, PLAIN, STEADY, conditions, drive, robots, with_effect
 
 TIME_S = np.arange(5.0)
 
@@ -191,3 +191,16 @@ def test_recordings_that_cannot_be_replayed(time_s: list[float], channels: dict[
     with pytest.raises(ValueError) as error:
         replay(PLAIN, np.array(time_s), 1.0, **channels)
     assert str(error.value) == expected
+
+
+def test_the_voltage_of_a_replay_falls_with_its_charge_and_the_replay_goes_on_below_empty() -> None:
+    """A recording shows that the battery did not run out: below empty it keeps the voltage of an empty one."""
+    robot = dataclasses.replace(with_effect(PLAIN, "internal_resistance", ohm=0.05), open_circuit_v=FALLING)
+    time_s = np.arange(4000.0)
+    again = replay(robot, time_s, 2.0)
+    assert (np.diff(again.power_w) >= 0.0).all()
+    load_w = float(replay(PLAIN, time_s, 2.0).power_w[0])
+    for loss_w, rest_v in ((again.power_w[0] - load_w, 11.5), (again.power_w[-1] - load_w, 8.0)):
+        current_a = (rest_v - math.sqrt(rest_v**2 - 4.0 * 0.05 * load_w)) / (2.0 * 0.05)
+        assert loss_w == pytest.approx(0.05 * current_a**2, rel=1e-6)
+    assert sum(again.energy_j.values()) > 1.1 * robot.usable_energy_j

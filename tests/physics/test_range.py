@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from homeward import Robot, load_robot
 from homeward.physics import d_max, ideal_range, manoeuvring_energy, mission_energy, optimal_speed
+from homeward.physics.battery import FLAT
 from homeward.physics.range import _range_by_kernel
-from tests.physics.drives import PLAIN, STEADY, drive, quantities, robots, with_effect
+from tests.physics.drives import FALLING, PLAIN, STEADY, drive, quantities, robots, with_effect
 
 
 def test_eq_4_manoeuvring_energy() -> None:
@@ -137,9 +138,13 @@ def test_range_by_the_kernel_is_eq_8_at_any_duty_cycle(robot: Robot, duty: float
     assert float(by_kernel) == pytest.approx(float(d_max(robot, robot.max_speed_mps, grade, duty)), rel=1e-9)
 
 
-def test_a_range_with_effects_runs_out_where_the_steps_run_out() -> None:
+@pytest.mark.parametrize("curve", [(), FALLING])
+def test_a_range_with_effects_runs_out_where_the_steps_run_out(curve: tuple[tuple[float, float], ...]) -> None:
     robot = dataclasses.replace(
         load_robot("husky"),
+        chemistry=FLAT,
+        cells_in_series=0,
+        open_circuit_v=tuple((share, 2.4 * volts) for share, volts in curve),
         effects={
             "motor_heating": {"per_k": 0.004, "rise_k_per_w": 0.2, "time_constant_s": 1200.0},
             "internal_resistance": {"ohm": 0.05},
@@ -149,7 +154,8 @@ def test_a_range_with_effects_runs_out_where_the_steps_run_out() -> None:
     reach_m = float(d_max(robot, 0.8, 0.02))
     x = STEADY._replace(speed_mps=0.8, sensing_hz=0.0, sin_grade=np.sin(0.02), cos_grade=np.cos(0.02))
     end = drive(robot, [x] * 40000, 1.0, speed_mps=0.8)
-    assert end["depleted"]
+    assert end["depleted"] and end["energy_j"] == 0.0
+    assert float(end["ledger_j"].sum()) == pytest.approx(robot.usable_energy_j, rel=1e-9)
     assert float(end["distance_m"]) == pytest.approx(reach_m, rel=1e-4)
     assert reach_m < 0.9 * float(d_max(dataclasses.replace(robot, effects={}), 0.8, 0.02))
 

@@ -163,6 +163,7 @@ def robot_file(
         measured_v: Shares and volts of the pack, shape (points, 2); only for "measured".
     """
     text = (files("homeward") / "robots" / f"{preset}.toml").read_text()
+    text = re.sub(r"(?m)^(chemistry|cells_in_series) = .*\n", "", text)
     text = re.sub(r"(?m)^rated_energy_j = .*$", f"rated_energy_j = {label.energy_j}", text)
     text = re.sub(r"(?m)^nominal_voltage_v = .*$", f"nominal_voltage_v = {label.voltage_v:.6g}", text)
     lines = "[battery]\n"

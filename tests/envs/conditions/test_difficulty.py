@@ -47,7 +47,7 @@ def test_robots_are_drawn_from_the_table(difficulty: str) -> None:
 
 
 def test_each_difficulty_has_its_instruments() -> None:
-    for difficulty, name in zip(DIFFICULTIES, ("exact", "meter", "gauge"), strict=True):
+    for difficulty, name in zip(DIFFICULTIES, ("exact", "meter", "any_gauge"), strict=True):
         assert DIFFICULTY[difficulty].instruments == name
         assert known_of(Options("Survey", difficulty=difficulty)).instruments is INSTRUMENTS[name]
         other = known_of(Options("Survey", difficulty=difficulty, instruments="gauge"))

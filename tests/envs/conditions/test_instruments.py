@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -205,7 +206,7 @@ def test_the_metered_charge_is_near_the_truth_and_even(readings: Readings) -> No
 
 @pytest.mark.parametrize("sizes", [{"speed_noise": 0.01}, {"power_noise": 0.01}, {"power_gain": 0.02}])
 @pytest.mark.parametrize("difficulty", ["known", "uncertain"])
-def test_a_charge_is_metered_before_anything_is_used(sizes: dict[str, float], difficulty: str) -> None:
+def test_a_charge_is_metered_before_anything_is_used(sizes: dict[str, Any], difficulty: str) -> None:
     """A gauge without errors leaves no doubt to weigh what is expected by; a mission over at once used nothing."""
     env = make("OutAndBack", instruments=Instruments(**sizes), difficulty=difficulty)
     env.reset(seed=0)
@@ -270,7 +271,7 @@ def toml(folder: Path, text: str | bytes) -> Path:
 @pytest.mark.parametrize("name", INSTRUMENTS)
 def test_a_file_of_the_same_sizes_reads_the_same(tmp_path: Path, name: str) -> None:
     sizes = dataclasses.asdict(INSTRUMENTS[name])
-    path = toml(tmp_path, "".join(f"{field} = {value!r}\n" for field, value in sizes.items()))
+    path = toml(tmp_path, "".join(f"{field} = {json.dumps(value)}\n" for field, value in sizes.items()))
     envs = [make("Survey", instruments=given) for given in (name, path, str(path), INSTRUMENTS[name])]
     firsts = [env.reset(seed=1)[0] for env in envs]
     for action in ([4, 2, GO], [2, 4, GO]):
@@ -309,8 +310,8 @@ def test_a_file_that_cannot_be_used_says_why_in_one_line(tmp_path: Path, text: s
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ("gage", "instruments = 'gage'; choose exact, meter, gauge or name a TOML file"),
-        ("", "instruments = ''; choose exact, meter, gauge or name a TOML file"),
+        ("gage", "instruments = 'gage'; choose exact, meter, gauge, any_gauge or name a TOML file"),
+        ("", "instruments = ''; choose exact, meter, gauge, any_gauge or name a TOML file"),
         ("meter.csv", "choose exact, meter, gauge"),
         (Path("meter"), "instruments = 'meter'; choose exact, meter, gauge"),
         (5, "instruments = 5; choose exact, meter, gauge"),
@@ -334,9 +335,9 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
         HomewardEnv(instruments=tmp_path / "some.toml")
 
 
-@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(Instruments)])
+@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(Instruments) if field.name != "gauges"])
 def test_sizes_have_bounds(field: str) -> None:
-    most = 3600.0 if field == "soc_lag_s" else 0.5
+    most: Any = 3600.0 if field == "soc_lag_s" else 0.5
     assert getattr(Instruments(**{field: most}), field) == most
     wrong: list[Any] = [-1e-9, 1.001 * most, math.nan, math.inf, None, "1", True, 1j, [0.1]]
     for value in wrong:
