@@ -17,6 +17,7 @@ from homeward.envs import IDS
 from homeward.envs.actions import MODES, decode_actions
 from homeward.envs.routes import Route
 from homeward.estimation.prior import EAST
+from homeward.physics import load_robot
 from tests.companion.robots import Driven
 from tests.envs.conditions.reading import SEED, ReadRobot
 
@@ -65,7 +66,7 @@ class Obedient(Driven):
     """Drives on a plane as it is asked, in steps of `every_s`."""
 
     def __init__(self, soc: float = 1.0, **keywords: Any) -> None:
-        super().__init__("rusti_computer", **keywords)
+        super().__init__(load_robot("rusti_computer"), **keywords)
         self.companion = Companion(self.robot, policy=load_onboard("ppo", "OutAndBack"))
         self.used_j = (1.0 - soc) * self.full_j
         self.advice = self.update(0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,15 @@ from homeward.physics import Robot, load_robot
 from homeward.physics.battery import charge_share
 from homeward.physics.model import GRAVITY_MPS2
 
+HUSKY = dataclasses.replace(load_robot("husky"), chemistry="flat", cells_in_series=0)
+"""A Husky with a battery of constant voltage: what its chemistry does is tested with the battery."""
+
 
 class Driven:
     """Drives at 1 m/s on a plane, harder to roll and with less in its battery than its file says."""
 
-    def __init__(self, robot: str = "husky", rolling: float = 1.0, health: float = 1.0, every_s: float = 1.0) -> None:
-        self.robot: Robot = load_robot(robot)
+    def __init__(self, robot: Robot = HUSKY, rolling: float = 1.0, health: float = 1.0, every_s: float = 1.0) -> None:
+        self.robot = robot
         self.rolling, self.health, self.every_s = rolling, health, every_s
         self.time_s, self.used_j, self.xy = 0.0, 0.0, np.zeros(2)
 

