@@ -11,8 +11,6 @@ from homeward.companion import CompanionError
 from homeward.envs.routes import Route, RouteError
 from homeward.physics import Robot, d_max, load_robot
 from homeward.physics.uncertainty import Uncertainty
-
-XX
 from homeward.watch.route_forecast import RouteForecast, forecast_along, picture
 from tests.companion.robots import HUSKY
 
