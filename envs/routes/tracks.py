@@ -128,7 +128,9 @@ def _read_fit(path: Path) -> Track:
                     height = frame.get_value("altitude", fallback=None) if height is None else height
                     others = ("position_lat", "position_long", "distance")
                     rows.append([_number(v) for v in (height, *(frame.get_value(n, fallback=None) for n in others))])
-    except (fitdecode.FitError, ValueError, OSError) as error:
+    except OSError as error:
+        raise RouteError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except Exception as error:  # a damaged file raises anything, from FitError to AssertionError
         raise RouteError(f"{path}: is not a whole FIT file: {_first_line(error)}") from None
     elevation, latitude, longitude, distance = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     here, along = np.isfinite(latitude) & np.isfinite(longitude), np.isfinite(distance)
@@ -162,6 +164,11 @@ def profile(track: Track, name: str) -> Profile:
     elevation = _filled(track.elevation_m, name)
     distance, elevation, east_m, north_m = _way(track, elevation, name)
     length_m = float(distance[-1])
+    if not length_m <= rules.LONGEST_M:
+        raise RouteError(
+            f"{name}: is {length_m / 1e3:.3g} km long; give a track of one drive, of at most "
+            f"{rules.LONGEST_M / 1e3:.0f} km"
+        )
     if length_m < rules.SHORTEST_M:
         raise RouteError(
             f"{name}: is {length_m:.0f} m long; give at least {rules.SHORTEST_M:.0f} m, or a CSV profile with "
@@ -211,7 +218,7 @@ def _refuse_jump(step_m: Array, name: str) -> None:
 
 
 def _filled(elevation: Array, name: str) -> Array:
-    known = np.isfinite(elevation)
+    known = np.abs(elevation) <= rules.MOST_ELEVATION_M  # not NaN
     if known.mean() < 1.0 - rules.MISSING_SHARE:
         raise RouteError(
             f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations"

@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
-from homeward.files import open_regular
 from homeward.logs import rules, tables
 from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
@@ -172,17 +170,13 @@ def propose(path: str | Path) -> Proposal:
 def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], dict[str, str]]:
     """Names of the columns, their first rows, notes, and units by name where there is a line of them."""
     if path.suffix.lower() == ".parquet":
-        try:
-            with open_regular(path) as stream, pq.ParquetFile(stream) as file:
-                batch: Any = next(file.iter_batches(_ROWS))
-                table = batch.to_pandas()
-        except OSError:
-            raise
-        except Exception as error:  # as in `recordings`
-            raise RecordingError(
-                f"is not a whole Parquet file ({(str(error).splitlines() or [''])[0][:200]})"
-            ) from error
-        return [str(name) for name in table.columns], table.set_axis(map(str, table.columns), axis="columns"), (), {}
+        with tables.opened_parquet(path) as file:
+            names = file.schema_arrow.names
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is not None:
+                raise RecordingError(f"has two columns {twice}; keep one")
+            table = tables.in_pandas(next(file.iter_batches(_ROWS)))
+        return names, table, (), {}
     if not path.name.lower().endswith(tables.SUFFIXES):
         kinds = ", ".join(tables.SUFFIXES)
         raise RecordingError(f"is not a table; give a {kinds} or .parquet file (a bag has topics, not columns)")

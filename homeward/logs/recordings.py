@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from homeward.files import STANDARD_INPUT, open_regular
+from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
-from homeward.logs import rules, tables
+from homeward.logs import limits, rules, tables
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
 from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
@@ -100,8 +100,8 @@ def _read_standard_input(columns: str | Path | Columns | None, standing: bool) -
         with path.open("wb") as file:
             file.write(start)
             while piece := sys.stdin.buffer.read(2**20):
-                if file.tell() > tables.MOST_BYTES:
-                    raise RecordingError(f"standard input: holds more than {tables.MOST_BYTES / 1e9:.2g} GB")
+                if file.tell() > limits.MOST_BYTES:
+                    raise RecordingError(f"standard input: holds more than {limits.MOST_BYTES / 1e9:.2g} GB")
                 file.write(piece)
         try:
             return replace(read_recording(path, columns, standing=standing), name="standard input")
@@ -158,8 +158,8 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
     broken = 0
     with tables.refusing(), tables.opened(path) as file:
         for number, line in enumerate(io.TextIOWrapper(file, "utf-8-sig", "replace")):
-            if number >= tables.MOST_ROWS:
-                raise RecordingError(f"has more than {tables.MOST_ROWS} lines; cut it into several runs")
+            if number >= limits.MOST_ROWS:
+                raise RecordingError(f"has more than {limits.MOST_ROWS} lines; cut it into several runs")
             cells = line.rstrip("\r\n").split(mapping.separator or ",")
             values = _values(cells, places, stamp) if len(cells) == len(mapping.header) else None
             if values is None:
@@ -201,17 +201,11 @@ def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[s
 
 def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
     dated: list[str] = []
-    try:
-        with open_regular(path) as stream, pq.ParquetFile(stream) as file:
-            wanted = _wanted(file.schema_arrow.names, mapping, standing)
-            if file.metadata.num_rows > tables.MOST_ROWS:
-                raise RecordingError(f"has more than {tables.MOST_ROWS} rows; cut it into several runs")
-            pieces = [_in_numbers(piece, mapping, dated) for piece in _batches(file, wanted)]
-    except (RecordingError, MemoryError):
-        raise
-    except Exception as error:  # damaged metadata raises anything, from ArrowException to UnicodeDecodeError
-        message = (str(error).splitlines() or [""])[0][:200]
-        raise RecordingError(f"is not a whole Parquet file ({message}); copy or record it again") from error
+    with tables.opened_parquet(path) as file:
+        wanted = _wanted(file.schema_arrow.names, mapping, standing)
+        if file.metadata.num_rows > limits.MOST_ROWS:
+            raise RecordingError(f"has more than {limits.MOST_ROWS} rows; cut it into several runs")
+        pieces = [_in_numbers(piece, mapping, dated) for piece in _batches(file, wanted)]
     notes += [f"read with {one}" for one in dict.fromkeys(dated)]
     return _joined(pieces, wanted, mapping)
 
@@ -228,11 +222,12 @@ def _batches(file: pq.ParquetFile, wanted: Sequence[str]) -> Iterator[pd.DataFra
     # The size of columns in the metadata is not read: where it is damaged, Arrow ends the process.
     for batch in file.iter_batches(_BATCH_ROWS, columns=list(wanted)):
         size += batch.nbytes
-        if size > tables.MOST_BYTES:
+        if size > limits.MOST_BYTES or rows > limits.MOST_ROWS:
             raise RecordingError(
-                f"holds more than {tables.MOST_BYTES / 1e9:.2g} GB, unpacked; cut it into several runs"
+                f"holds more than {limits.MOST_BYTES / 1e9:.2g} GB or {limits.MOST_ROWS} rows, unpacked; "
+                "cut it into several runs"
             )
-        piece: pd.DataFrame = batch.to_pandas()[list(wanted)]
+        piece = tables.in_pandas(batch)[list(wanted)]
         yield piece.set_axis(range(rows, rows + len(piece)), axis="index")
         rows += len(piece)
 

@@ -110,11 +110,11 @@ def test_standard_input(table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_parquet_file_of_too_many_rows(tmp_path: Path, table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
     table.to_parquet(tmp_path / "run.parquet")
-    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 100)
+    monkeypatch.setattr("homeward.logs.limits.MOST_ROWS", 100)
     assert "more than 100 rows" in refusal(tmp_path / "run.parquet")
-    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 1000)
-    monkeypatch.setattr("homeward.logs.tables.MOST_BYTES", 1000)
-    assert "GB, unpacked" in refusal(tmp_path / "run.parquet")
+    monkeypatch.setattr("homeward.logs.limits.MOST_ROWS", 1000)
+    monkeypatch.setattr("homeward.logs.limits.MOST_BYTES", 1000)
+    assert "or 1000 rows, unpacked" in refusal(tmp_path / "run.parquet")
 
 
 def test_speed_in_km_per_hour_shows_against_distance(table: pd.DataFrame, csv: Write) -> None:

@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from homeward.files import open_regular
 from homeward.installed import advice
+from homeward.logs import limits
 from homeward.logs.bags.samples import Samples
 from homeward.logs.channels import Array
 from homeward.logs.columns import RecordingError
@@ -141,8 +142,17 @@ class _ULog:
     def __init__(self, path: Path) -> None:
         from pyulog import ULog
 
+        class WithinLimits(ULog):  # type: ignore[misc]
+            """A log whose definitions are checked before pyulog makes a field of each of their numbers."""
+
+            def _read_file_definitions(self) -> None:
+                super()._read_file_definitions()
+                counts: dict[str, int] = {}
+                for name in self._message_formats:
+                    _refuse_many_fields(name, self._message_formats, counts)
+
         with open_regular(path) as file:
-            log = ULog(_Finite(file, path.stat().st_size))
+            log = WithinLimits(_Finite(file, path.stat().st_size))
         if log.file_corruption:
             print("bytes that are no message")
         self._data = log.data_list  # sorted by name and instance
@@ -157,6 +167,21 @@ class _ULog:
         return found
 
     def close(self) -> None: ...
+
+
+def _refuse_many_fields(name: str, formats: Mapping[str, Any], counts: dict[str, int]) -> int:
+    """The number of fields of a message with those of the messages in it.
+
+    Raises:
+        RuntimeError: It has more than a message has; not a ValueError, which pyulog ignores.
+    """
+    if name not in counts:
+        fields = formats[name].fields if name in formats else ()
+        parts = [max(size, 1) * (_refuse_many_fields(kind, formats, counts) or 1) for kind, size, _ in fields]
+        counts[name] = sum(parts)
+    if counts[name] > limits.MOST_ELEMENTS:
+        raise RuntimeError(f"by its definition {name} has {counts[name]:.3g} fields, which none has")
+    return counts[name]
 
 
 class _DataFlash:

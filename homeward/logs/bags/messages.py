@@ -6,12 +6,15 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from homeward.logs import limits
+
 _SEPARATOR = "=" * 80 + "\n"
+_PLACEHOLDER = "structure_needs_at_least_one_member"  # which rosbags adds to a message without fields
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\w+)\]")
 
 
@@ -32,8 +35,11 @@ def decoder(connection: Connection, ros1: bool) -> Callable[[bytes], Any]:
     Raises:
         UnknownType: There is no definition.
     """
-    stores = _stores(connection)
     kind = connection.msgtype
+    stores = _stores(connection)
+    for store in stores:
+        _refuse_large(store, kind)
+        store.max_sequence_length = limits.MOST_SEQUENCE
 
     def decode(content: bytes) -> Any:
         while True:
@@ -69,6 +75,42 @@ def _stores(connection: Connection) -> list[Typestore]:
     if not found:
         raise UnknownType(f"{kind}: the bag has no definition of this type, and neither has this package")
     return found
+
+
+def _refuse_large(store: Typestore, kind: str) -> None:
+    """Refuse a definition that lets a message of some bytes have millions of parts.
+
+    Raises:
+        UnknownType: It has more numbers than a message has, contains itself, or lists parts without content.
+    """
+    try:
+        count = _elements(store, kind, {})
+    except (RecursionError, KeyError):  # a part that contains itself, or has no definition
+        raise UnknownType(f"{kind}: its definition in the bag is not complete, or contains itself") from None
+    if count > limits.MOST_ELEMENTS:
+        raise UnknownType(f"{kind}: by its definition in the bag a message has {count:.3g} numbers, which none has")
+
+
+def _elements(store: Typestore, kind: str, known: dict[str, int]) -> int:
+    """How many numbers, texts and lists a message has; a list in it counts as one."""
+    if kind not in known:
+        fields: Any = store.fielddefs[kind][1]
+        parts = [part for name, part in fields if name != _PLACEHOLDER]
+        known[kind] = sum(_elements_of(store, node, content, known) for node, content in parts)
+    return known[kind]
+
+
+def _elements_of(store: Typestore, node: Nodetype, content: Any, known: dict[str, int]) -> int:
+    if node == Nodetype.BASE:
+        return 1
+    if node == Nodetype.NAME:
+        return _elements(store, content, known)
+    (inner, inside), size = content
+    count = _elements_of(store, inner, inside, known)
+    if node == Nodetype.ARRAY:
+        return int(size) * max(count, 1)
+    # A list says its own length, which nothing limits where its parts have no bytes.
+    return 1 if count else limits.MOST_ELEMENTS + 1
 
 
 def _store(base: Stores, types: Sequence[Any]) -> Typestore:
