@@ -157,10 +157,6 @@ def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]], lines: li
             value, line = values[wrong[0]], lines[wrong[0]]
             raise RouteError(f"{path}: line {line}: {name} = {value:g} is not in [{low:g}, {high:g}] ({hint})")
     distance = columns["distance_m"]
-    if distance[-1] > rules.LONGEST_M:
-        raise RouteError(
-            f"{path}: line {lines[-1]}: distance_m = {distance[-1]:g}; give at most {rules.LONGEST_M:g} m of one drive"
-        )
     good = np.append(distance[0] == 0.0, np.diff(distance) > 0.0)
     if not good.all():
         row = int(np.flatnonzero(~good)[0])

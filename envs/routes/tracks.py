@@ -223,6 +223,11 @@ def _filled(elevation: Array, name: str) -> Array:
         raise RouteError(
             f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations"
         )
+    if not known.all():
+        warnings.warn(
+            f"{name}: {int((~known).sum())} of {len(known)} elevations are unknown or impossible: interpolated",
+            stacklevel=2,
+        )
     places = np.arange(len(elevation), dtype=np.float64)
     return np.interp(places, places[known], elevation[known])
 

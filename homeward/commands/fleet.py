@@ -8,9 +8,7 @@ only what is new or has changed.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -24,7 +22,7 @@ from rich.table import Table
 from homeward import Robot, RobotError, cli, load_robot
 from homeward.diagnosis import Diagnosis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.tell.report import write_outputs
-from homeward.files import check_writable, write_whole
+from homeward.files import check_writable, csv_text, write_whole
 from homeward.parallel import ClusterError, TaskError, check_workers, code_hash, run_tasks
 
 ASSUMED = "husky"
@@ -147,10 +145,7 @@ def _rows(found: dict[str, Diagnosis]) -> list[tuple[str, str, str, str]]:
 
 
 def _csv(found: dict[str, Diagnosis]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([("robot", "verdict", "missing_physics", "summary"), *_rows(found)])
-    return text.getvalue()
+    return csv_text([("robot", "verdict", "missing_physics", "summary"), *_rows(found)])
 
 
 def _print(found: dict[str, Diagnosis], known: int, out: Path) -> None:

@@ -28,7 +28,7 @@ from rich.table import Table
 
 from homeward import cli, installed, quantities
 from homeward.companion import CompanionError, rules
-from homeward.files import check_writable, write_files
+from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.physics import RobotError, load_robot
 from homeward.watch.coverage import Row, rows_of
@@ -158,7 +158,10 @@ def table_of(rows: list[Row]) -> Table:
 def moments_of(runs: list[Watched]) -> pd.DataFrame:
     """Every moment of every run, one row each."""
     names = ("time_s", "left_m", "took_j", "mean_j", "low_j", "high_j")
-    table = pd.concat([pd.DataFrame({"run": one.name, **{name: getattr(one, name) for name in names}}) for one in runs])
+    tables = [
+        pd.DataFrame({"run": no_formula(one.name), **{name: getattr(one, name) for name in names}}) for one in runs
+    ]
+    table = pd.concat(tables)
     of_charge = {name: name.replace("_j", "_as") for name in names if runs[0].unit == "A s"}
     return table.rename(columns=of_charge)
 

@@ -207,6 +207,11 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
                 raise RecordingError(f"{where} = {entry!r} is not understood; column is a name")
             entry, stamp = column, column["column"] if spread else stamp
         sources[channel] = source_of(where, entry, "column")
+    used = [channel for channel, source in sources.items() if stamp in dict(source.terms) and channel != "time_s"]
+    if used:
+        raise RecordingError(
+            f"{name}: columns.{used[0]} is the column of the stamps, {stamp}, which holds whole seconds"
+        )
     numbers = {channel: float(value) for channel, value in constants.items()}
     alone = data.get("known_by_columns") is True
     return Columns(

@@ -12,9 +12,9 @@ from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
 from homeward.logs.columns import RecordingError
 
 if sys.version_info >= (3, 14):
-    from compression import zstd
+    from compression import zstd as zstd
 else:
-    from backports import zstd
+    from backports import zstd as zstd
 
 MOST_ROWS = 10_000_000
 """Most rows of a recording: 27 hours at 100 Hz. Chosen: bounds memory to some GB."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -84,7 +85,9 @@ def read_recording(
     mapping = None if bag or columns is None else load_columns(columns)
     try:
         table, notes, start_s = _read_bag(path, columns) if bag else (*_read_table(path, mapping, standing), 0.0)
-        return Recording(str(path), sha256(path), _checked(table, notes), tuple(notes), start_s)
+        # A name that is no UTF-8 can be opened and not written.
+        name = os.fsencode(path).decode("utf-8", "replace")
+        return Recording(name, sha256(path), _checked(table, notes), tuple(notes), start_s)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
     except RecordingError as error:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import gzip
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -160,7 +161,8 @@ def test_a_missing_height_is_interpolated_and_a_wall_is_cut() -> None:
     distance = np.arange(0.0, 10_000.0, 5.0)
     height = 0.05 * distance
     height[::9] = np.nan
-    assert profile(Track(height, distance_m=distance), "gaps").ascent_m == pytest.approx(500.0, rel=0.01)
+    with pytest.warns(UserWarning, match="gaps: 223 of 2000 elevations are unknown"):
+        assert profile(Track(height, distance_m=distance), "gaps").ascent_m == pytest.approx(500.0, rel=0.01)
     wall = np.where(distance < 5000.0, 0.0, 100.0)
     slope = profile(Track(wall, distance_m=distance), "wall")
     grade = np.diff(slope.elevation_m) / np.diff(slope.distance_m)
@@ -260,3 +262,27 @@ def test_the_names_that_loggers_write_are_a_track(tmp_path: Path, header: str) -
     plain = load_route(path, 50.0)
     path.write_text(path.read_text().replace("latitude_deg,longitude_deg,elevation_m", header))
     assert load_route(path, 50.0).length_m == plain.length_m
+
+
+def test_a_fit_file_that_is_damaged_anywhere_is_read_or_refused(tmp_path: Path) -> None:
+    """Definitions of fields that are changed make fitdecode raise AssertionError, KeyError, TypeError and others."""
+    content = write_fit(tmp_path / "a.fit", np.arange(0.0, 60.0, 5.0), np.zeros(12)).read_bytes()
+    refused = 0
+    for place in range(12, min(len(content), 160)):
+        for value in (0, 7, 103, 255):
+            (tmp_path / "b.fit").write_bytes(content[:place] + bytes([value]) + content[place + 1 :])
+            with warnings.catch_warnings(action="ignore"):
+                try:
+                    read_track(tmp_path / "b.fit")
+                except RouteError as error:
+                    assert str(tmp_path / "b.fit") in str(error)
+                    refused += 1
+    assert refused > 50
+
+
+def test_elevations_that_no_ground_has_are_unknown(tmp_path: Path) -> None:
+    along_m = np.arange(0.0, 1000.0, 5.0)
+    heights = np.where(np.arange(200) % 20 == 3, 1e308, 10.0)
+    with pytest.warns(UserWarning, match=r"10 of 200 elevations are unknown or impossible"):
+        level = profile(Track(heights, distance_m=along_m), "track")
+    assert np.abs(level.elevation_m - 10.0).max() < 0.1
