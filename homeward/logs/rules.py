@@ -78,6 +78,15 @@ Chosen, within the limits of the schema."""
 
 # --- Messages of bags and flight logs ---------------------------------------------------------------------------------
 
+SAME_BATTERY = 0.05
+"""Relative difference of mean currents up to which one battery is the sum of others, and of voltages up to which packs
+are in parallel. Chosen: the error of current sensors of battery monitors, 1 to 5 %; packs in parallel share a voltage
+but for the drop on their leads."""
+
+SAME_READING = 0.01
+"""The same of the quantiles of two currents that are one battery's, reported twice. Chosen: readings are then equal but
+for rounding and losses of messages."""
+
 GAP_STEPS = 5.0
 """Median steps between samples; a longer step is a gap; chosen: a few messages may be lost."""
 

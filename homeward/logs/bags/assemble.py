@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from homeward.logs import rules
-from homeward.logs.bags import clock, grade, is_flight_log
+from homeward.logs.bags import batteries, clock, grade, is_flight_log
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.flight import FlightLog
 from homeward.logs.bags.samples import read_samples, times_s
@@ -16,9 +16,13 @@ from homeward.logs.bags.topics import (
     BATTERY,
     IMU,
     ORIENTATION,
+    Offer,
+    Part,
+    Topic,
     Topics,
     best_topics,
     load_topics,
+    without_part,
 )
 from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, first_set
 from homeward.logs.columns import RecordingError
@@ -68,14 +72,18 @@ class _Reading:
         self.samples, self.unread = read  # unread: why topics could not be read
         if not self.samples:
             raise self._missing("motion and no power")
-        self.candidates = {
-            name: [pair for pair in options if pair[1].topic in self.samples] for name, options in offered.items()
+        self.candidates: dict[str, list[tuple[Topic, Offer]]] = {
+            name: [pair for option in options for pair in self._read_from(*option)] for name, options in offered.items()
         }
+        on_receipt = {one.topic for topic, one in pairs if topic.on_receipt}
         self.times, self.start_ns, self.notes = times_s(
-            self.samples, {one.topic for topic, one in pairs if topic.on_receipt}
+            self.samples, {name for name in self.samples if without_part(name) in on_receipt or name in on_receipt}
         )
+        # Batteries that are added, by the name and type of the entry of the mapping.
+        self.added: dict[tuple[str, str], tuple[str, ...]] = {}
 
     def table(self) -> tuple[pd.DataFrame, list[str], float]:
+        self._choose_batteries()
         series = {name: one for name in CHANNELS if (one := self._channel(name)) is not None}
         motion, power = first_set(MOTION, series), first_set(POWER, series)
         if not motion or not power:
@@ -106,9 +114,47 @@ class _Reading:
         start_s = self.start_ns * 1e-9 + float(ticks[0])
         return pd.DataFrame({"time_s": ticks - ticks[0], **columns}), notes, start_s if is_epoch(start_s) else 0.0
 
+    def _read_from(self, topic: Topic, connection: Offer) -> list[tuple[Topic, Offer]]:
+        """A topic that was read, or each of the batteries that it reports."""
+        if connection.topic in self.samples:
+            return [(topic, connection)]
+        parts = (name for name in self.samples if without_part(name) == connection.topic and topic.takes(name))
+        return [(topic, Part(name, connection.msgtype, len(self.samples[name].received_ns))) for name in parts]
+
+    def _choose_batteries(self) -> None:
+        """Decide, for each entry of the mapping, between several batteries that report what is drawn from them."""
+        of_entry: dict[int, dict[str, tuple[Topic, Offer]]] = {}
+        for name in ("power_w", "current_a"):
+            for topic, connection in self.candidates[name]:
+                of_entry.setdefault(id(topic), {})[connection.topic] = topic, connection
+        for offers in of_entry.values():
+            topic = next(iter(offers.values()))[0]
+            drawing = [battery for name in offers if (battery := self._battery(topic, name)) is not None]
+            if len(drawing) < 2:
+                continue
+            choice = batteries.choose(drawing, topic.several)
+            self.notes.append(choice.why)
+            if len(choice.names) > 1:
+                self.added[topic.pattern, topic.kind] = choice.names
+            for name in batteries.OF_BATTERY:
+                self.candidates[name] = [
+                    pair for pair in self.candidates[name] if pair[0] is not topic or pair[1].topic in choice.names
+                ]
+
+    def _battery(self, topic: Topic, name: str) -> batteries.Battery | None:
+        """What a battery reports; None if it reports nothing that is drawn."""
+        values = self.samples[name].values
+        drawn = next(topic.sources[one].of(values) for one in ("current_a", "power_w") if one in topic.sources)
+        if not np.nan_to_num(drawn).any():
+            return None
+        voltage_v = topic.sources["voltage_v"].of(values) if "voltage_v" in topic.sources else np.empty(0)
+        return batteries.Battery(name, voltage_v, drawn)
+
     def _channel(self, name: str) -> Series | None:
         """The channel from the first topic of the mapping with values of it."""
         for topic, connection in self.candidates[name]:
+            if name in batteries.OF_BATTERY and (topic.pattern, topic.kind) in self.added:
+                return self._over_packs(name, topic, connection)
             values = topic.sources[name].of(self.samples[connection.topic].values)
             time_s, values = clock.in_order(self.times[connection.topic], values)
             if len(values) >= 2 and (name not in _ELECTRIC or values.any()):
@@ -116,6 +162,19 @@ class _Reading:
             if name in _NEEDED:
                 self.void.setdefault(connection.topic, []).append(name)
         return None
+
+    def _over_packs(self, name: str, topic: Topic, first: Offer) -> Series:
+        """A channel of several packs in parallel: what they draw is added, of the rest the mean is taken."""
+        packs = [
+            clock.in_order(self.times[pack], topic.sources[name].of(self.samples[pack].values))
+            for pack in self.added[topic.pattern, topic.kind]
+        ]
+        packs = [pack for pack in packs if len(pack[0]) >= 2]
+        ticks = clock.slower(*(time_s for time_s, _ in packs))
+        values = np.array([clock.on_clock(*pack, ticks) for pack in packs])
+        over = values.sum(axis=0) if name in batteries.ADDED else values.mean(axis=0)
+        label = " + ".join(self.added[topic.pattern, topic.kind])
+        return Series(label, first.msgtype, *clock.in_order(ticks, over))
 
     def _missing(self, what: str) -> RecordingError:
         topics = {connection.topic: connection.msgtype for connection in self.bag.connections}

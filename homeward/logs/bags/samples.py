@@ -8,6 +8,7 @@ receipt of the other topics.
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,11 @@ from rosbags.serde import SerdeError
 from homeward.logs import rules
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.messages import UnknownType, WrongField, decoder, getter
+from homeward.logs.bags.topics import BATTERY, PART, without_part
 from homeward.logs.channels import Array
 from homeward.logs.columns import RecordingError
 
+_MOST_PARTS = 16  # batteries of a topic; chosen: with more, the text is none that names a battery
 _LATEST_NS = np.iinfo(np.int64).max  # of a time of receipt, which a damaged record exceeds
 
 
@@ -52,6 +55,7 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
     getters = {name: [getter(path) for path in paths] for name, paths in wanted.items()}
     rows: dict[str, list[list[float]]] = {connection.topic: [] for connection in readable}
     times: dict[str, list[tuple[int, int]]] = {name: [] for name in rows}
+    parts: dict[str, list[str]] = {name: [] for name in rows}
     failures = dict.fromkeys(rows, 0)
     for connection, received_ns, content in bag.messages(readable):
         name, decode = connection.topic, decoders.get((id(connection.owner), connection.id))
@@ -68,16 +72,40 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
             continue
         except WrongField as error:
             raise RecordingError(f"{name} ({connection.msgtype}): {error}") from None
+        parts[name].append(part_of(message, connection.msgtype))
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         times[name].append((received_ns, 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)))
     bag.notes += [f"{n} messages of {name} do not fit their type and are left out" for name, n in failures.items() if n]
     unread |= {name: f"{name} is left out: none of its messages can be read" for name in rows if not rows[name]}
-    samples = {}
+    samples: dict[str, Samples] = {}
     for name in (one for one in rows if rows[one]):
         table = np.array(rows[name], dtype=np.float64).reshape(len(rows[name]), -1).T
         received, stamps = np.array(times[name], dtype=np.int64).T
-        samples[name] = Samples(received, stamps, dict(zip(wanted[name], table, strict=True)))
-    return samples, [line for name, line in unread.items() if name not in samples]
+        whole = Samples(received, stamps, dict(zip(wanted[name], table, strict=True)))
+        samples |= _by_part(name, whole, np.array(parts[name]))
+    return samples, [line for name, line in unread.items() if name not in {without_part(one) for one in samples}]
+
+
+def part_of(message: Any, kind: str) -> str:
+    """Name of the battery that a message is of, as far as it says so: several may share a topic."""
+    if kind != BATTERY:
+        return ""
+    said = (getattr(message, "location", ""), getattr(message, "serial_number", ""))
+    frame = getattr(getattr(message, "header", None), "frame_id", "")
+    return str(next((name for name in (*said, frame) if name), ""))
+
+
+def _by_part(name: str, samples: Samples, parts: NDArray[np.str_]) -> dict[str, Samples]:
+    """The samples of a topic, or those of each battery that it reports, by name."""
+    found = np.unique(parts)
+    if not 1 < len(found) <= _MOST_PARTS:
+        return {name: samples}
+    divided = {}
+    for part in found:
+        mine = parts == part
+        values = {path: column[mine] for path, column in samples.values.items()}
+        divided[f"{name}{PART}{part}"] = Samples(samples.received_ns[mine], samples.stamp_ns[mine], values)
+    return divided
 
 
 def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tuple[dict[str, Array], int, list[str]]:
