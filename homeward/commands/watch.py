@@ -30,6 +30,7 @@ from homeward import cli, installed, quantities
 from homeward.companion import CompanionError, rules
 from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
+from homeward.logs.plausible import within_top_speed
 from homeward.physics import RobotError, load_robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.live import LiveView
@@ -87,7 +88,8 @@ def main(args: Args) -> list[Watched]:
     if not args.runs:
         raise RecordingError("no recording is given; name at least one file, or --ros2")
     robot = load_robot(args.robot)
-    recordings = [read_recording(path, args.columns) for path in args.runs]
+    read = [read_recording(path, args.columns) for path in args.runs]
+    recordings = [within_top_speed(one, robot.max_speed_mps) for one in read]
     check_writable(args.out)
     notes = [(Path(one.name).name, note) for one in recordings for note in one.notes]
     for said in notes:

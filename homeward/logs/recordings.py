@@ -22,6 +22,7 @@ from homeward.logs import limits, rules, tables
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
 from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
+from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import from_epoch, from_text
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
@@ -303,6 +304,7 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
         else:
             notes += _leave_out_impossible(channel, values)
         channels[channel.name] = values
+    notes += leave_out_spikes(channels)
     _refuse_missing(list(channels), f"it gives {', '.join(channels)}")
     _refuse_contradiction(channels)
     return channels

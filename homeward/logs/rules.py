@@ -19,6 +19,19 @@ STANDSTILL_MPS = 0.02
 (a standing Husky of BorealTC, ICE/pro_04, reads up to 0.012 m/s); the slowest robot that ships does ten times as
 much."""
 
+FASTEST_CHANGES: Mapping[str, float] = MappingProxyType({
+    "speed_mps": 12.0, "wheel_left_mps": 12.0, "wheel_right_mps": 12.0, "distance_m": 70.0, "elevation_m": 70.0,
+})  # fmt: skip
+"""Largest rate of change of a channel, SI per second. Speeds: the grip of rubber on dry asphalt, 1.2 g (Wong, Theory of
+Ground Vehicles, ch. 1: 0.8 to 0.9 in a steady slide, up to 1.2 at the peak); the way and the height: the limit of a
+speed in the schema."""
+SPIKE_SAMPLES, SPIKE_S = 5, 0.25
+"""Samples of the running median from which a spike deviates, and least time that a change is given, s. Chosen: up to
+two wrong readings in a row are found, and noise of 3 m/s is none."""
+FASTER_THAN_TOP = 1.5
+"""Speed over the top speed of a robot's file from which single readings are impossible. Chosen: downhill, and with
+settings that were changed, robots are faster than their file says, by less."""
+
 MOST_BROKEN_SHARE = 0.1
 """Largest share of broken lines; more mean that the mapping is for other files. Chosen."""
 

@@ -26,6 +26,7 @@ from homeward.logs.bags.topics import (
 )
 from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, first_set
 from homeward.logs.columns import RecordingError
+from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import is_epoch
 
 _ELECTRIC = {name for names in POWER for name in names}
@@ -157,7 +158,11 @@ class _Reading:
                 return self._over_packs(name, topic, connection)
             values = topic.sources[name].of(self.samples[connection.topic].values)
             time_s, values = clock.in_order(self.times[connection.topic], values)
+            # Before they are averaged, which would spread a wrong reading over those beside it.
+            said = leave_out_spikes({"time_s": time_s, name: values})
+            time_s, values = clock.in_order(time_s, values)
             if len(values) >= 2 and (name not in _ELECTRIC or values.any()):
+                self.notes += said
                 return Series(connection.topic, connection.msgtype, time_s, values)
             if name in _NEEDED:
                 self.void.setdefault(connection.topic, []).append(name)
