@@ -33,6 +33,7 @@ from homeward.envs.routes import rules
 from homeward.envs.routes.route import MOST_ROUTE_BYTES, RouteError
 from homeward.files import read_bytes, read_text
 from homeward.installed import advice
+from homeward.logs.unknown import unknown
 
 Array = NDArray[np.float64]
 
@@ -218,7 +219,7 @@ def _refuse_jump(step_m: Array, name: str) -> None:
 
 
 def _filled(elevation: Array, name: str) -> Array:
-    known = np.abs(elevation) <= rules.MOST_ELEVATION_M  # not NaN
+    known = (np.abs(elevation) <= rules.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
     if known.mean() < 1.0 - rules.MISSING_SHARE:
         raise RouteError(
             f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations"

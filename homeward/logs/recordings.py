@@ -7,6 +7,7 @@ import math
 import os
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ import pyarrow.parquet as pq
 
 from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
-from homeward.logs import limits, rules, tables
+from homeward.logs import limits, rules, tables, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
 from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
@@ -197,7 +198,9 @@ def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[s
         notes.append(f"mapping {mapping.name}, known by the names of the columns")
     wanted = _wanted(table.header, mapping, standing)
     dated: list[str] = []
-    pieces = [_in_numbers(piece, mapping, dated) for piece in table.pieces(wanted)]
+    words: Counter[str] = Counter()
+    pieces = [_in_numbers(piece, mapping, dated, words) for piece in table.pieces(wanted)]
+    notes += _said_unknown(words)
     if how := (*table.notes, *dict.fromkeys(dated)):
         notes.append(f"read with {', '.join(how)}")
     return _joined(pieces, wanted, mapping)
@@ -205,11 +208,13 @@ def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[s
 
 def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
     dated: list[str] = []
+    words: Counter[str] = Counter()
     with tables.opened_parquet(path) as file:
         wanted = _wanted(file.schema_arrow.names, mapping, standing)
         if file.metadata.num_rows > limits.MOST_ROWS:
             raise RecordingError(f"has more than {limits.MOST_ROWS} rows; cut it into several runs")
-        pieces = [_in_numbers(piece, mapping, dated) for piece in _batches(file, wanted)]
+        pieces = [_in_numbers(piece, mapping, dated, words) for piece in _batches(file, wanted)]
+    notes += _said_unknown(words)
     notes += [f"read with {one}" for one in dict.fromkeys(dated)]
     return _joined(pieces, wanted, mapping)
 
@@ -236,8 +241,10 @@ def _batches(file: pq.ParquetFile, wanted: Sequence[str]) -> Iterator[pd.DataFra
         rows += len(piece)
 
 
-def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) -> pd.DataFrame:
-    """The columns as float64; dates in the columns of the time become seconds, and `dated` says so."""
+def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str], notes: Counter[str]) -> pd.DataFrame:
+    """The columns as float64; dates in the columns of the time become seconds, and `dated` says so; words that mean
+    unknown are missing, and `notes` counts them."""
+    words = unknown.WORDS | (mapping.words_for_unknown() if mapping is not None else set())
     stamp = None if mapping is None else mapping.stamp
     times = ["time_s"] if mapping is None else mapping.time_columns()
     columns: dict[str, Any] = {}
@@ -246,7 +253,7 @@ def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) 
         if name == stamp:
             columns[name] = column
         elif name not in times:
-            columns[name] = _numbers(column)
+            columns[name] = _numbers(_without_words(column, words, notes))
         elif (times_read := from_text(column)) is not None:
             seconds, how = times_read
             dated.append(how)
@@ -254,6 +261,23 @@ def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) 
         else:
             columns[name] = _numbers(column, "neither a number nor a time such as 2024-05-01T12:00:00.1")
     return pd.DataFrame(columns, index=table.index)
+
+
+def _without_words(column: pd.Series[Any], words: frozenset[str] | set[str], count: Counter[str]) -> pd.Series[Any]:
+    """A column without the texts that mean unknown, which are counted."""
+    if pd.api.types.is_numeric_dtype(column):
+        return column
+    texts = column.where(column.notna(), "").astype(str).str.strip()
+    found = texts[texts.str.lower().isin(words)]
+    if found.empty:
+        return column
+    for word, times in found.value_counts().items():
+        count[f"{column.name!s} is {_shown(str(word))!r}"] += int(times)
+    return column.mask(texts.index.isin(found.index))
+
+
+def _said_unknown(count: Counter[str]) -> list[str]:
+    return [f"{times} times {what}, which means unknown: left out" for what, times in count.items()]
 
 
 def _wanted(header: list[str], mapping: Columns | None, standing: bool = False) -> list[str]:
@@ -302,6 +326,7 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
             notes += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
             _refuse_bad_time(values)
         else:
+            notes += unknown.left_out(channel.name, values)
             notes += _leave_out_impossible(channel, values)
         channels[channel.name] = values
     notes += leave_out_spikes(channels)

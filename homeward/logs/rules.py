@@ -19,6 +19,10 @@ STANDSTILL_MPS = 0.02
 (a standing Husky of BorealTC, ICE/pro_04, reads up to 0.012 m/s); the slowest robot that ships does ten times as
 much."""
 
+MOST_ZERO_HEIGHTS, NEAR_ZERO_M = 0.2, 30.0
+"""Largest share of heights of 0 that mean unknown, and least size of all others, m. Chosen: heights above the start
+begin at 0, and the next point is less than 30 m higher."""
+
 FASTEST_CHANGES: Mapping[str, float] = MappingProxyType({
     "speed_mps": 12.0, "wheel_left_mps": 12.0, "wheel_right_mps": 12.0, "distance_m": 70.0, "elevation_m": 70.0,
 })  # fmt: skip

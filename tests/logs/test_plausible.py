@@ -15,7 +15,7 @@ Write = Callable[[pd.DataFrame], Path]
 
 @pytest.mark.parametrize(
     ("channel", "spike"),
-    [("speed_mps", 60.0), ("speed_mps", -9.0), ("wheel_left_mps", 12.0), ("distance_m", 900.0), ("elevation_m", 0.0)],
+    [("speed_mps", 60.0), ("speed_mps", -9.0), ("wheel_left_mps", 12.0), ("distance_m", 900.0), ("elevation_m", 200.0)],
 )
 def test_a_spike_is_left_out_and_said(table: pd.DataFrame, csv: Write, channel: str, spike: float) -> None:
     driven_m = np.cumsum(table.speed_mps) * 0.1

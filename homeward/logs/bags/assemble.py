@@ -28,6 +28,7 @@ from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, first_set
 from homeward.logs.columns import RecordingError
 from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import is_epoch
+from homeward.logs.unknown import left_out, unknown
 
 _ELECTRIC = {name for names in POWER for name in names}
 _NEEDED = {*_ELECTRIC, *(name for names in MOTION for name in names)}
@@ -81,6 +82,8 @@ class _Reading:
             self.samples, {name for name in self.samples if without_part(name) in on_receipt or name in on_receipt}
         )
         # Batteries that are added, by the name and type of the entry of the mapping.
+        for topic, connection in self.candidates["current_a"]:
+            self._leave_out_with_voltage(topic, connection.topic)
         self.added: dict[tuple[str, str], tuple[str, ...]] = {}
 
     def table(self) -> tuple[pd.DataFrame, list[str], float]:
@@ -142,6 +145,19 @@ class _Reading:
                     pair for pair in self.candidates[name] if pair[0] is not topic or pair[1].topic in choice.names
                 ]
 
+    def _leave_out_with_voltage(self, topic: Topic, name: str) -> None:
+        """Leave out the readings of a battery in messages whose voltage is unknown: its driver has none yet."""
+        if "voltage_v" not in topic.sources:
+            return
+        values = self.samples[name].values
+        silent = unknown("voltage_v", topic.sources["voltage_v"].of(values))
+        if not silent.any():
+            return
+        for channel in batteries.OF_BATTERY & topic.sources.keys():
+            for path, _ in topic.sources[channel].terms:
+                values[path] = np.where(silent, np.nan, values[path])
+        self.notes.append(f"{int(silent.sum())} of {len(silent)} messages of {name} have an unknown voltage: left out")
+
     def _battery(self, topic: Topic, name: str) -> batteries.Battery | None:
         """What a battery reports; None if it reports nothing that is drawn."""
         values = self.samples[name].values
@@ -156,10 +172,11 @@ class _Reading:
         for topic, connection in self.candidates[name]:
             if name in batteries.OF_BATTERY and (topic.pattern, topic.kind) in self.added:
                 return self._over_packs(name, topic, connection)
-            values = topic.sources[name].of(self.samples[connection.topic].values)
+            values = np.array(topic.sources[name].of(self.samples[connection.topic].values))
+            said = [*left_out(name, values), *_stray_left_out(name, values)]
             time_s, values = clock.in_order(self.times[connection.topic], values)
             # Before they are averaged, which would spread a wrong reading over those beside it.
-            said = leave_out_spikes({"time_s": time_s, name: values})
+            said += leave_out_spikes({"time_s": time_s, name: values})
             time_s, values = clock.in_order(time_s, values)
             if len(values) >= 2 and (name not in _ELECTRIC or values.any()):
                 self.notes += said
@@ -253,14 +270,30 @@ class _Reading:
     def _leave_out_impossible(self, columns: dict[str, Array]) -> None:
         """Leave out channels that are not needed and have values out of their limits."""
         soc, most = columns.get("soc", np.empty(0)), CHANNELS["soc"].high
-        if most < np.max(soc, initial=0.0, where=np.isfinite(soc)) <= 100.0 * most:
+        known = soc[np.isfinite(soc)]
+        if len(known) and most < np.median(known) <= 100.0 * most:
             columns["soc"] = soc / 100.0
             self.notes.append("the state of charge is in per cent, and divided by 100")
         for name in sorted(set(columns) - _NEEDED):
             channel = CHANNELS[name]
-            if channel.impossible(columns[name]).any() or np.isnan(columns[name]).all():
+            impossible = channel.impossible(columns[name])
+            beyond = f"outside {channel.low:g} to {channel.high:g}"
+            if impossible.mean() > rules.STRAY_SHARE or np.isnan(columns[name]).all():
                 del columns[name]
-                self.notes.append(f"{name} is left out: missing, or outside {channel.low:g} to {channel.high:g}")
+                self.notes.append(f"{name} is left out: missing, or {beyond}")
+            elif impossible.any():
+                columns[name] = np.where(impossible, np.nan, columns[name])
+                self.notes.append(f"{int(impossible.sum())} values of {name} are {beyond} and left out")
+
+
+def _stray_left_out(name: str, values: Array) -> list[str]:
+    """Set few impossible values to NaN, in place, before they are averaged with others; many are another unit."""
+    channel = CHANNELS[name]
+    impossible = channel.impossible(values)
+    if not 0.0 < impossible.mean() <= rules.STRAY_SHARE:
+        return []
+    values[impossible] = np.nan
+    return [f"{int(impossible.sum())} values of {name} are outside {channel.low:g} to {channel.high:g} and left out"]
 
 
 def _speed(series: dict[str, Series]) -> Series:

@@ -254,6 +254,10 @@ class Listener:
                     readings = of_entry.setdefault(id(option.topic), (option.topic, {}))[1]
                     readings[channel] = option.value(values)
         for topic, readings in of_entry.values():
+            if math.isnan(readings.get("voltage_v", 0.0)):  # its driver knows nothing yet
+                for channel in OF_BATTERY & topic.sources.keys():
+                    values |= dict.fromkeys((path for path, _ in topic.sources[channel].terms), math.nan)
+                continue
             self._batteries.setdefault(_key(topic), Batteries(topic)).hear(battery, readings)
         return battery
 
