@@ -30,6 +30,22 @@ __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
+_TRACK = "is a track, without power; for a route convert it to GPX, as with gpsbabel"
+_REMEDIES = {
+    ".zstd": "is packed as a whole: unpack it (zstd -d FILE), or give the folder of its bag",
+    ".zst": "is packed as a whole: unpack it (zstd -d FILE)",
+    ".zip": "is packed: unpack it, and give the recordings in it",
+    ".7z": "is packed: unpack it, and give the recordings in it",
+    ".tlog": "is a telemetry log of MAVLink: give the autopilot's own log (.bin, .ulg), or write it as a table "
+    "(mavlogdump.py --format csv of pymavlink)",
+    ".xlsx": "is a spreadsheet: save it as CSV",
+    ".xls": "is a spreadsheet: save it as CSV",
+    ".ods": "is a spreadsheet: save it as CSV",
+    ".gpx": "is a track, without power; give it as a route (homeward routes FILE)",
+    ".fit": "is a track, without power; give it as a route (homeward routes FILE)",
+    **dict.fromkeys((".kml", ".kmz", ".geojson", ".tcx", ".nmea"), _TRACK),
+}  # fmt: skip
+"""What to do with files that are no recordings, by the ending of their names."""
 _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of two channels
     ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
     ("speed_mps", "the wheel speeds", {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}),
@@ -136,6 +152,9 @@ def _read_table(path: Path, mapping: Columns | None, standing: bool) -> tuple[pd
     if not path.is_file():
         raise RecordingError("is a pipe or device; give a file, or - for standard input")
     if suffix is None:
+        for ending, remedy in _REMEDIES.items():
+            if path.name.lower().endswith(ending):
+                raise RecordingError(remedy)
         raise RecordingError(
             f"unknown kind of file; a recording is {', '.join((*_SUFFIXES, *FLIGHT_SUFFIXES))} or a bag"
         )

@@ -119,6 +119,10 @@ CLOCKS_DIFFER_S = 5.0
 """Delay of a topic over that of the others, s, from which its stamps are of another clock; chosen: transport delays a
 message by less, another clock is off by far more."""
 
+CLOCK_BACK_S = 1.0
+"""Time by which stamps of one topic go back, s, from which its clock was set or began again. Chosen: messages overtake
+each other by less."""
+
 LEVEL_M = 0.05
 """Height range, m; chosen: a height that varies by less is that of planar odometry, which does not measure height."""
 

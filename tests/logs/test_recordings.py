@@ -50,8 +50,8 @@ def test_missing_values_and_columns_in_any_order_are_read(table: pd.DataFrame, c
 def test_no_file_folder_and_unknown_kind(tmp_path: Path) -> None:
     assert "no such file" in refusal(tmp_path / "none.csv")
     assert "is a folder" in refusal(tmp_path)
-    (tmp_path / "run.xlsx").write_text("x")
-    assert ".parquet" in refusal(tmp_path / "run.xlsx")
+    (tmp_path / "run.doc").write_text("x")
+    assert ".parquet" in refusal(tmp_path / "run.doc")
 
 
 def test_empty_and_header_only(tmp_path: Path) -> None:

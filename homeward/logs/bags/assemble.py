@@ -10,7 +10,8 @@ from homeward.logs import rules
 from homeward.logs.bags import batteries, clock, grade, is_flight_log
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.flight import FlightLog
-from homeward.logs.bags.samples import read_samples, times_s
+from homeward.logs.bags.messages import SCHEMALESS
+from homeward.logs.bags.samples import keep_longest_part, read_samples, times_s
 from homeward.logs.bags.topics import (
     ACCELERATION,
     BATTERY,
@@ -70,10 +71,13 @@ class _Reading:
         wanted: dict[str, dict[str, None]] = {}
         for topic, connection in pairs:
             wanted.setdefault(connection.topic, {}).update(dict.fromkeys(topic.paths()))
-        read = bag.samples(wanted) if isinstance(bag, FlightLog) else read_samples(bag, wanted)
+        kinds = {connection.topic: topic.kind for topic, connection in pairs if topic.kind}
+        read = bag.samples(wanted) if isinstance(bag, FlightLog) else read_samples(bag, wanted, kinds)
         self.samples, self.unread = read  # unread: why topics could not be read
         if not self.samples:
             raise self._missing("motion and no power")
+        if isinstance(bag, FlightLog):
+            bag.notes += keep_longest_part(self.samples)
         self.candidates: dict[str, list[tuple[Topic, Offer]]] = {
             name: [pair for option in options for pair in self._read_from(*option)] for name, options in offered.items()
         }
@@ -174,13 +178,18 @@ class _Reading:
                 return self._over_packs(name, topic, connection)
             values = np.array(topic.sources[name].of(self.samples[connection.topic].values))
             said = [*left_out(name, values), *_stray_left_out(name, values)]
+            known = int(np.isfinite(values).sum())
             time_s, values = clock.in_order(self.times[connection.topic], values)
+            if known - len(values) > rules.STRAY_SHARE * known:
+                same = f"{known - len(values)} of {known} values of {name} have the time of another: the first is used"
+                said.append(same)
             # Before they are averaged, which would spread a wrong reading over those beside it.
             said += leave_out_spikes({"time_s": time_s, name: values})
             time_s, values = clock.in_order(time_s, values)
             if len(values) >= 2 and (name not in _ELECTRIC or values.any()):
                 self.notes += said
-                return Series(connection.topic, connection.msgtype, time_s, values)
+                kind = topic.kind if connection.msgtype == SCHEMALESS else connection.msgtype
+                return Series(connection.topic, kind, time_s, values)
             if name in _NEEDED:
                 self.void.setdefault(connection.topic, []).append(name)
         return None
@@ -201,10 +210,12 @@ class _Reading:
     def _missing(self, what: str) -> RecordingError:
         topics = {connection.topic: connection.msgtype for connection in self.bag.connections}
         shown = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items())[:12])
+        typeless = any(kind == SCHEMALESS for kind in topics.values())
+        hint = ", with the type of a topic without a schema" if typeless else ""
         because = "".join(f"; {reason}" for reason in (*self._why(), *self.bag.notes))
         return RecordingError(
             f"has no {what} by the topic mapping {self.topics.name}{because}; its topics: {shown}"
-            f"{', ...' if len(topics) > 12 else ''}; name them in a mapping file (--columns)"
+            f"{', ...' if len(topics) > 12 else ''}; name them in a mapping file (--columns){hint}"
         )
 
     def _why(self) -> list[str]:

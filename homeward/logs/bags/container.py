@@ -27,6 +27,9 @@ from homeward.logs.limits import Allowance, TooLarge
 _MOST_METADATA_BYTES = 4_000_000
 """Most bytes of a metadata.yaml. Chosen: it has 1 kB for each topic, and reading it takes a second."""
 
+_OTHER_SCHEMAS = ("jsonschema", "protobuf", "flatbuffer", "ros1msg", "self-described")
+"""Encodings of schemas in MCAP files that are none of ROS 2 (mcap.dev/spec/registry)."""
+
 _allowance: ContextVar[Allowance | None] = ContextVar("allowance of the bag that is read", default=None)
 
 
@@ -116,6 +119,12 @@ class Bag(contextlib.ExitStack):
                 self.notes.append(f"cannot be read as a whole ({_first_line(error)}), so its files are read one by one")
             else:
                 self.callback(reader.close)
+                listed = {Path(storage.path).name for storage in reader.storage.storages}
+                there = {file.name.removesuffix(".zstd") for file in storage_files(self.path)}
+                if there - listed:
+                    said = f"metadata.yaml lists {len(listed)} of {len(there)} files: all are read, one by one"
+                    self.notes.append(said)
+                    return [self._reader(file) for file in storage_files(self.path)]
                 if reader.storage.metadata.compression_mode == "message":  # they are unpacked here, within limits
                     self._packed_messages = True
                     reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
@@ -143,7 +152,12 @@ class Bag(contextlib.ExitStack):
             left = f"{sum(connection.msgcount for connection in remains.connections)} messages could be read"
             if file.suffix == ".db3":
                 left = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
-            self.notes.append(f"{file.name} is cut off or damaged ({_first_line(error)}): {left}")
+            whole = _not_damaged(error)
+            self.notes.append(
+                f"{file.name} {whole}, which are left out"
+                if whole
+                else f"{file.name} is cut off or damaged ({_first_line(error)}): {left}"
+            )
             return remains
         self.callback(reader.close)
         if not self.ros1:
@@ -214,6 +228,13 @@ def _in_order_of_file(reader: Any, connections: Collection[Connection]) -> Itera
         reader.indexes[first.id] = [places[place] for place in sorted(places)]
         connections = [first]
     yield from reader.messages(connections)
+
+
+def _not_damaged(error: Exception) -> str | None:
+    """What a whole MCAP file has that `rosbags` does not open; the topics of ROS 2 in it are read without its index."""
+    if isinstance(error, KeyError) and error.args and error.args[0] in _OTHER_SCHEMAS:
+        return f"has topics with schemas in {error.args[0]}"
+    return None
 
 
 def _first_line(error: Exception) -> str:

@@ -14,6 +14,9 @@ from rosbags.typesys.store import Typestore
 from homeward.logs import limits
 
 _SEPARATOR = "=" * 80 + "\n"
+SCHEMALESS = "__schemaless__"
+"""Type that `rosbags` gives topics of an MCAP file without a schema."""
+
 _PLACEHOLDER = "structure_needs_at_least_one_member"  # which rosbags adds to a message without fields
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\w+)\]")
 
@@ -26,15 +29,18 @@ class WrongField(ValueError):
     """A field that the message does not have; the error lists those that it has."""
 
 
-def decoder(connection: Connection, ros1: bool) -> Callable[[bytes], Any]:
+def decoder(connection: Connection, ros1: bool, kind: str = "") -> Callable[[bytes], Any]:
     """Decoder of the content of a topic's messages into objects.
 
     The bag's own definition comes first. Bags of ROS 2 before Iron in sqlite3 have none: then those of the standard
-    packages, and the ones that ship here (folder definitions), newest first where a package changed its layout.
+    packages, and the ones that ship here (folder definitions), newest first where a package changed its layout. So it
+    is for an empty definition, and for a topic without a schema whose `kind` the mapping gives.
 
     Raises:
         UnknownType: There is no definition.
     """
+    if connection.msgtype == SCHEMALESS and kind:
+        connection = connection._replace(msgtype=kind)
     kind = connection.msgtype
     stores = _stores(connection)
     for store in stores:
@@ -56,9 +62,11 @@ def decoder(connection: Connection, ros1: bool) -> Callable[[bytes], Any]:
 def _stores(connection: Connection) -> list[Typestore]:
     kind, definition = connection.msgtype, connection.msgdef
     try:
-        if definition.format == MessageDefinitionFormat.MSG:
+        if not definition.data.strip():
+            pass  # as none
+        elif definition.format == MessageDefinitionFormat.MSG:
             return [_store(Stores.EMPTY, [get_types_from_msg(definition.data, kind)])]
-        if definition.format == MessageDefinitionFormat.IDL:
+        elif definition.format == MessageDefinitionFormat.IDL:
             parts = [part.split("\n", 1)[1] for part in definition.data.split(_SEPARATOR) if part.startswith("IDL: ")]
             return [_store(Stores.EMPTY, [get_types_from_idl(part) for part in parts or [definition.data]])]
     except Exception as error:  # a damaged one raises anything, from TypesysError to KeyError

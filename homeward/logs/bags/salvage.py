@@ -16,6 +16,7 @@ from typing import BinaryIO
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 from rosbags.typesys.msg import normalize_msgtype
 
+from homeward.logs.bags.messages import SCHEMALESS
 from homeward.logs.limits import Allowance, TooLarge
 
 Record = Connection | tuple[int, int, bytes]  # of a message: id of its connection, time of receipt in ns, content
@@ -128,7 +129,7 @@ def _mcap(
             schemas[number] = (_text(record), _text(record), _text(record))
         elif operation[0] == _MCAP_CHANNEL:
             number, schema = struct.unpack("<HH", record.read(4))
-            name, encoding, text = schemas.get(schema, ("", "", ""))
+            name, encoding, text = schemas.get(schema, (SCHEMALESS, "", ""))
             yield _connection(number, _text(record), name, _FORMATS.get(encoding, MessageDefinitionFormat.NONE), text)
         elif operation[0] == _MCAP_MESSAGE:
             number, _, received = struct.unpack("<HIQ", data[:14])

@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from homeward.logs.bags.messages import WrongField, getter
+from homeward.logs.bags.messages import SCHEMALESS, WrongField, getter
 from homeward.logs.channels import CHANNELS, MOTION, POWER, first_set
 from homeward.logs.columns import RecordingError, Source, read_mapping, shipped, source_of
 
@@ -72,7 +72,9 @@ class Topic:
         """Whether a topic matches."""
         name = connection.topic
         wanted = fnmatchcase(name, without_part(self.pattern)) and not fnmatchcase(name, self.refused)
-        return wanted and self.kind in ("", connection.msgtype)
+        # A topic without a schema is of the type that an entry for it alone says.
+        unnamed = connection.msgtype == SCHEMALESS and "*" not in self.pattern
+        return wanted and (unnamed or self.kind in ("", connection.msgtype))
 
     def takes(self, part: str) -> bool:
         """Whether one of several batteries of a topic that fits is meant, by its name such as `/battery@left`."""
