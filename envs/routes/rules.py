@@ -23,6 +23,10 @@ bounds the memory of a profile to some hundred MB."""
 JUMP_M = 100_000.0
 """Largest distance between neighbouring points, m; chosen: farther than a ground robot drives on a charge."""
 
+SEGMENT_GAP_M = 100.0
+"""Largest gap between segments of a track that are one way, m. Chosen: a receiver loses its position for less than a
+minute in a short tunnel; a segment that begins farther away is another drive."""
+
 SHORTEST_M = 100.0
 """Shortest track, m: four standard deviations of the smoothing Gaussian, which would leave nothing of a shorter one."""
 

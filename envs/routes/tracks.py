@@ -110,9 +110,56 @@ def _read_gpx(path: Path) -> Track:
         raise RouteError(f"{path}: is not a whole GPX file: {_first_line(error)}") from None
     segments = [segment.points for track in gpx.tracks for segment in track.segments]
     ways = segments if any(segments) else [route.points for route in gpx.routes]
-    table = np.array([(p.latitude, p.longitude, _number(p.elevation)) for way in ways for p in way], dtype=np.float64)
-    latitude, longitude, elevation = table.reshape(-1, 3).T
+    tables = [
+        np.array([(p.latitude, p.longitude, _number(p.elevation)) for p in way], dtype=np.float64).reshape(-1, 3)
+        for way in ways
+    ]
+    latitude, longitude, elevation = _driven(tables, str(path)).T
     return Track(elevation, latitude, longitude)
+
+
+def _driven(segments: list[Array], name: str) -> Array:
+    """Points of the segments of a file as one way, shape (points, 3); what was not driven is left out, with a warning.
+
+    Some programs write each segment again at the start of the next. Between segments that are far apart nothing was
+    recorded: the longest way without such a gap is used.
+    """
+    steps_seen: set[tuple[float, ...]] = set()
+    new: list[bool] = [False] * len(segments)
+    for number in sorted(range(len(segments)), key=lambda one: -len(segments[one])):
+        # Steps from point to point, so that the way back over the same points is none.
+        steps = set(map(tuple, np.hstack((segments[number][:-1, :2], segments[number][1:, :2])).tolist()))
+        new[number] = len(segments[number]) > 1 and not steps <= steps_seen
+        steps_seen |= steps
+    kept = [segment for segment, is_new in zip(segments, new, strict=True) if is_new]
+    repeated = sum(len(segment) > 1 for segment in segments) - len(kept)
+    if repeated:
+        warnings.warn(f"{name}: {repeated} segments repeat points of others: left out", stacklevel=2)
+    joined: list[list[Array]] = []
+    for segment in kept:
+        near = bool(joined) and _apart_m(joined[-1][-1][-1], segment[0]) <= rules.SEGMENT_GAP_M
+        if near:
+            joined[-1].append(segment)
+        else:
+            joined.append([segment])
+    whole = [np.concatenate(parts) for parts in joined]
+    if not whole:
+        return np.empty((0, 3))
+    longest = max(whole, key=len)
+    if len(whole) > 1:
+        counts = ", ".join(str(len(way)) for way in whole)
+        warnings.warn(
+            f"{name}: {len(whole)} parts with gaps of more than {rules.SEGMENT_GAP_M:.0f} m between them ({counts} "
+            "points): the longest is used; what was not recorded was not driven",
+            stacklevel=2,
+        )
+    return longest
+
+
+def _apart_m(start: Array, end: Array) -> float:
+    """Distance between two points, latitude and longitude in degrees."""
+    north, east = np.radians(end[:2] - start[:2])
+    return _EARTH_M * float(np.hypot(north, east * np.cos(np.radians(start[0]))))
 
 
 def _read_fit(path: Path) -> Track:
@@ -222,7 +269,8 @@ def _filled(elevation: Array, name: str) -> Array:
     known = (np.abs(elevation) <= rules.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
     if known.mean() < 1.0 - rules.MISSING_SHARE:
         raise RouteError(
-            f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations"
+            f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations, or "
+            "for ground of one slope a CSV profile of two rows: distance_m,grade_rad"
         )
     if not known.all():
         warnings.warn(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import gzip
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -286,3 +287,36 @@ def test_elevations_that_no_ground_has_are_unknown(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match=r"10 of 200 elevations are unknown or impossible"):
         level = profile(Track(heights, distance_m=along_m), "track")
     assert np.abs(level.elevation_m - 10.0).max() < 0.1
+
+
+def segments_of(path: Path, *segments: tuple[int, int]) -> Path:
+    """A file of segments along one way, with points every 10 m, by the numbers of their first and last point."""
+    gpx = gpxpy.gpx.GPX()
+    gpx.tracks.append(gpxpy.gpx.GPXTrack())
+    for first, last in segments:
+        segment = gpxpy.gpx.GPXTrackSegment()
+        for i in range(first, last):
+            segment.points.append(gpxpy.gpx.GPXTrackPoint(47.0 + 10.0 * i / M_PER_DEGREE, 8.0, 400.0))
+        gpx.tracks[0].segments.append(segment)
+    path.write_text(gpx.to_xml())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("segments", "way_m", "said"),
+    [
+        (((0, 30), (0, 60), (0, 90)), 890.0, "2 segments repeat points of others"),
+        (((0, 90), (0, 90)), 890.0, "1 segments repeat points"),
+        (((0, 40), (45, 90)), 890.0, None),
+        (((0, 30), (60, 200)), 1390.0, r"2 parts with gaps of more than 100 m between them \(30, 140 points\)"),
+    ],
+)
+def test_what_was_not_driven_is_no_way(
+    tmp_path: Path, segments: tuple[tuple[int, int], ...], way_m: float, said: str | None
+) -> None:
+    path = segments_of(tmp_path / "a.gpx", *segments)
+    with warnings.catch_warnings(record=True, action="always") as caught:
+        track = profile(read_track(path), "a")
+    assert track.distance_m[-1] == pytest.approx(way_m, abs=1.0)
+    messages = " ".join(str(one.message) for one in caught)
+    assert re.search(said, messages) if said else not messages
