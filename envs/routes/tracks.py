@@ -135,6 +135,8 @@ def _driven(segments: list[Array], name: str) -> Array:
     repeated = sum(len(segment) > 1 for segment in segments) - len(kept)
     if repeated:
         warnings.warn(f"{name}: {repeated} segments repeat points of others: left out", stacklevel=2)
+    if lone := sum(len(segment) == 1 for segment in segments):
+        warnings.warn(f"{name}: {lone} segments of one point: left out", stacklevel=2)
     joined: list[list[Array]] = []
     for segment in kept:
         near = bool(joined) and _apart_m(joined[-1][-1][-1], segment[0]) <= rules.SEGMENT_GAP_M

@@ -21,7 +21,7 @@ from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
 from homeward.logs import limits, rules, tables, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
-from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
+from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
 from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import from_epoch, from_text
@@ -343,15 +343,37 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
         if channel.name == "time_s":
             values, taken_for = from_epoch(values)
             notes += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
-            _refuse_bad_time(values)
         else:
             notes += unknown.left_out(channel.name, values)
             notes += _leave_out_impossible(channel, values)
         channels[channel.name] = values
+    channels = _aligned(channels, notes)
+    _refuse_bad_time(channels["time_s"])
     notes += leave_out_spikes(channels)
     _refuse_missing(list(channels), f"it gives {', '.join(channels)}")
     _refuse_contradiction(channels)
     return channels
+
+
+def _aligned(channels: dict[str, Array], notes: list[str]) -> dict[str, Array]:
+    """A table whose power and motion stand in different rows, as those of PlotJuggler and Foxglove, on one clock, which
+    is chosen as for bags; other tables as they are."""
+    needed = [*first_set(MOTION, channels), *first_set(POWER, channels)]
+    time_s = channels.get("time_s", np.empty(0))
+    if not needed or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
+        return channels
+    known = np.array([np.isfinite(channels[name]) for name in needed])
+    fewest = int(known.sum(axis=1).min())
+    if fewest < 2 or known.all(axis=0).sum() >= rules.TOGETHER_SHARE * fewest:
+        return channels
+    from homeward.logs.bags import clock  # only now, as it needs a part of SciPy that takes a while to load
+
+    series = {name: clock.in_order(time_s, values) for name, values in channels.items() if name != "time_s"}
+    ticks = clock.slower(*(series[name][0] for name in needed))
+    if len(ticks) < 2:
+        raise RecordingError("power and motion were not recorded at the same time")
+    notes.append("power and motion stand in different rows: faster columns are averaged at the times of the slower")
+    return {"time_s": ticks, **{name: clock.on_clock(*one, ticks) for name, one in series.items()}}
 
 
 def _numbers(column: pd.Series[Any], wrong: str = "not a number") -> Array:

@@ -72,6 +72,10 @@ SLOW_STEP_S, EPOCH_COUNT = 2.0, 1e11
 count since 1970 in ms to ns: between 1990 in ms (6.3e11) and 2099 in s (4.1e9). Chosen: most robots are logged at
 1 Hz and faster."""
 
+TOGETHER_SHARE = 0.5
+"""Least share of the values of the channel that has fewest, in rows in which all that is needed is known; with fewer,
+each row is of one topic. Chosen: missing values are the exception in a table of samples."""
+
 # --- Units ------------------------------------------------------------------------------------------------------------
 
 UNIT_LOG_RATIO = 0.12

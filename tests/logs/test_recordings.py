@@ -156,3 +156,21 @@ def test_same_column_twice(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time_s,speed_mps,power_w,power_w\n0,0,1,1\n1,0,1,1\n")
     assert "two columns power_w" in refusal(path)
+
+
+@pytest.mark.parametrize("apart_s", [0.03, 0.0])
+def test_a_table_with_a_row_for_each_topic_is_aligned_as_bags_are(
+    table: pd.DataFrame, csv: Write, apart_s: float
+) -> None:
+    """PlotJuggler writes one row for each message; Foxglove has several of one time."""
+    motion = table[["time_s", "speed_mps"]]
+    power = table[["time_s", "power_w"]][::2].assign(time_s=lambda of: of.time_s + apart_s)
+    sparse = pd.concat([motion, power]).sort_values("time_s", kind="stable")
+    read = read_recording(csv(sparse))
+    assert len(read) == pytest.approx(300, abs=1)
+    assert read.notes == (
+        "power and motion stand in different rows: faster columns are averaged at the times of the slower",
+    )
+    now = read.channels["time_s"]
+    np.testing.assert_allclose(read.channels["speed_mps"], np.interp(now, table.time_s, table.speed_mps), atol=1e-3)
+    np.testing.assert_allclose(read.channels["power_w"], np.interp(now, power.time_s, power.power_w))
