@@ -418,18 +418,20 @@ def _refuse_bad_time(time_s: Array) -> None:
 
 
 def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
-    """Set impossible values to NaN, with a note; many of them are a wrong unit."""
+    """Set impossible values to NaN, with a note; many of those that are not 0 are a wrong unit."""
     impossible = channel.impossible(values)
     count, allowed = int(impossible.sum()), f"{channel.low:g} to {channel.high:g} {channel.unit}"
-    if count > rules.STRAY_SHARE * len(values):
-        worst = float(np.nanmax(np.abs(values)))
-        at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= worst * f <= channel.high]
+    beyond = f"{count} of {len(values)} values of {channel.name} are outside {allowed}"
+    moving = np.isfinite(values) & (values != 0.0)
+    if count > rules.STRAY_SHARE * len(values) and impossible[moving].mean() > rules.MOST_BROKEN_SHARE:
+        typical, worst = (float(pick(np.abs(values[impossible]))) for pick in (np.median, np.max))
+        at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= typical * f <= channel.high]
         guess = f"; this looks like {at_hand[0][0]} (factor {at_hand[0][1]:.6g} in a mapping file)" if at_hand else ""
         if channel.name == "temperature_c" and np.nanmin(values) > rules.COLDEST_K:
             guess = "; this looks like kelvin (offset -273.15 in a mapping file)"
         raise RecordingError(f"{channel.name} reaches {worst:.6g}, outside {allowed}{guess}")
     values[impossible] = np.nan
-    return [f"{count} values of {channel.name} are outside {allowed} and left out"] if count else []
+    return [f"{beyond} and left out"] if count else []
 
 
 def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
@@ -461,3 +463,9 @@ def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
                     f"{what} is {value / truth:.3g} times that of {reference}; this looks like {unit} "
                     f"(factor {1 / factor:.6g} in a mapping file)"
                 )
+        odometers = what in ("speed_mps", "the wheel speeds") and min(value, truth) > rules.LEAST_ODOMETER_M
+        if odometers and abs(np.log(value / truth)) > np.log(rules.MOST_ODOMETER_RATIO):
+            raise RecordingError(
+                f"{what} gives {value:.4g} m of way and {reference} {truth:.4g} m: which is right? Give the other a "
+                "factor in a mapping file (--columns), or leave it out"
+            )

@@ -37,7 +37,8 @@ FASTER_THAN_TOP = 1.5
 settings that were changed, robots are faster than their file says, by less."""
 
 MOST_BROKEN_SHARE = 0.1
-"""Largest share of broken lines; more mean that the mapping is for other files. Chosen."""
+"""Largest share of broken lines, or of impossible values other than 0; with more the mapping is for other files, or the
+unit is wrong. Chosen."""
 
 MOST_NOT_ASCII_SHARE = 0.1
 """Largest share of bytes beyond ASCII in a line of names that is no UTF-8: more are binary data. Chosen: names of
@@ -81,6 +82,11 @@ each row is of one topic. Chosen: missing values are the exception in a table of
 UNIT_LOG_RATIO = 0.12
 """Largest difference between the logarithms of the ratio of two channels and of a wrong unit's factor, for that unit to
 be the cause; chosen: instruments agree within 12 %."""
+
+MOST_ODOMETER_RATIO, LEAST_ODOMETER_M = 1.2, 10.0
+"""Ratio of two ways of one run above which an odometer has another unit or wheel size, and way from which they are
+compared, m. Chosen: worn and soft tyres and slip on firm ground make less than 10 % each (Wong, Theory of Ground
+Vehicles, ch. 1)."""
 
 HEADING_JUMP = 180.0
 """A heading that changes by more from sample to sample, in its own unit, is in degrees that wrap: in rad it would have
