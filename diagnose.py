@@ -37,7 +37,8 @@ from homeward.groups.runs import compare_driving, compare_standing
 from homeward.groups.standing import stands
 from homeward.installed import advice
 from homeward.logs.bags import is_bag
-from homeward.physics import RobotError
+from homeward.logs.plausible import within_top_speed
+from homeward.physics import RobotError, load_robot
 
 ASSUMED = "husky"
 """Robot that is assumed for recordings without --robot."""
@@ -144,6 +145,8 @@ def _robot_of_dataset(name: str) -> str:
 def _diagnose(recordings: list[Recording], robot: str | None, args: Args) -> Analysis:
     if robot is None:
         print(f"no --robot is given: {ASSUMED} is assumed; name yours, a preset or a TOML file", file=sys.stderr)
+    top_mps = load_robot(robot or ASSUMED).max_speed_mps
+    recordings = [within_top_speed(one, top_mps) for one in recordings]
     console = cli.Terminal(stderr=True)
     with Progress(
         TextColumn("{task.description:<22}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True

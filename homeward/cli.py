@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import io
 import os
 import signal
 import sys
@@ -103,6 +104,9 @@ def run(
         Exit code: 0; 130 after Ctrl-C; 2 for unusable input or output, or the error's own `exit_code`. All but 0 come
         with one line on stderr.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal that lacks a sign shows a question mark
+            stream.reconfigure(errors="replace")
     program, arguments = _called()
     for argument in arguments:  # the parser prints unknown arguments literally
         if any(unicodedata.category(character) == "Cc" for character in argument):

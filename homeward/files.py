@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import csv
 import errno
+import io
 import json
 import os
+import secrets
 import stat
 import sys
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,6 +35,12 @@ def open_regular(path: str | Path) -> BinaryIO:
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     mode = os.fstat(handle).st_mode
     if stat.S_ISREG(mode):
+        try:
+            if hasattr(os, "pread"):
+                os.pread(handle, 1, 0)  # files of /proc may fail, or wait for what comes
+        except OSError as error:
+            os.close(handle)
+            raise OSError(error.errno, error.strerror, str(path)) from None
         return os.fdopen(handle, "rb")
     os.close(handle)
     kind = "a folder" if stat.S_ISDIR(mode) else "a pipe or device"
@@ -123,19 +133,46 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         OSError: The folder cannot be written to; an older file remains.
     """
     path = Path(path)
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from None  # not the temporary name
-    try:
+        # As any file of the user, so that the umask says who may read it.
+        handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         with os.fdopen(handle, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+            # Names of files that are no UTF-8 cannot be written as such.
+            file.write(content.encode("utf-8", "replace") if isinstance(content, str) else content)
+        temporary.replace(path)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        if isinstance(error, OSError):  # name the file, and not the temporary one
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
+
+
+def csv_text(rows: Iterable[Sequence[Any]]) -> str:
+    """Rows of a table as text; a name that a spreadsheet would run as a formula begins with an apostrophe.
+
+    Source: OWASP, CSV Injection.
+
+    >>> csv_text([("name", "score"), ("=1+1", -2.5)])
+    "name,score\\n'=1+1,-2.5\\n"
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows(map(no_formula, row) for row in rows)
+    return text.getvalue()
+
+
+def no_formula(cell: Any) -> Any:
+    """A cell of a table as it is, or after an apostrophe, see `csv_text`."""
+    if not isinstance(cell, str) or not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
 
 
 def write_files(folder: str | Path, files: Mapping[str, str | bytes]) -> list[Path]:

@@ -1,11 +1,12 @@
 """Files are whole or not there."""
 
+import os
 import resource
 from pathlib import Path
 
 import pytest
 
-from homeward.files import write_whole
+from homeward.files import no_formula, open_regular, write_whole
 
 
 def test_text_and_bytes_arrive_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -22,9 +23,37 @@ def test_a_write_that_fails_halfway_leaves_the_old_file(tmp_path: Path) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))  # as on a disk with 1000 bytes left
     try:
-        with pytest.raises(OSError):
+        with pytest.raises(OSError) as error:
             write_whole(path, "new" * 1000)
+        assert error.value.filename == str(path)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert path.read_text() == "old"
     assert [one.name for one in tmp_path.iterdir()] == ["file"]
+
+
+def test_files_respect_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        write_whole(tmp_path / "file", "text")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "file").stat().st_mode & 0o777 == 0o640
+
+
+def test_a_name_that_is_no_utf8_is_written_with_question_marks(tmp_path: Path) -> None:
+    write_whole(tmp_path / "file", "caf\udce9")
+    assert (tmp_path / "file").read_text("utf-8") == "caf?"
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1"])
+def test_a_spreadsheet_runs_no_name(text: str) -> None:
+    assert no_formula(text) == f"'{text}"
+    assert [no_formula(one) for one in ("-2.5", "husky", -2.5, "")] == ["-2.5", "husky", -2.5, ""]
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="has no /proc")
+def test_a_file_that_fails_when_it_is_read_is_named() -> None:
+    with pytest.raises(OSError) as error:
+        open_regular("/proc/self/mem")
+    assert error.value.filename == "/proc/self/mem"

@@ -12,7 +12,7 @@ from homeward.agents.evaluation.episodes import episode_seeds, run_episodes
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.trained.run_folder import CURVE
 from homeward.envs.options import Options
-from homeward.files import write_whole
+from homeward.files import csv_text, write_whole
 
 EPISODES = 500
 """Episodes of a point. Chosen: a share of them has an error of at most 4.4 percentage points (95 %)."""
@@ -59,8 +59,5 @@ def write_curve(folder: Path, points: list[Point]) -> None:
     Raises:
         OSError: The folder cannot be written to.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([field.name for field in fields(Point)])
-    writer.writerows((point.steps, *(f"{value:.6g}" for value in astuple(point)[1:])) for point in points)
-    write_whole(folder / CURVE, text.getvalue())
+    rows = ((point.steps, *(f"{value:.6g}" for value in astuple(point)[1:])) for point in points)
+    write_whole(folder / CURVE, csv_text([[field.name for field in fields(Point)], *rows]))

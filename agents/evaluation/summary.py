@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import itertools
 import json
 import platform
@@ -30,6 +28,7 @@ from homeward.agents.evaluation.statistics import (
     wilson,
 )
 from homeward.envs.options import Options
+from homeward.files import csv_text
 
 SCHEMA = 1
 """Version of the format of evaluation.json."""
@@ -127,17 +126,15 @@ class Evaluation:
         """`episodes.csv`: one row per agent, training seed and episode."""
         columns = [one.name for one in fields(Episodes)]
         bounds = [] if self.optimum is None else [self.optimum.lower.tolist(), self.optimum.upper.tolist()]
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
         names = ["optimum_lower", "optimum_upper"][: len(bounds)]
-        writer.writerow(["agent", "run", "episode", "seed", *columns, *names])
+        rows: list[list[Any]] = [["agent", "run", "episode", "seed", *columns, *names]]
         for name, runs in self.runs.items():
             for index, run in enumerate(runs):
                 values = (getattr(run.episodes, column).tolist() for column in columns)
                 for episode, (seed, *row) in enumerate(zip(self.seeds, *values, *bounds, strict=True)):
                     numbers = (int(one) if isinstance(one, bool) else one for one in row)
-                    writer.writerow([name, index, episode, seed, *numbers])
-        return text.getvalue()
+                    rows.append([name, index, episode, seed, *numbers])
+        return csv_text(rows)
 
 
 def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:

@@ -24,7 +24,7 @@ def options_of(policy: NetworkPolicy, **other: Any) -> Options:
     """
     training = policy.description.get("training")
     missions = {env_id: mission for mission, env_id in IDS.items()}
-    if not isinstance(training, dict) or training.get("env") not in missions:
+    if not isinstance(training, dict) or str(training.get("env")) not in missions:
         raise PolicyFileError(
             "policy.json does not say which environment the policy was trained in: train it with `homeward train`"
         )

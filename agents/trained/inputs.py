@@ -6,6 +6,7 @@ them is an action of another agent.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -180,7 +181,18 @@ def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
     """
     if description["columns"] != [name for name, _ in COLUMNS]:
         raise ValueError("other columns than this version has")
-    return BeliefInputs(known, float(description["deviations"]))
+    return BeliefInputs(known, number(description["deviations"]))
+
+
+def number(value: Any) -> float:
+    """A finite number of a file, which may hold integers of any length, texts or infinities.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= sys.float_info.max:
+        raise ValueError(f"{value!r} is not a finite number"[:100])
+    return float(value)
 
 
 def valued() -> NDArray[np.bool_]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from pathlib import Path
 from typing import Any, final
@@ -11,16 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, Policy
-from homeward.agents.trained.inputs import BeliefInputs, inputs_from
+from homeward.agents.trained.inputs import BeliefInputs, inputs_from, number
 from homeward.agents.trained.policy_file import MOST_BYTES, PolicyFileError
 from homeward.envs.actions import encode_actions
 from homeward.envs.features import NAMES
-from homeward.envs.options import Known, Options, known_of
+from homeward.envs.options import Known, OptionError, Options, known_of
+from homeward.envs.routes import RouteError
 from homeward.files import read_bytes
 from homeward.installed import advice
-from homeward.physics import Robot, load_robot
+from homeward.physics import Robot, RobotError, load_robot
 
 INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
+
+OPERATIONS = frozenset({
+    "Add", "ArgMax", "Cast", "Clip", "Concat", "Div", "Gather", "Gemm", "Min", "Mul", "Slice", "Sub", "Tanh",
+})  # fmt: skip
+"""Operations of an exported network, all of which end."""
+MOST_VALUES = 1_000_000
+"""Most values that an operation computes for a mission. Chosen: layers of trained policies have some hundred."""
 
 
 @final
@@ -74,8 +83,10 @@ def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
         setting["robot"] = _robot(metadata["robot_file"])
         trained, known = known_of(Options(**setting)), known_of(Options(**setting | other))
         inputs = inputs_from(json.loads(metadata["beliefs"]), known) if "beliefs" in metadata else None
-        size, zero = (np.array([float(one[name]) for one in columns]) for name in ("size", "zero"))
-    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
+        size, zero = (np.array([number(one[name]) for one in columns]) for name in ("size", "zero"))
+    except (PolicyFileError, OptionError, RobotError, RouteError):
+        raise
+    except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
         raise PolicyFileError(f"{path} does not contain its environment: export it again ({error!r})") from None
     return OnnxPolicy(session, trained, size, zero, inputs), known
 
@@ -83,17 +94,40 @@ def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
 def _open(path: Path) -> Any:
     """A session of a file."""
     try:
+        import onnx
         import onnxruntime
     except ModuleNotFoundError as error:
         raise PolicyFileError(f"{path} needs {error.name}: {advice('onnx', str(error.name))}") from None
     threads = onnxruntime.SessionOptions()
     threads.intra_op_num_threads = 1  # for one mission, more would only wait for each other
     try:
-        return onnxruntime.InferenceSession(read_bytes(path, MOST_BYTES), threads, providers=["CPUExecutionProvider"])
+        content = read_bytes(path, MOST_BYTES)
+        _refuse_foreign(path, onnx.shape_inference.infer_shapes(onnx.load_model_from_string(content)))
+        return onnxruntime.InferenceSession(content, threads, providers=["CPUExecutionProvider"])
+    except PolicyFileError:
+        raise
     except OSError as error:
         raise PolicyFileError(f"cannot read {path}: {error.strerror}; give a file that onnx_export wrote") from None
     except Exception as error:  # onnxruntime has no class of its own for them
         raise PolicyFileError(f"{path} is not a network that onnxruntime reads: {error}") from None
+
+
+def _refuse_foreign(path: Path, model: Any) -> None:
+    """Refuse a network that no export writes: it may loop for ever, read other files or make values of any size.
+
+    Raises:
+        PolicyFileError: It is not.
+    """
+    foreign = {node.op_type for node in model.graph.node} - OPERATIONS
+    if foreign or model.functions:
+        names = ", ".join(sorted(foreign)) or "functions"
+        raise PolicyFileError(f"{path} computes with {names[:100]}, which no export does: export it again")
+    if any(constant.external_data for constant in model.graph.initializer):
+        raise PolicyFileError(f"{path} has weights in another file, which no export has: export it again")
+    for value in (*model.graph.value_info, *model.graph.output):
+        size = math.prod(max(one.dim_value, 1) for one in value.type.tensor_type.shape.dim)
+        if size > MOST_VALUES:
+            raise PolicyFileError(f"{path} computes {size:.3g} values at once, which no export does: export it again")
 
 
 def _robot(text: str) -> Robot:

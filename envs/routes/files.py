@@ -74,6 +74,8 @@ def load_route(route: str | Path, place_m: float) -> Route:
         from homeward.envs.routes import tracks  # only now: it needs further packages
 
         return _cut(path, tracks.profile(tracks.read_track(path), str(path)).columns(), place_m)
+    if path.suffix.lower() in (".kml", ".kmz", ".geojson", ".json", ".tcx", ".nmea"):
+        raise RouteError(f"{path}: is a track of another format; convert it to GPX, as with gpsbabel")
     columns, lines = _read_table(path)
     if POSITIONS[0] in columns:
         from homeward.envs.routes import tracks

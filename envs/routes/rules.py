@@ -16,14 +16,26 @@ STEEPEST_SINE = 0.7
 SPACING_M = shared.POSITION_M
 """Least distance between points, m: nearer ones differ by the receiver's noise."""
 
+LONGEST_M = 1e6
+"""Longest way of a route or track, m. Chosen: more than any ground robot or road vehicle drives on a charge, and it
+bounds the memory of a profile to some hundred MB."""
+
 JUMP_M = 100_000.0
 """Largest distance between neighbouring points, m; chosen: farther than a ground robot drives on a charge."""
+
+SEGMENT_GAP_M = 100.0
+"""Largest gap between segments of a track that are one way, m. Chosen: a receiver loses its position for less than a
+minute in a short tunnel; a segment that begins farther away is another drive."""
 
 SHORTEST_M = 100.0
 """Shortest track, m: four standard deviations of the smoothing Gaussian, which would leave nothing of a shorter one."""
 
 MISSING_SHARE = 0.2
 """Share of the points that may lack an elevation; chosen: gaps can then be bridged linearly."""
+
+MOST_ELEVATION_M = 20_000.0
+"""Largest size of an elevation, m; larger ones are unknown. Chosen: the highest mountain has 8,849 m; heights in
+feet are found by their slopes."""
 
 STEEPEST_OF_TRACK = 0.5
 """Sine of 30 degrees, to which slopes are limited; chosen: the steepest streets have 19 degrees (Baldwin

@@ -33,6 +33,7 @@ from homeward.envs.routes import rules
 from homeward.envs.routes.route import MOST_ROUTE_BYTES, RouteError
 from homeward.files import read_bytes, read_text
 from homeward.installed import advice
+from homeward.logs.unknown import unknown
 
 Array = NDArray[np.float64]
 
@@ -109,9 +110,58 @@ def _read_gpx(path: Path) -> Track:
         raise RouteError(f"{path}: is not a whole GPX file: {_first_line(error)}") from None
     segments = [segment.points for track in gpx.tracks for segment in track.segments]
     ways = segments if any(segments) else [route.points for route in gpx.routes]
-    table = np.array([(p.latitude, p.longitude, _number(p.elevation)) for way in ways for p in way], dtype=np.float64)
-    latitude, longitude, elevation = table.reshape(-1, 3).T
+    tables = [
+        np.array([(p.latitude, p.longitude, _number(p.elevation)) for p in way], dtype=np.float64).reshape(-1, 3)
+        for way in ways
+    ]
+    latitude, longitude, elevation = _driven(tables, str(path)).T
     return Track(elevation, latitude, longitude)
+
+
+def _driven(segments: list[Array], name: str) -> Array:
+    """Points of the segments of a file as one way, shape (points, 3); what was not driven is left out, with a warning.
+
+    Some programs write each segment again at the start of the next. Between segments that are far apart nothing was
+    recorded: the longest way without such a gap is used.
+    """
+    steps_seen: set[tuple[float, ...]] = set()
+    new: list[bool] = [False] * len(segments)
+    for number in sorted(range(len(segments)), key=lambda one: -len(segments[one])):
+        # Steps from point to point, so that the way back over the same points is none.
+        steps = set(map(tuple, np.hstack((segments[number][:-1, :2], segments[number][1:, :2])).tolist()))
+        new[number] = len(segments[number]) > 1 and not steps <= steps_seen
+        steps_seen |= steps
+    kept = [segment for segment, is_new in zip(segments, new, strict=True) if is_new]
+    repeated = sum(len(segment) > 1 for segment in segments) - len(kept)
+    if repeated:
+        warnings.warn(f"{name}: {repeated} segments repeat points of others: left out", stacklevel=2)
+    if lone := sum(len(segment) == 1 for segment in segments):
+        warnings.warn(f"{name}: {lone} segments of one point: left out", stacklevel=2)
+    joined: list[list[Array]] = []
+    for segment in kept:
+        near = bool(joined) and _apart_m(joined[-1][-1][-1], segment[0]) <= rules.SEGMENT_GAP_M
+        if near:
+            joined[-1].append(segment)
+        else:
+            joined.append([segment])
+    whole = [np.concatenate(parts) for parts in joined]
+    if not whole:
+        return np.empty((0, 3))
+    longest = max(whole, key=len)
+    if len(whole) > 1:
+        counts = ", ".join(str(len(way)) for way in whole)
+        warnings.warn(
+            f"{name}: {len(whole)} parts with gaps of more than {rules.SEGMENT_GAP_M:.0f} m between them ({counts} "
+            "points): the longest is used; what was not recorded was not driven",
+            stacklevel=2,
+        )
+    return longest
+
+
+def _apart_m(start: Array, end: Array) -> float:
+    """Distance between two points, latitude and longitude in degrees."""
+    north, east = np.radians(end[:2] - start[:2])
+    return _EARTH_M * float(np.hypot(north, east * np.cos(np.radians(start[0]))))
 
 
 def _read_fit(path: Path) -> Track:
@@ -128,7 +178,9 @@ def _read_fit(path: Path) -> Track:
                     height = frame.get_value("altitude", fallback=None) if height is None else height
                     others = ("position_lat", "position_long", "distance")
                     rows.append([_number(v) for v in (height, *(frame.get_value(n, fallback=None) for n in others))])
-    except (fitdecode.FitError, ValueError, OSError) as error:
+    except OSError as error:
+        raise RouteError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except Exception as error:  # a damaged file raises anything, from FitError to AssertionError
         raise RouteError(f"{path}: is not a whole FIT file: {_first_line(error)}") from None
     elevation, latitude, longitude, distance = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     here, along = np.isfinite(latitude) & np.isfinite(longitude), np.isfinite(distance)
@@ -162,6 +214,11 @@ def profile(track: Track, name: str) -> Profile:
     elevation = _filled(track.elevation_m, name)
     distance, elevation, east_m, north_m = _way(track, elevation, name)
     length_m = float(distance[-1])
+    if not length_m <= rules.LONGEST_M:
+        raise RouteError(
+            f"{name}: is {length_m / 1e3:.3g} km long; give a track of one drive, of at most "
+            f"{rules.LONGEST_M / 1e3:.0f} km"
+        )
     if length_m < rules.SHORTEST_M:
         raise RouteError(
             f"{name}: is {length_m:.0f} m long; give at least {rules.SHORTEST_M:.0f} m, or a CSV profile with "
@@ -211,10 +268,16 @@ def _refuse_jump(step_m: Array, name: str) -> None:
 
 
 def _filled(elevation: Array, name: str) -> Array:
-    known = np.isfinite(elevation)
+    known = (np.abs(elevation) <= rules.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
     if known.mean() < 1.0 - rules.MISSING_SHARE:
         raise RouteError(
-            f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations"
+            f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations, or "
+            "for ground of one slope a CSV profile of two rows: distance_m,grade_rad"
+        )
+    if not known.all():
+        warnings.warn(
+            f"{name}: {int((~known).sum())} of {len(known)} elevations are unknown or impossible: interpolated",
+            stacklevel=2,
         )
     places = np.arange(len(elevation), dtype=np.float64)
     return np.interp(places, places[known], elevation[known])

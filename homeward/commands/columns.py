@@ -98,13 +98,17 @@ def _table(proposal: Proposal) -> Table:
                          no_wrap=heading in ("channel", "factor", "how sure"))  # fmt: skip
     for one in proposal.guesses:
         factor = f"{one.factor:.4g}" + (f", {one.offset:+g}" if one.offset else "")
-        table.add_row(one.column, one.channel, factor, SURE[one.sure], one.why)
+        name = " + ".join(filter(None, (one.column, one.and_column)))
+        table.add_row(name, one.channel, factor, SURE[one.sure], one.why)
     return table
 
 
 def _tried(proposal: Proposal) -> tuple[list[str], bool]:
     """Messages of reading the file with the proposal, and whether it can be read."""
-    sources = {one.channel: Source(((one.column, one.factor),), one.offset) for one in proposal.guesses}
+    sources = {
+        one.channel: Source(tuple((name, one.factor) for name in (one.column, one.and_column) if name), one.offset)
+        for one in proposal.guesses
+    }
     try:
         recording = read_recording(proposal.path, Columns("proposed", sources, {}))
     except RecordingError as error:

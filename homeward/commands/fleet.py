@@ -8,9 +8,7 @@ only what is new or has changed.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -24,7 +22,8 @@ from rich.table import Table
 from homeward import Robot, RobotError, cli, load_robot
 from homeward.diagnosis import Diagnosis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.tell.report import write_outputs
-from homeward.files import check_writable, write_whole
+from homeward.files import check_writable, csv_text, write_whole
+from homeward.logs.plausible import within_top_speed
 from homeward.parallel import ClusterError, TaskError, check_workers, code_hash, run_tasks
 
 ASSUMED = "husky"
@@ -117,7 +116,8 @@ def members_of(args: Args) -> dict[str, Member]:
         if not files:
             raise RecordingError(f"{folder} contains no recording: remove it, or put the robot's recordings there")
         robot = load_robot(folder / ROBOT) if (folder / ROBOT).is_file() else nominal
-        recordings = tuple(read_recording(file, args.columns) for file in files)
+        read = (read_recording(file, args.columns) for file in files)
+        recordings = tuple(within_top_speed(one, robot.max_speed_mps) for one in read)
         for file, one in zip(files, recordings, strict=True):
             for note in one.notes:
                 cli.remark(f"{folder.name}/{file.name}", note)
@@ -147,10 +147,7 @@ def _rows(found: dict[str, Diagnosis]) -> list[tuple[str, str, str, str]]:
 
 
 def _csv(found: dict[str, Diagnosis]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([("robot", "verdict", "missing_physics", "summary"), *_rows(found)])
-    return text.getvalue()
+    return csv_text([("robot", "verdict", "missing_physics", "summary"), *_rows(found)])
 
 
 def _print(found: dict[str, Diagnosis], known: int, out: Path) -> None:

@@ -12,7 +12,6 @@ holds the table, study.journal the study for optuna-dashboard.
 from __future__ import annotations
 
 import contextlib
-import csv
 import dataclasses
 import io
 import itertools
@@ -33,7 +32,7 @@ from homeward.agents.learning.settings import DivergedError, PPOSettings, Traini
 from homeward.commands import train
 from homeward.envs.options import OptionError
 from homeward.envs.routes import RouteError
-from homeward.files import write_whole
+from homeward.files import csv_text, write_whole
 from homeward.parallel import ClusterError, TaskError, check_workers, run_tasks
 from homeward.physics import RobotError
 from homeward.search import SearchError, SearchRange, Trial, import_optuna, search
@@ -198,11 +197,8 @@ def _space(args: Args, base: train.Args, trials: int) -> dict[str, SearchRange |
 
 
 def _write_trials(file: Path, done: list[Trial]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["trial", "score", *done[0].settings])
-    writer.writerows([one.number, one.score, *one.settings.values()] for one in done)
-    write_whole(file, text.getvalue())
+    rows = ([one.number, one.score, *one.settings.values()] for one in done)
+    write_whole(file, csv_text([["trial", "score", *done[0].settings], *rows]))
 
 
 def _table(best: list[Trial]) -> Table:

@@ -28,8 +28,9 @@ from rich.table import Table
 
 from homeward import cli, installed, quantities
 from homeward.companion import CompanionError, rules
-from homeward.files import check_writable, write_files
+from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
+from homeward.logs.plausible import within_top_speed
 from homeward.physics import RobotError, load_robot
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.live import LiveView
@@ -87,7 +88,8 @@ def main(args: Args) -> list[Watched]:
     if not args.runs:
         raise RecordingError("no recording is given; name at least one file, or --ros2")
     robot = load_robot(args.robot)
-    recordings = [read_recording(path, args.columns) for path in args.runs]
+    read = [read_recording(path, args.columns) for path in args.runs]
+    recordings = [within_top_speed(one, robot.max_speed_mps) for one in read]
     check_writable(args.out)
     notes = [(Path(one.name).name, note) for one in recordings for note in one.notes]
     for said in notes:
@@ -158,7 +160,10 @@ def table_of(rows: list[Row]) -> Table:
 def moments_of(runs: list[Watched]) -> pd.DataFrame:
     """Every moment of every run, one row each."""
     names = ("time_s", "left_m", "took_j", "mean_j", "low_j", "high_j")
-    table = pd.concat([pd.DataFrame({"run": one.name, **{name: getattr(one, name) for name in names}}) for one in runs])
+    tables = [
+        pd.DataFrame({"run": no_formula(one.name), **{name: getattr(one, name) for name in names}}) for one in runs
+    ]
+    table = pd.concat(tables)
     of_charge = {name: name.replace("_j", "_as") for name in names if runs[0].unit == "A s"}
     return table.rename(columns=of_charge)
 

@@ -34,6 +34,7 @@ from homeward.diagnosis.tell.words import nothing_usable, summary
 from homeward.logs.autocorrelation import shifted_in_time
 from homeward.logs.channels import Array, Index
 from homeward.logs.columns import Columns
+from homeward.logs.plausible import within_top_speed
 from homeward.logs.recordings import Recording, RecordingError, read_recording
 from homeward.physics import Robot, d_max, load_robot
 
@@ -84,6 +85,7 @@ def analyse(
         raise RecordingError(f"a recording is a path or what read_recording returns, not a {strange[0]}")
     progress("reading")
     runs_read = [one if isinstance(one, Recording) else read_recording(one, columns) for one in recordings]
+    runs_read = [within_top_speed(one, robot.max_speed_mps) for one in runs_read]
     progress("checking")
     with threadpool_limits(1):  # busy waiting between threads slows many small products
         usable, findings = usable_runs(runs_read, robot)

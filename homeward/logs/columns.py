@@ -30,14 +30,22 @@ class Source:
 
     terms: tuple[tuple[str, float], ...]
     offset: float = 0.0
+    unknown: tuple[float | str, ...] = ()  # numbers, and words of a table, that mean unknown beside those of all files
 
     def of(self, values: Mapping[str, Any] | pd.DataFrame) -> Any:
         """The channel, of the kind that the columns are."""
         (first, scale), *others = self.terms
-        total = values[first] * scale + self.offset
+        total = self._known(values[first]) * scale + self.offset
         for column, factor in others:
-            total = total + values[column] * factor
+            total = total + self._known(values[column]) * factor
         return total
+
+    def _known(self, values: Any) -> Any:
+        """Numbers of a column or field, NaN where they mean unknown."""
+        for one in self.unknown:
+            if not isinstance(one, str):
+                values = values + np.where(values == one, np.nan, 0.0)
+        return values
 
 
 @dataclass(frozen=True)
@@ -58,6 +66,10 @@ class Columns:
     def file_columns(self) -> list[str]:
         """Names of the columns that are read from the file."""
         return list(dict.fromkeys(column for source in self.sources.values() for column, _ in source.terms))
+
+    def words_for_unknown(self) -> set[str]:
+        """Texts in cells that mean unknown, in lower case."""
+        return {word.lower() for source in self.sources.values() for word in source.unknown if isinstance(word, str)}
 
     def time_columns(self) -> list[str]:
         """Names of the file's columns that the time comes from."""
@@ -115,7 +127,7 @@ def _is_number(value: Any) -> bool:
 
 def source_of(where: str, entry: Any, key: str) -> Source:
     """Source by an entry of a mapping file: one name of a `key` ("column" or "field"), or a table of names, factors and
-    an offset.
+    an offset, and a list of what means unknown.
 
     Raises:
         RecordingError: The entry is invalid.
@@ -123,7 +135,7 @@ def source_of(where: str, entry: Any, key: str) -> Source:
     if isinstance(entry, str):
         return Source(((entry, 1.0),))
     wanted = f"write the name of a {key}, or {{ {key} = NAME, factor = NUMBER, offset = NUMBER }}"
-    if not isinstance(entry, dict) or entry.keys() - {key, f"{key}s", "factor", "factors", "offset"}:
+    if not isinstance(entry, dict) or entry.keys() - {key, f"{key}s", "factor", "factors", "offset", "unknown"}:
         raise RecordingError(f"{where} = {entry!r} is not understood; {wanted}")
     names = entry.get(f"{key}s", [entry.get(key)])
     names = names if isinstance(names, list) else [None]
@@ -134,14 +146,18 @@ def source_of(where: str, entry: Any, key: str) -> Source:
     offset = entry.get("offset", 0.0)
     if not all(map(_is_number, [*factors, offset])) or not all(factors):
         raise RecordingError(f"{where} has a factor or offset that is not a finite number, or a factor of 0; {wanted}")
-    return Source(tuple(zip(names, map(float, factors), strict=True)), float(offset))
+    words = entry.get("unknown", [])
+    if not isinstance(words, list) or not all(isinstance(word, str) or _is_number(word) for word in words):
+        raise RecordingError(f"{where}.unknown = {words!r} is not a list of numbers and words that mean unknown")
+    return Source(tuple(zip(names, map(float, factors), strict=True)), float(offset), tuple(words))
 
 
 def load_columns(mapping: str | Path | Columns) -> Columns:
     """Load a mapping by shipped name or from a TOML file.
 
     The file has a table `[columns]` with one line per channel: the file's column name, or a table with `column` (or
-    `columns`, which are added), `factor` (or `factors`) and `offset`; a table `[constants]` for channels that the file
+    `columns`, which are added), `factor` (or `factors`), `offset` and `unknown` (a list of numbers and words that mean
+    unknown, beside those of `homeward.logs.unknown`); a table `[constants]` for channels that the file
     lacks and that did not vary; and optionally `separator` and `decimal`, otherwise inferred from the file. `header`, a
     list of names, is for files without a header line: their broken lines are left out. `sample_hz` replaces missing
     time stamps. `time_s = { column = NAME, whole_seconds = true }` is for stamps of whole seconds, numbers or HH:MM:SS:
@@ -207,6 +223,11 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
                 raise RecordingError(f"{where} = {entry!r} is not understood; column is a name")
             entry, stamp = column, column["column"] if spread else stamp
         sources[channel] = source_of(where, entry, "column")
+    used = [channel for channel, source in sources.items() if stamp in dict(source.terms) and channel != "time_s"]
+    if used:
+        raise RecordingError(
+            f"{name}: columns.{used[0]} is the column of the stamps, {stamp}, which holds whole seconds"
+        )
     numbers = {channel: float(value) for channel, value in constants.items()}
     alone = data.get("known_by_columns") is True
     return Columns(

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
-from homeward.files import open_regular
 from homeward.logs import rules, tables
 from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
@@ -33,23 +31,26 @@ _NAMES: dict[str, tuple[str, str]] = {
     "wheel_left_mps": ("left+wheel left+speed left+vel left+velocity vell", "current motor amps right"),
     "wheel_right_mps": ("right+wheel right+speed right+vel right+velocity velr", "current motor amps left"),
     "motor_left_a": ("left+current left+motor left+amps curl", "speed velocity vel temp right"),
-    "motor_right_a": ("right+current right+motor right+amps curr", "speed velocity vel temp left"),
+    "motor_right_a": ("right+current right+motor right+amps", "speed velocity vel temp left"),
     "yaw_rate_radps": (
         "yaw+rate turn+rate gyro+z angular+z wz omega yawrate angular+velocity rotation+rate drehrate gierrate",
         "x y",
     ),
     "speed_mps": (
-        "speed velocity vel v vx groundspeed linear+x odom+x geschwindigkeit",
+        "speed velocity vel v vx groundspeed gspd spd linear+x odom+x geschwindigkeit",
         "wind angular left right fan rpm yaw set cmd vin vbat vbatt vbus",
     ),
     "grade_rad": ("grade slope incline inclination pitch gradient neigung steigung", "rate"),
     "elevation_m": ("elevation altitude alt height ele", "rate"),
     "base_distance_m": ("base+distance distance+base distance+home home+distance", ""),
     "distance_m": ("distance dist odometer odo travelled traveled mileage", "base home"),
-    "heading_rad": ("heading yaw course bearing azimuth", "rate"),
-    "soc": ("soc charge+state state+charge battery+level battery+percent battery+percentage", "health"),
+    "heading_rad": ("heading hdg yaw course bearing azimuth", "rate"),
+    "soc": (
+        "soc charge+state state+charge battery+level battery+percent battery+percentage percentage bat%",
+        "health",
+    ),
     "power_w": ("power watt watts pwr batt+w battery+w leistung", "factor"),
-    "voltage_v": ("voltage volt volts vbat vbatt vbus vin batt+v battery+v spannung", "motor"),
+    "voltage_v": ("voltage volt volts vbat vbatt vbus vin rxbt batt+v battery+v spannung", "motor"),
     "current_a": ("current amp amps ampere amperes ibat ibatt batt+a battery+a strom curr", "left right motor time"),
     "sensing_hz": ("sensing+rate sample+rate sampling+rate camera+rate sensing fps sensing+hz", ""),
     "temperature_c": ("temperature temp ambient temperatur", "motor cpu battery cell gpu fet mosfet mos esc"),
@@ -64,6 +65,21 @@ _OF_OTHERS = {
     "motor", "left", "right", "cell", "cpu", "charger", "charging", "solar", "set", "cmd", "min", "max", "limit",
 }  # fmt: skip
 """Words of columns that are not of the whole battery, or not measured."""
+
+_COUNTED = {
+    "energy", "wh", "kwh", "mah", "ah", "hours", "count", "counter", "seq", "cumulative", "joule", "joules",
+}  # fmt: skip
+"""Words of counters."""
+_COUNTERS = {"time_s", "distance_m"}
+"""Channels that counters measure."""
+_NOT_MEASURED = {
+    "status", "mode", "flag", "flags", "health", "technology", "fault", "error", "code", "enum", "min", "max",
+    "minimum", "maximum", "limit", "lim", "threshold", "cutoff", "setpoint", "set", "cmd", "command", "commanded",
+    "target", "desired", "ref", "reference", "demand", "goal", "nominal", "rated", "phase", "iq", "id", "tx",
+    "variance", "covariance", "std",
+}  # fmt: skip
+"""Words of enumerations, limits, set points, phase currents and errors, which measure no channel."""
+_AVERAGED = {"avg", "average", "mean", "rms"}
 
 _COMPOUND = ("spannung", "geschwindigkeit", "leistung", "strom")
 """German words that also name a channel as the end of a longer word: Akkuspannung."""
@@ -97,7 +113,7 @@ _OFFSETS = {"k": -273.15, "f": -160.0 / 9.0, "°f": -160.0 / 9.0}
 
 @dataclass(frozen=True)
 class Guess:
-    """The channel proposed for a column."""
+    """The channel proposed for a column, or for a sum of columns."""
 
     column: str
     channel: str
@@ -105,11 +121,14 @@ class Guess:
     offset: float
     sure: int  # index into SURE
     why: str
+    and_column: str = ""  # that is added: a time of day to a date
 
     def entry(self) -> str:
         """Its line of a mapping file."""
         name = json.dumps(self.column, ensure_ascii=False)
-        if self.factor == 1.0 and self.offset == 0.0:
+        if self.and_column:
+            value = f"{{ columns = [{name}, {json.dumps(self.and_column, ensure_ascii=False)}] }}"
+        elif self.factor == 1.0 and self.offset == 0.0:
             value = name
         else:
             offset = f", offset = {self.offset:.10g}" if self.offset else ""
@@ -160,29 +179,62 @@ def propose(path: str | Path) -> Proposal:
             offered += _by_unit(header, table, units, offered)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
+    offered = _dated(offered, table)
     chosen: dict[str, Guess] = {}
-    for guess in sorted(offered, key=lambda one: one.sure):
+    offered = [_less_sure(guess) for guess in offered]
+    for guess in sorted(offered, key=_rank):
         if guess.channel not in chosen and guess.column not in {one.column for one in chosen.values()}:
             chosen[guess.channel] = guess
-    taken = {one.column for one in chosen.values()}
+    taken = {name for one in chosen.values() for name in (one.column, one.and_column)}
     left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in taken}
     return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
+
+
+def _dated(offered: list[Guess], table: pd.DataFrame) -> list[Guess]:
+    """The guesses, with a date and the time of day beside it joined to one time."""
+    times = [guess for guess in offered if guess.channel == "time_s"]
+    days = [one for one in times if one.why.startswith("dates") and _of_few_days(table[one.column])]
+    hours = [one for one in times if one.why.startswith("times of day")]
+    if not days or not hours:
+        return offered
+    both = replace(days[0], and_column=hours[0].column, why="a date and the time of day")
+    return [both, *(guess for guess in offered if guess not in times)]
+
+
+def _of_few_days(column: pd.Series[Any]) -> bool:
+    """Whether a column holds dates without times of day: a recording has few of them."""
+    return column.nunique() <= max(rules.LONGEST_RUN_S / 86400.0, 1.0)
+
+
+def _rank(guess: Guess) -> tuple[int, int, int]:
+    """The order of guesses: the surest first, then the name that is most like the channel's and has least beside it."""
+    words, _ = _words(guess.column)
+    whole = next(iter(guess.channel.rsplit("_", 1)))
+    return guess.sure, whole not in words, len(words)
+
+
+def _less_sure(guess: Guess) -> Guess:
+    """The guess, less sure where the name is that of an average or of one of several."""
+    if guess.column == guess.channel:
+        return guess
+    words, _ = _words(guess.column)
+    if words & _AVERAGED:
+        return replace(guess, sure=2, why=f"{guess.why}; an average")
+    if re.search(r"[a-z]\d+([^a-z\d]|$)", re.sub(r"[\[(<].*", "", guess.column.lower())):
+        return replace(guess, sure=2, why=f"{guess.why}; one of several by its number")
+    return guess
 
 
 def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], dict[str, str]]:
     """Names of the columns, their first rows, notes, and units by name where there is a line of them."""
     if path.suffix.lower() == ".parquet":
-        try:
-            with open_regular(path) as stream, pq.ParquetFile(stream) as file:
-                batch: Any = next(file.iter_batches(_ROWS))
-                table = batch.to_pandas()
-        except OSError:
-            raise
-        except Exception as error:  # as in `recordings`
-            raise RecordingError(
-                f"is not a whole Parquet file ({(str(error).splitlines() or [''])[0][:200]})"
-            ) from error
-        return [str(name) for name in table.columns], table.set_axis(map(str, table.columns), axis="columns"), (), {}
+        with tables.opened_parquet(path) as file:
+            names = file.schema_arrow.names
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is not None:
+                raise RecordingError(f"has two columns {twice}; keep one")
+            table = tables.in_pandas(next(file.iter_batches(_ROWS)))
+        return names, table, (), {}
     if not path.name.lower().endswith(tables.SUFFIXES):
         kinds = ", ".join(tables.SUFFIXES)
         raise RecordingError(f"is not a table; give a {kinds} or .parquet file (a bag has topics, not columns)")
@@ -217,15 +269,24 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
     if dated is None and (guess := _by_letter(name, values, unit)) is not None:
         return [guess]
     found = []
+    if name == "curR":  # beside curL; in other cases it is short for current
+        found += _in_unit_or_none(name, "motor_right_a", values, unit_words)
     for channel, (groups, against) in _NAMES.items():
         if name == channel:
             found.append(_signed(Guess(name, channel, 1.0, 0.0, 0, "it has the channel's name"), values))
+        elif (words & _COUNTED and channel not in _COUNTERS) or (words & _NOT_MEASURED and channel != "time_s"):
+            continue
         elif any(set(group.split("+")) <= words for group in groups.split()) and not words & set(against.split()):
             if dated is not None and channel == "time_s":
                 found.append(Guess(name, channel, 1.0, 0.0, 0, dated[1]))
             elif dated is None and (guess := _in_unit(name, channel, values, unit_words)) is not None:
                 found.append(guess)
     return found
+
+
+def _in_unit_or_none(name: str, channel: str, values: Array, unit_words: list[str]) -> list[Guess]:
+    guess = _in_unit(name, channel, values, unit_words)
+    return [] if guess is None else [guess]
 
 
 def _by_letter(name: str, values: Array, unit: str) -> Guess | None:
@@ -268,6 +329,8 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
     for word in unit_words:
         if word in units:
             factor, offset = units[word], _OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
+            if channel == "soc" and np.nanmax(values) <= about.high:
+                return Guess(name, channel, 1.0, 0.0, 1, f"its name says {word}, and its values lie in 0 to 1")
             if _possible(channel, values * factor + offset):
                 return _signed(Guess(name, channel, factor, offset, 0, f"its name says {word}"), values)
     for word, factor in [(about.unit, 1.0), *about.mistaken]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,18 +17,35 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from homeward.files import STANDARD_INPUT, open_regular
+from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
-from homeward.logs import rules, tables
+from homeward.logs import limits, rules, tables, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
-from homeward.logs.channels import CHANNELS, MOTION, Array, Channel, first_set, lacking
+from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
+from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import from_epoch, from_text
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
+_TRACK = "is a track, without power; for a route convert it to GPX, as with gpsbabel"
+_REMEDIES = {
+    ".zstd": "is packed as a whole: unpack it (zstd -d FILE), or give the folder of its bag",
+    ".zst": "is packed as a whole: unpack it (zstd -d FILE)",
+    ".zip": "is packed: unpack it, and give the recordings in it",
+    ".7z": "is packed: unpack it, and give the recordings in it",
+    ".tlog": "is a telemetry log of MAVLink: give the autopilot's own log (.bin, .ulg), or write it as a table "
+    "(mavlogdump.py --format csv of pymavlink)",
+    ".xlsx": "is a spreadsheet: save it as CSV",
+    ".xls": "is a spreadsheet: save it as CSV",
+    ".ods": "is a spreadsheet: save it as CSV",
+    ".gpx": "is a track, without power; give it as a route (homeward routes FILE)",
+    ".fit": "is a track, without power; give it as a route (homeward routes FILE)",
+    **dict.fromkeys((".kml", ".kmz", ".geojson", ".tcx", ".nmea"), _TRACK),
+}  # fmt: skip
+"""What to do with files that are no recordings, by the ending of their names."""
 _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of two channels
     ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
     ("speed_mps", "the wheel speeds", {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}),
@@ -84,7 +103,9 @@ def read_recording(
     mapping = None if bag or columns is None else load_columns(columns)
     try:
         table, notes, start_s = _read_bag(path, columns) if bag else (*_read_table(path, mapping, standing), 0.0)
-        return Recording(str(path), sha256(path), _checked(table, notes), tuple(notes), start_s)
+        # A name that is no UTF-8 can be opened and not written.
+        name = os.fsencode(path).decode("utf-8", "replace")
+        return Recording(name, sha256(path), _checked(table, notes), tuple(notes), start_s)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
     except RecordingError as error:
@@ -100,8 +121,8 @@ def _read_standard_input(columns: str | Path | Columns | None, standing: bool) -
         with path.open("wb") as file:
             file.write(start)
             while piece := sys.stdin.buffer.read(2**20):
-                if file.tell() > tables.MOST_BYTES:
-                    raise RecordingError(f"standard input: holds more than {tables.MOST_BYTES / 1e9:.2g} GB")
+                if file.tell() > limits.MOST_BYTES:
+                    raise RecordingError(f"standard input: holds more than {limits.MOST_BYTES / 1e9:.2g} GB")
                 file.write(piece)
         try:
             return replace(read_recording(path, columns, standing=standing), name="standard input")
@@ -131,6 +152,9 @@ def _read_table(path: Path, mapping: Columns | None, standing: bool) -> tuple[pd
     if not path.is_file():
         raise RecordingError("is a pipe or device; give a file, or - for standard input")
     if suffix is None:
+        for ending, remedy in _REMEDIES.items():
+            if path.name.lower().endswith(ending):
+                raise RecordingError(remedy)
         raise RecordingError(
             f"unknown kind of file; a recording is {', '.join((*_SUFFIXES, *FLIGHT_SUFFIXES))} or a bag"
         )
@@ -158,8 +182,8 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
     broken = 0
     with tables.refusing(), tables.opened(path) as file:
         for number, line in enumerate(io.TextIOWrapper(file, "utf-8-sig", "replace")):
-            if number >= tables.MOST_ROWS:
-                raise RecordingError(f"has more than {tables.MOST_ROWS} lines; cut it into several runs")
+            if number >= limits.MOST_ROWS:
+                raise RecordingError(f"has more than {limits.MOST_ROWS} lines; cut it into several runs")
             cells = line.rstrip("\r\n").split(mapping.separator or ",")
             values = _values(cells, places, stamp) if len(cells) == len(mapping.header) else None
             if values is None:
@@ -193,7 +217,9 @@ def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[s
         notes.append(f"mapping {mapping.name}, known by the names of the columns")
     wanted = _wanted(table.header, mapping, standing)
     dated: list[str] = []
-    pieces = [_in_numbers(piece, mapping, dated) for piece in table.pieces(wanted)]
+    words: Counter[str] = Counter()
+    pieces = [_in_numbers(piece, mapping, dated, words) for piece in table.pieces(wanted)]
+    notes += _said_unknown(words)
     if how := (*table.notes, *dict.fromkeys(dated)):
         notes.append(f"read with {', '.join(how)}")
     return _joined(pieces, wanted, mapping)
@@ -201,17 +227,13 @@ def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[s
 
 def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
     dated: list[str] = []
-    try:
-        with open_regular(path) as stream, pq.ParquetFile(stream) as file:
-            wanted = _wanted(file.schema_arrow.names, mapping, standing)
-            if file.metadata.num_rows > tables.MOST_ROWS:
-                raise RecordingError(f"has more than {tables.MOST_ROWS} rows; cut it into several runs")
-            pieces = [_in_numbers(piece, mapping, dated) for piece in _batches(file, wanted)]
-    except (RecordingError, MemoryError):
-        raise
-    except Exception as error:  # damaged metadata raises anything, from ArrowException to UnicodeDecodeError
-        message = (str(error).splitlines() or [""])[0][:200]
-        raise RecordingError(f"is not a whole Parquet file ({message}); copy or record it again") from error
+    words: Counter[str] = Counter()
+    with tables.opened_parquet(path) as file:
+        wanted = _wanted(file.schema_arrow.names, mapping, standing)
+        if file.metadata.num_rows > limits.MOST_ROWS:
+            raise RecordingError(f"has more than {limits.MOST_ROWS} rows; cut it into several runs")
+        pieces = [_in_numbers(piece, mapping, dated, words) for piece in _batches(file, wanted)]
+    notes += _said_unknown(words)
     notes += [f"read with {one}" for one in dict.fromkeys(dated)]
     return _joined(pieces, wanted, mapping)
 
@@ -228,17 +250,20 @@ def _batches(file: pq.ParquetFile, wanted: Sequence[str]) -> Iterator[pd.DataFra
     # The size of columns in the metadata is not read: where it is damaged, Arrow ends the process.
     for batch in file.iter_batches(_BATCH_ROWS, columns=list(wanted)):
         size += batch.nbytes
-        if size > tables.MOST_BYTES:
+        if size > limits.MOST_BYTES or rows > limits.MOST_ROWS:
             raise RecordingError(
-                f"holds more than {tables.MOST_BYTES / 1e9:.2g} GB, unpacked; cut it into several runs"
+                f"holds more than {limits.MOST_BYTES / 1e9:.2g} GB or {limits.MOST_ROWS} rows, unpacked; "
+                "cut it into several runs"
             )
-        piece: pd.DataFrame = batch.to_pandas()[list(wanted)]
+        piece = tables.in_pandas(batch)[list(wanted)]
         yield piece.set_axis(range(rows, rows + len(piece)), axis="index")
         rows += len(piece)
 
 
-def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) -> pd.DataFrame:
-    """The columns as float64; dates in the columns of the time become seconds, and `dated` says so."""
+def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str], notes: Counter[str]) -> pd.DataFrame:
+    """The columns as float64; dates in the columns of the time become seconds, and `dated` says so; words that mean
+    unknown are missing, and `notes` counts them."""
+    words = unknown.WORDS | (mapping.words_for_unknown() if mapping is not None else set())
     stamp = None if mapping is None else mapping.stamp
     times = ["time_s"] if mapping is None else mapping.time_columns()
     columns: dict[str, Any] = {}
@@ -247,7 +272,7 @@ def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) 
         if name == stamp:
             columns[name] = column
         elif name not in times:
-            columns[name] = _numbers(column)
+            columns[name] = _numbers(_without_words(column, words, notes))
         elif (times_read := from_text(column)) is not None:
             seconds, how = times_read
             dated.append(how)
@@ -255,6 +280,23 @@ def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str]) 
         else:
             columns[name] = _numbers(column, "neither a number nor a time such as 2024-05-01T12:00:00.1")
     return pd.DataFrame(columns, index=table.index)
+
+
+def _without_words(column: pd.Series[Any], words: frozenset[str] | set[str], count: Counter[str]) -> pd.Series[Any]:
+    """A column without the texts that mean unknown, which are counted."""
+    if pd.api.types.is_numeric_dtype(column):
+        return column
+    texts = column.where(column.notna(), "").astype(str).str.strip()
+    found = texts[texts.str.lower().isin(words)]
+    if found.empty:
+        return column
+    for word, times in found.value_counts().items():
+        count[f"{column.name!s} is {_shown(str(word))!r}"] += int(times)
+    return column.mask(texts.index.isin(found.index))
+
+
+def _said_unknown(count: Counter[str]) -> list[str]:
+    return [f"{times} times {what}, which means unknown: left out" for what, times in count.items()]
 
 
 def _wanted(header: list[str], mapping: Columns | None, standing: bool = False) -> list[str]:
@@ -301,13 +343,37 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
         if channel.name == "time_s":
             values, taken_for = from_epoch(values)
             notes += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
-            _refuse_bad_time(values)
         else:
+            notes += unknown.left_out(channel.name, values)
             notes += _leave_out_impossible(channel, values)
         channels[channel.name] = values
+    channels = _aligned(channels, notes)
+    _refuse_bad_time(channels["time_s"])
+    notes += leave_out_spikes(channels)
     _refuse_missing(list(channels), f"it gives {', '.join(channels)}")
     _refuse_contradiction(channels)
     return channels
+
+
+def _aligned(channels: dict[str, Array], notes: list[str]) -> dict[str, Array]:
+    """A table whose power and motion stand in different rows, as those of PlotJuggler and Foxglove, on one clock, which
+    is chosen as for bags; other tables as they are."""
+    needed = [*first_set(MOTION, channels), *first_set(POWER, channels)]
+    time_s = channels.get("time_s", np.empty(0))
+    if not needed or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
+        return channels
+    known = np.array([np.isfinite(channels[name]) for name in needed])
+    fewest = int(known.sum(axis=1).min())
+    if fewest < 2 or known.all(axis=0).sum() >= rules.TOGETHER_SHARE * fewest:
+        return channels
+    from homeward.logs.bags import clock  # only now, as it needs a part of SciPy that takes a while to load
+
+    series = {name: clock.in_order(time_s, values) for name, values in channels.items() if name != "time_s"}
+    ticks = clock.slower(*(series[name][0] for name in needed))
+    if len(ticks) < 2:
+        raise RecordingError("power and motion were not recorded at the same time")
+    notes.append("power and motion stand in different rows: faster columns are averaged at the times of the slower")
+    return {"time_s": ticks, **{name: clock.on_clock(*one, ticks) for name, one in series.items()}}
 
 
 def _numbers(column: pd.Series[Any], wrong: str = "not a number") -> Array:
@@ -352,18 +418,20 @@ def _refuse_bad_time(time_s: Array) -> None:
 
 
 def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
-    """Set impossible values to NaN, with a note; many of them are a wrong unit."""
+    """Set impossible values to NaN, with a note; many of those that are not 0 are a wrong unit."""
     impossible = channel.impossible(values)
     count, allowed = int(impossible.sum()), f"{channel.low:g} to {channel.high:g} {channel.unit}"
-    if count > rules.STRAY_SHARE * len(values):
-        worst = float(np.nanmax(np.abs(values)))
-        at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= worst * f <= channel.high]
+    beyond = f"{count} of {len(values)} values of {channel.name} are outside {allowed}"
+    moving = np.isfinite(values) & (values != 0.0)
+    if count > rules.STRAY_SHARE * len(values) and impossible[moving].mean() > rules.MOST_BROKEN_SHARE:
+        typical, worst = (float(pick(np.abs(values[impossible]))) for pick in (np.median, np.max))
+        at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= typical * f <= channel.high]
         guess = f"; this looks like {at_hand[0][0]} (factor {at_hand[0][1]:.6g} in a mapping file)" if at_hand else ""
         if channel.name == "temperature_c" and np.nanmin(values) > rules.COLDEST_K:
             guess = "; this looks like kelvin (offset -273.15 in a mapping file)"
         raise RecordingError(f"{channel.name} reaches {worst:.6g}, outside {allowed}{guess}")
     values[impossible] = np.nan
-    return [f"{count} values of {channel.name} are outside {allowed} and left out"] if count else []
+    return [f"{beyond} and left out"] if count else []
 
 
 def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
@@ -395,3 +463,9 @@ def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
                     f"{what} is {value / truth:.3g} times that of {reference}; this looks like {unit} "
                     f"(factor {1 / factor:.6g} in a mapping file)"
                 )
+        odometers = what in ("speed_mps", "the wheel speeds") and min(value, truth) > rules.LEAST_ODOMETER_M
+        if odometers and abs(np.log(value / truth)) > np.log(rules.MOST_ODOMETER_RATIO):
+            raise RecordingError(
+                f"{what} gives {value:.4g} m of way and {reference} {truth:.4g} m: which is right? Give the other a "
+                "factor in a mapping file (--columns), or leave it out"
+            )

@@ -19,8 +19,26 @@ STANDSTILL_MPS = 0.02
 (a standing Husky of BorealTC, ICE/pro_04, reads up to 0.012 m/s); the slowest robot that ships does ten times as
 much."""
 
+MOST_ZERO_HEIGHTS, NEAR_ZERO_M = 0.2, 30.0
+"""Largest share of heights of 0 that mean unknown, and least size of all others, m. Chosen: heights above the start
+begin at 0, and the next point is less than 30 m higher."""
+
+FASTEST_CHANGES: Mapping[str, float] = MappingProxyType({
+    "speed_mps": 12.0, "wheel_left_mps": 12.0, "wheel_right_mps": 12.0, "distance_m": 70.0, "elevation_m": 70.0,
+})  # fmt: skip
+"""Largest rate of change of a channel, SI per second. Speeds: the grip of rubber on dry asphalt, 1.2 g (Wong, Theory of
+Ground Vehicles, ch. 1: 0.8 to 0.9 in a steady slide, up to 1.2 at the peak); the way and the height: the limit of a
+speed in the schema."""
+SPIKE_SAMPLES, SPIKE_S = 5, 0.25
+"""Samples of the running median from which a spike deviates, and least time that a change is given, s. Chosen: up to
+two wrong readings in a row are found, and noise of 3 m/s is none."""
+FASTER_THAN_TOP = 1.5
+"""Speed over the top speed of a robot's file from which single readings are impossible. Chosen: downhill, and with
+settings that were changed, robots are faster than their file says, by less."""
+
 MOST_BROKEN_SHARE = 0.1
-"""Largest share of broken lines; more mean that the mapping is for other files. Chosen."""
+"""Largest share of broken lines, or of impossible values other than 0; with more the mapping is for other files, or the
+unit is wrong. Chosen."""
 
 MOST_NOT_ASCII_SHARE = 0.1
 """Largest share of bytes beyond ASCII in a line of names that is no UTF-8: more are binary data. Chosen: names of
@@ -55,11 +73,20 @@ SLOW_STEP_S, EPOCH_COUNT = 2.0, 1e11
 count since 1970 in ms to ns: between 1990 in ms (6.3e11) and 2099 in s (4.1e9). Chosen: most robots are logged at
 1 Hz and faster."""
 
+TOGETHER_SHARE = 0.5
+"""Least share of the values of the channel that has fewest, in rows in which all that is needed is known; with fewer,
+each row is of one topic. Chosen: missing values are the exception in a table of samples."""
+
 # --- Units ------------------------------------------------------------------------------------------------------------
 
 UNIT_LOG_RATIO = 0.12
 """Largest difference between the logarithms of the ratio of two channels and of a wrong unit's factor, for that unit to
 be the cause; chosen: instruments agree within 12 %."""
+
+MOST_ODOMETER_RATIO, LEAST_ODOMETER_M = 1.2, 10.0
+"""Ratio of two ways of one run above which an odometer has another unit or wheel size, and way from which they are
+compared, m. Chosen: worn and soft tyres and slip on firm ground make less than 10 % each (Wong, Theory of Ground
+Vehicles, ch. 1)."""
 
 HEADING_JUMP = 180.0
 """A heading that changes by more from sample to sample, in its own unit, is in degrees that wrap: in rad it would have
@@ -78,6 +105,15 @@ Chosen, within the limits of the schema."""
 
 # --- Messages of bags and flight logs ---------------------------------------------------------------------------------
 
+SAME_BATTERY = 0.05
+"""Relative difference of mean currents up to which one battery is the sum of others, and of voltages up to which packs
+are in parallel. Chosen: the error of current sensors of battery monitors, 1 to 5 %; packs in parallel share a voltage
+but for the drop on their leads."""
+
+SAME_READING = 0.01
+"""The same of the quantiles of two currents that are one battery's, reported twice. Chosen: readings are then equal but
+for rounding and losses of messages."""
+
 GAP_STEPS = 5.0
 """Median steps between samples; a longer step is a gap; chosen: a few messages may be lost."""
 
@@ -92,6 +128,10 @@ clock has every sample, or every second one or fewer."""
 CLOCKS_DIFFER_S = 5.0
 """Delay of a topic over that of the others, s, from which its stamps are of another clock; chosen: transport delays a
 message by less, another clock is off by far more."""
+
+CLOCK_BACK_S = 1.0
+"""Time by which stamps of one topic go back, s, from which its clock was set or began again. Chosen: messages overtake
+each other by less."""
 
 LEVEL_M = 0.05
 """Height range, m; chosen: a height that varies by less is that of planar odometry, which does not measure height."""

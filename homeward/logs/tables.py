@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import contextlib
 import csv
 import gzip
 import io
@@ -14,15 +15,13 @@ from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 
 from homeward.files import open_regular
-from homeward.logs import rules
+from homeward.logs import limits, rules
 from homeward.logs.columns import RecordingError
-
-MOST_ROWS = 10_000_000
-"""Most rows of a recording: 27 hours at 100 Hz. Chosen: bounds memory to some GB."""
-MOST_BYTES = 2**30
-"""Most bytes of a recording, unpacked: that many rows of 100 characters."""
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".txt")
 """Endings of their names."""
@@ -56,8 +55,10 @@ class _Limited(io.RawIOBase):
         self._bytes += len(data)
         end = max(data.rfind(b"\n"), data.rfind(b"\r"))
         self._line = self._line + len(data) if end < 0 else len(data) - end - 1
-        if self._bytes > MOST_BYTES:
-            raise RecordingError(f"holds more than {MOST_BYTES / 1e9:.2g} GB, unpacked; cut it into several runs")
+        if self._bytes > limits.MOST_BYTES:
+            raise RecordingError(
+                f"holds more than {limits.MOST_BYTES / 1e9:.2g} GB, unpacked; cut it into several runs"
+            )
         if self._line > _LONGEST_LINE:
             raise RecordingError(f"has a line of more than {_LONGEST_LINE} bytes; a recording has a line per sample")
         buffer[: len(data)] = data
@@ -109,6 +110,8 @@ class TextTable:
         """
         places, width = [self.header.index(name) for name in columns], len(self.header)
         last: pd.DataFrame | None = None
+        # All cells of a piece are in memory, also those of columns that are not read.
+        rows = min(_PIECE, max(limits.MOST_CELLS // width, 1))
         wide = self.encoding != "utf-8-sig"
         with refusing(), opened(self.path) as file:
             # The last column is read as well, so that a short last line differs from an empty last cell.
@@ -116,11 +119,11 @@ class TextTable:
                 io.TextIOWrapper(file, self.encoding, newline="") if wide else file,
                 encoding=None if wide else "utf-8-sig", sep=self.separator, decimal=self.decimal,
                 skipinitialspace=True, header=0, names=range(width), usecols=[*places, width - 1], index_col=False,
-                low_memory=False, chunksize=_PIECE, skiprows=list(self.skipped),
+                low_memory=False, chunksize=rows, skiprows=list(self.skipped),
             )  # fmt: skip
             for last in reader:
-                if len(last) and last.index[-1] >= MOST_ROWS:
-                    raise RecordingError(f"has more than {MOST_ROWS} rows; cut it into several runs")
+                if len(last) and last.index[-1] >= limits.MOST_ROWS:
+                    raise RecordingError(f"has more than {limits.MOST_ROWS} rows; cut it into several runs")
                 yield last[places].set_axis(list(columns), axis="columns")
         if last is not None and len(last) and pd.isna(last[width - 1].iloc[-1]):
             self._refuse_cut_line()
@@ -252,6 +255,43 @@ def _notes(encoding: str, separator: str, decimal: str, comments: int, units: bo
     if units:
         notes.append("the line of units after the names left out")
     return tuple(notes)
+
+
+@contextlib.contextmanager
+def opened_parquet(path: Path) -> Iterator[pq.ParquetFile]:
+    """A Parquet file whose texts are kept once each, however often they occur, see `in_pandas`.
+
+    Raises:
+        OSError: It cannot be opened, or is a pipe or device.
+        RecordingError: It is no whole Parquet file.
+    """
+    with open_regular(path) as stream:
+        try:
+            schema = pq.read_schema(stream)
+            texts = [one.name for one in schema if pa.types.is_string(one.type) or pa.types.is_binary(one.type)]
+            stream.seek(0)
+            with pq.ParquetFile(stream, read_dictionary=texts) as file:
+                yield file
+        except (RecordingError, MemoryError):
+            raise
+        except Exception as error:  # damaged metadata raises anything, from ArrowException to UnicodeDecodeError
+            message = (str(error).splitlines() or [""])[0][:200]
+            raise RecordingError(f"is not a whole Parquet file ({message}); copy or record it again") from error
+
+
+def in_pandas(batch: Any) -> pd.DataFrame:
+    """Rows of a Parquet file; texts longer than a number or time are refused before they are copied for each row."""
+    columns = {}
+    for name, column in zip(batch.schema.names, batch.columns, strict=True):
+        if pa.types.is_nested(column.type):
+            raise RecordingError(f"{name} holds lists or tables; a column has a number or a time in each row")
+        if pa.types.is_dictionary(column.type):
+            longest = pc.max(pc.binary_length(column.dictionary)).as_py() or 0
+            if longest > limits.LONGEST_CELL:
+                raise RecordingError(f"{name} holds a text of {longest} bytes, which is no number or time")
+            column = column.dictionary_decode()
+        columns[name] = column.to_pandas()
+    return pd.DataFrame(columns)
 
 
 class refusing:

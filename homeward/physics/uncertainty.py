@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -64,7 +63,8 @@ class Uncertainty:
         if not isinstance(self.source, str):
             raise UncertaintyError(f"source = {self.source!r} is not a text")
         count = len(self.fitted)
-        if count > _MOST_NUMBERS or len(set(self.fitted)) != count or not all(isinstance(n, str) for n in self.fitted):
+        names = all(isinstance(name, str) for name in self.fitted)
+        if not names or count > _MOST_NUMBERS or len(set(self.fitted)) != count:
             raise UncertaintyError(f"fitted = {list(self.fitted)!r}; give at most {_MOST_NUMBERS} names, each once")
         self._check_covariance(count)
         for name, value, most in (
@@ -85,7 +85,7 @@ class Uncertainty:
             return
         try:
             matrix = np.array(self.covariance, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             matrix = np.full((1, 1), np.nan)
         if matrix.shape != (count, count) or not np.isfinite(matrix).all():
             raise UncertaintyError(f"covariance is not a table of {count} x {count} numbers, one for each of fitted")
@@ -164,7 +164,7 @@ def from_table(table: Any) -> Uncertainty:
 
 
 def _check(name: str, value: Any, most: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0.0 <= float(value) <= most:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= most:
         raise UncertaintyError(f"{name} = {value!r} is not allowed; give a number in [0, {most:g}]")
 
 

@@ -86,4 +86,17 @@ def test_stray_values_are_left_out_and_noted(table: pd.DataFrame, csv: Write) ->
     table.loc[7, "speed_mps"] = 1e4
     recording = read_recording(csv(table))
     assert np.isnan(recording.channels["speed_mps"][7])
-    assert recording.notes == ("1 values of speed_mps are outside -70 to 70 m/s and left out",)
+    assert recording.notes == ("1 of 600 values of speed_mps are outside -70 to 70 m/s and left out",)
+
+
+def test_one_wrong_reading_in_sixty_is_no_other_unit(table: pd.DataFrame, csv: Write) -> None:
+    table.loc[::60, "speed_mps"] = 900.0
+    recording = read_recording(csv(table))
+    assert np.isnan(recording.channels["speed_mps"]).sum() == 10
+    assert "10 of 600 values of speed_mps are outside -70 to 70 m/s and left out" in recording.notes
+
+
+@pytest.mark.parametrize("ratio", [0.7, 1.5])
+def test_two_odometers_that_differ_are_asked_about(table: pd.DataFrame, csv: Write, ratio: float) -> None:
+    table["distance_m"] = np.cumsum(table.speed_mps) / 10.0 / ratio
+    assert "which is right? Give the other a factor" in refusal(csv(table))

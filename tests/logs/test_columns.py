@@ -234,6 +234,7 @@ def test_whole_seconds_are_spread(tmp_path: Path) -> None:
         ('sample_hz = "5"\n[columns]\npower_w = "p"', "is not a finite number"),
         ('sample_hz = -5\n[columns]\npower_w = "p"', "is not between"),
         ('sample_hz = 5\nheader = ["p", "p"]\n[columns]\npower_w = "p"', "not a list of different names"),
+        ('[columns]\ntime_s = { column = "t", whole_seconds = true }\nspeed_mps = "t"', "is the column of the stamps"),
         ('[columns]\ntime_s = "t"\npower_w = { column = "p", whole_seconds = true }', "is for time_s only"),
         ('[columns]\ntime_s = { column = "t", whole_seconds = true, factor = 2.0 }', "is not understood"),
     ],

@@ -175,3 +175,40 @@ def test_a_letter_or_a_unit_is_only_a_guess(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("time,speed,i,pack\ns,m/s,A,V\n" + rows)
     sure = {one.channel: one.sure for one in propose(tmp_path / "run.csv").guesses}
     assert (sure["current_a"], sure["voltage_v"]) == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("columns", "channel", "right"),
+    [
+        (("speed_mps", "watt_hours_used"), "power_w", None),
+        (("speed_mps", "power_supply_status"), "power_w", None),
+        (("speed_mps", "Capa(mAh)"), "current_a", None),
+        (("speed_mps", "current_limit_a"), "current_a", None),
+        (("speed_mps", "current_setpoint", "current"), "current_a", "current"),
+        (("speed_mps", "iq_phase_current"), "current_a", None),
+        (("avg_voltage", "voltage"), "voltage_v", "voltage"),
+        (("v", "speed", "voltage"), "speed_mps", "speed"),
+        (("v2", "velocity"), "speed_mps", "velocity"),
+        (("voltage1", "voltage"), "voltage_v", "voltage"),
+        (("time_min", "speed"), "time_s", "time_s"),
+    ],
+)
+def test_what_is_no_measurement_of_a_channel_is_not_proposed(
+    tmp_path: Path, columns: tuple[str, ...], channel: str, right: str | None
+) -> None:
+    table = pd.DataFrame({"time_s": np.arange(100.0), **{name: 1.0 + np.arange(100) % 7 / 10.0 for name in columns}})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    chosen = {one.channel: one.column for one in propose(tmp_path / "run.csv").guesses}
+    assert chosen.get(channel) == right
+
+
+def test_a_date_and_the_time_of_day_are_joined(tmp_path: Path) -> None:
+    """As EdgeTX writes a log; a percentage in 0 to 1 is a share whatever its name says."""
+    rows = "".join(f"2026-05-01,10:00:{i:02d}.500,{i % 5},24.0,1.5,0.9\n" for i in range(50))
+    path = tmp_path / "log.csv"
+    path.write_text("Date,Time,GSpd(kmh),RxBt(V),Curr(A),percentage\n" + rows)
+    proposal = propose(path)
+    (tmp_path / "map.toml").write_text(proposal.toml())
+    read = read_recording(path, tmp_path / "map.toml")
+    assert read.duration_s == pytest.approx(49.0) and read.channels["time_s"][0] == pytest.approx(1777629600.5)
+    assert read.channels["soc"][0] == 0.9 and read.channels["current_a"][0] == 1.5

@@ -50,8 +50,8 @@ def test_missing_values_and_columns_in_any_order_are_read(table: pd.DataFrame, c
 def test_no_file_folder_and_unknown_kind(tmp_path: Path) -> None:
     assert "no such file" in refusal(tmp_path / "none.csv")
     assert "is a folder" in refusal(tmp_path)
-    (tmp_path / "run.xlsx").write_text("x")
-    assert ".parquet" in refusal(tmp_path / "run.xlsx")
+    (tmp_path / "run.doc").write_text("x")
+    assert ".parquet" in refusal(tmp_path / "run.doc")
 
 
 def test_empty_and_header_only(tmp_path: Path) -> None:
@@ -110,11 +110,11 @@ def test_standard_input(table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_parquet_file_of_too_many_rows(tmp_path: Path, table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
     table.to_parquet(tmp_path / "run.parquet")
-    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 100)
+    monkeypatch.setattr("homeward.logs.limits.MOST_ROWS", 100)
     assert "more than 100 rows" in refusal(tmp_path / "run.parquet")
-    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 1000)
-    monkeypatch.setattr("homeward.logs.tables.MOST_BYTES", 1000)
-    assert "GB, unpacked" in refusal(tmp_path / "run.parquet")
+    monkeypatch.setattr("homeward.logs.limits.MOST_ROWS", 1000)
+    monkeypatch.setattr("homeward.logs.limits.MOST_BYTES", 1000)
+    assert "or 1000 rows, unpacked" in refusal(tmp_path / "run.parquet")
 
 
 def test_speed_in_km_per_hour_shows_against_distance(table: pd.DataFrame, csv: Write) -> None:
@@ -156,3 +156,21 @@ def test_same_column_twice(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time_s,speed_mps,power_w,power_w\n0,0,1,1\n1,0,1,1\n")
     assert "two columns power_w" in refusal(path)
+
+
+@pytest.mark.parametrize("apart_s", [0.03, 0.0])
+def test_a_table_with_a_row_for_each_topic_is_aligned_as_bags_are(
+    table: pd.DataFrame, csv: Write, apart_s: float
+) -> None:
+    """PlotJuggler writes one row for each message; Foxglove has several of one time."""
+    motion = table[["time_s", "speed_mps"]]
+    power = table[["time_s", "power_w"]][::2].assign(time_s=lambda of: of.time_s + apart_s)
+    sparse = pd.concat([motion, power]).sort_values("time_s", kind="stable")
+    read = read_recording(csv(sparse))
+    assert len(read) == pytest.approx(300, abs=1)
+    assert read.notes == (
+        "power and motion stand in different rows: faster columns are averaged at the times of the slower",
+    )
+    now = read.channels["time_s"]
+    np.testing.assert_allclose(read.channels["speed_mps"], np.interp(now, table.time_s, table.speed_mps), atol=1e-3)
+    np.testing.assert_allclose(read.channels["power_w"], np.interp(now, power.time_s, power.power_w))

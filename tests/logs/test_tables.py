@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from homeward.diagnosis import read_recording
-from homeward.logs import RecordingError, tables
+from homeward.logs import RecordingError, limits, tables
 from homeward.logs.tables import opened, sniff
 from tests.logs.refused import Write, refusal
 
@@ -63,7 +63,7 @@ def test_pieces_count_their_rows_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     pieces = list(sniff(path).pieces(["b"]))
     assert [len(piece) for piece in pieces] == [4, 4, 2]
     assert pd.concat(pieces)["b"].to_dict() == {row: row * row for row in range(10)}
-    monkeypatch.setattr(tables, "MOST_ROWS", 9)
+    monkeypatch.setattr(limits, "MOST_ROWS", 9)
     with pytest.raises(RecordingError, match="has more than 9 rows; cut it into several runs"):
         list(sniff(path).pieces(["b"]))
 
@@ -109,7 +109,7 @@ def test_limits_of_bytes_and_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         opened(written(tmp_path, "a\n01234567890")) as file,
     ):
         file.read()
-    monkeypatch.setattr(tables, "MOST_BYTES", 100)
+    monkeypatch.setattr(limits, "MOST_BYTES", 100)
     with pytest.raises(RecordingError, match="GB, unpacked; cut it"), opened(written(tmp_path, "a\n" * 51)) as file:
         file.read()
 
@@ -204,13 +204,13 @@ def test_a_half_line_of_a_wide_encoding(table: pd.DataFrame, tmp_path: Path) -> 
 def test_a_file_that_unpacks_to_gigabytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: bytes, said: str
 ) -> None:
-    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 100_000)
+    monkeypatch.setattr("homeward.logs.limits.MOST_ROWS", 100_000)
     path = tmp_path / "run.csv.gz"
     with gzip.open(path, "wb") as file:
         file.write(b"time_s,speed_mps,power_w\n")
         for _ in range(1000):
             file.write(lines * (600 if len(lines) < 10 else 1))
     assert said in refusal(path)
-    monkeypatch.setattr("homeward.logs.tables.MOST_BYTES", 2**20)
-    monkeypatch.setattr("homeward.logs.tables.MOST_ROWS", 10**9)
+    monkeypatch.setattr("homeward.logs.limits.MOST_BYTES", 2**20)
+    monkeypatch.setattr("homeward.logs.limits.MOST_ROWS", 10**9)
     assert "GB, unpacked" in refusal(path) or len(lines) > 10

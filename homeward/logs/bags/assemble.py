@@ -7,22 +7,29 @@ import numpy as np
 import pandas as pd
 
 from homeward.logs import rules
-from homeward.logs.bags import clock, grade, is_flight_log
+from homeward.logs.bags import batteries, clock, grade, is_flight_log
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.flight import FlightLog
-from homeward.logs.bags.samples import read_samples, times_s
+from homeward.logs.bags.messages import SCHEMALESS
+from homeward.logs.bags.samples import keep_longest_part, read_samples, times_s
 from homeward.logs.bags.topics import (
     ACCELERATION,
     BATTERY,
     IMU,
     ORIENTATION,
+    Offer,
+    Part,
+    Topic,
     Topics,
     best_topics,
     load_topics,
+    without_part,
 )
 from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, first_set
 from homeward.logs.columns import RecordingError
+from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import is_epoch
+from homeward.logs.unknown import left_out, unknown
 
 _ELECTRIC = {name for names in POWER for name in names}
 _NEEDED = {*_ELECTRIC, *(name for names in MOTION for name in names)}
@@ -64,18 +71,27 @@ class _Reading:
         wanted: dict[str, dict[str, None]] = {}
         for topic, connection in pairs:
             wanted.setdefault(connection.topic, {}).update(dict.fromkeys(topic.paths()))
-        read = bag.samples(wanted) if isinstance(bag, FlightLog) else read_samples(bag, wanted)
+        kinds = {connection.topic: topic.kind for topic, connection in pairs if topic.kind}
+        read = bag.samples(wanted) if isinstance(bag, FlightLog) else read_samples(bag, wanted, kinds)
         self.samples, self.unread = read  # unread: why topics could not be read
         if not self.samples:
             raise self._missing("motion and no power")
-        self.candidates = {
-            name: [pair for pair in options if pair[1].topic in self.samples] for name, options in offered.items()
+        if isinstance(bag, FlightLog):
+            bag.notes += keep_longest_part(self.samples)
+        self.candidates: dict[str, list[tuple[Topic, Offer]]] = {
+            name: [pair for option in options for pair in self._read_from(*option)] for name, options in offered.items()
         }
+        on_receipt = {one.topic for topic, one in pairs if topic.on_receipt}
         self.times, self.start_ns, self.notes = times_s(
-            self.samples, {one.topic for topic, one in pairs if topic.on_receipt}
+            self.samples, {name for name in self.samples if without_part(name) in on_receipt or name in on_receipt}
         )
+        # Batteries that are added, by the name and type of the entry of the mapping.
+        for topic, connection in self.candidates["current_a"]:
+            self._leave_out_with_voltage(topic, connection.topic)
+        self.added: dict[tuple[str, str], tuple[str, ...]] = {}
 
     def table(self) -> tuple[pd.DataFrame, list[str], float]:
+        self._choose_batteries()
         series = {name: one for name in CHANNELS if (one := self._channel(name)) is not None}
         motion, power = first_set(MOTION, series), first_set(POWER, series)
         if not motion or not power:
@@ -106,24 +122,100 @@ class _Reading:
         start_s = self.start_ns * 1e-9 + float(ticks[0])
         return pd.DataFrame({"time_s": ticks - ticks[0], **columns}), notes, start_s if is_epoch(start_s) else 0.0
 
+    def _read_from(self, topic: Topic, connection: Offer) -> list[tuple[Topic, Offer]]:
+        """A topic that was read, or each of the batteries that it reports."""
+        if connection.topic in self.samples:
+            return [(topic, connection)]
+        parts = (name for name in self.samples if without_part(name) == connection.topic and topic.takes(name))
+        return [(topic, Part(name, connection.msgtype, len(self.samples[name].received_ns))) for name in parts]
+
+    def _choose_batteries(self) -> None:
+        """Decide, for each entry of the mapping, between several batteries that report what is drawn from them."""
+        of_entry: dict[int, dict[str, tuple[Topic, Offer]]] = {}
+        for name in ("power_w", "current_a"):
+            for topic, connection in self.candidates[name]:
+                of_entry.setdefault(id(topic), {})[connection.topic] = topic, connection
+        for offers in of_entry.values():
+            topic = next(iter(offers.values()))[0]
+            drawing = [battery for name in offers if (battery := self._battery(topic, name)) is not None]
+            if len(drawing) < 2:
+                continue
+            choice = batteries.choose(drawing, topic.several)
+            self.notes.append(choice.why)
+            if len(choice.names) > 1:
+                self.added[topic.pattern, topic.kind] = choice.names
+            for name in batteries.OF_BATTERY:
+                self.candidates[name] = [
+                    pair for pair in self.candidates[name] if pair[0] is not topic or pair[1].topic in choice.names
+                ]
+
+    def _leave_out_with_voltage(self, topic: Topic, name: str) -> None:
+        """Leave out the readings of a battery in messages whose voltage is unknown: its driver has none yet."""
+        if "voltage_v" not in topic.sources:
+            return
+        values = self.samples[name].values
+        silent = unknown("voltage_v", topic.sources["voltage_v"].of(values))
+        if not silent.any():
+            return
+        for channel in batteries.OF_BATTERY & topic.sources.keys():
+            for path, _ in topic.sources[channel].terms:
+                values[path] = np.where(silent, np.nan, values[path])
+        self.notes.append(f"{int(silent.sum())} of {len(silent)} messages of {name} have an unknown voltage: left out")
+
+    def _battery(self, topic: Topic, name: str) -> batteries.Battery | None:
+        """What a battery reports; None if it reports nothing that is drawn."""
+        values = self.samples[name].values
+        drawn = next(topic.sources[one].of(values) for one in ("current_a", "power_w") if one in topic.sources)
+        if not np.nan_to_num(drawn).any():
+            return None
+        voltage_v = topic.sources["voltage_v"].of(values) if "voltage_v" in topic.sources else np.empty(0)
+        return batteries.Battery(name, voltage_v, drawn)
+
     def _channel(self, name: str) -> Series | None:
         """The channel from the first topic of the mapping with values of it."""
         for topic, connection in self.candidates[name]:
-            values = topic.sources[name].of(self.samples[connection.topic].values)
+            if name in batteries.OF_BATTERY and (topic.pattern, topic.kind) in self.added:
+                return self._over_packs(name, topic, connection)
+            values = np.array(topic.sources[name].of(self.samples[connection.topic].values))
+            said = [*left_out(name, values), *_stray_left_out(name, values)]
+            known = int(np.isfinite(values).sum())
             time_s, values = clock.in_order(self.times[connection.topic], values)
+            if known - len(values) > rules.STRAY_SHARE * known:
+                same = f"{known - len(values)} of {known} values of {name} have the time of another: the first is used"
+                said.append(same)
+            # Before they are averaged, which would spread a wrong reading over those beside it.
+            said += leave_out_spikes({"time_s": time_s, name: values})
+            time_s, values = clock.in_order(time_s, values)
             if len(values) >= 2 and (name not in _ELECTRIC or values.any()):
-                return Series(connection.topic, connection.msgtype, time_s, values)
+                self.notes += said
+                kind = topic.kind if connection.msgtype == SCHEMALESS else connection.msgtype
+                return Series(connection.topic, kind, time_s, values)
             if name in _NEEDED:
                 self.void.setdefault(connection.topic, []).append(name)
         return None
 
+    def _over_packs(self, name: str, topic: Topic, first: Offer) -> Series:
+        """A channel of several packs in parallel: what they draw is added, of the rest the mean is taken."""
+        packs = [
+            clock.in_order(self.times[pack], topic.sources[name].of(self.samples[pack].values))
+            for pack in self.added[topic.pattern, topic.kind]
+        ]
+        packs = [pack for pack in packs if len(pack[0]) >= 2]
+        ticks = clock.slower(*(time_s for time_s, _ in packs))
+        values = np.array([clock.on_clock(*pack, ticks) for pack in packs])
+        over = values.sum(axis=0) if name in batteries.ADDED else values.mean(axis=0)
+        label = " + ".join(self.added[topic.pattern, topic.kind])
+        return Series(label, first.msgtype, *clock.in_order(ticks, over))
+
     def _missing(self, what: str) -> RecordingError:
         topics = {connection.topic: connection.msgtype for connection in self.bag.connections}
         shown = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items())[:12])
+        typeless = any(kind == SCHEMALESS for kind in topics.values())
+        hint = ", with the type of a topic without a schema" if typeless else ""
         because = "".join(f"; {reason}" for reason in (*self._why(), *self.bag.notes))
         return RecordingError(
             f"has no {what} by the topic mapping {self.topics.name}{because}; its topics: {shown}"
-            f"{', ...' if len(topics) > 12 else ''}; name them in a mapping file (--columns)"
+            f"{', ...' if len(topics) > 12 else ''}; name them in a mapping file (--columns){hint}"
         )
 
     def _why(self) -> list[str]:
@@ -189,14 +281,30 @@ class _Reading:
     def _leave_out_impossible(self, columns: dict[str, Array]) -> None:
         """Leave out channels that are not needed and have values out of their limits."""
         soc, most = columns.get("soc", np.empty(0)), CHANNELS["soc"].high
-        if most < np.max(soc, initial=0.0, where=np.isfinite(soc)) <= 100.0 * most:
+        known = soc[np.isfinite(soc)]
+        if len(known) and most < np.median(known) <= 100.0 * most:
             columns["soc"] = soc / 100.0
             self.notes.append("the state of charge is in per cent, and divided by 100")
         for name in sorted(set(columns) - _NEEDED):
             channel = CHANNELS[name]
-            if channel.impossible(columns[name]).any() or np.isnan(columns[name]).all():
+            impossible = channel.impossible(columns[name])
+            beyond = f"outside {channel.low:g} to {channel.high:g}"
+            if impossible.mean() > rules.STRAY_SHARE or np.isnan(columns[name]).all():
                 del columns[name]
-                self.notes.append(f"{name} is left out: missing, or outside {channel.low:g} to {channel.high:g}")
+                self.notes.append(f"{name} is left out: missing, or {beyond}")
+            elif impossible.any():
+                columns[name] = np.where(impossible, np.nan, columns[name])
+                self.notes.append(f"{int(impossible.sum())} values of {name} are {beyond} and left out")
+
+
+def _stray_left_out(name: str, values: Array) -> list[str]:
+    """Set few impossible values to NaN, in place, before they are averaged with others; many are another unit."""
+    channel = CHANNELS[name]
+    impossible = channel.impossible(values)
+    if not 0.0 < impossible.mean() <= rules.STRAY_SHARE:
+        return []
+    values[impossible] = np.nan
+    return [f"{int(impossible.sum())} values of {name} are outside {channel.low:g} to {channel.high:g} and left out"]
 
 
 def _speed(series: dict[str, Series]) -> Series:

@@ -1,6 +1,7 @@
 """Logs of autopilots as topics: ULog of PX4, read by `pyulog`, and DataFlash of ArduPilot, read by `pymavlink`.
 
-A topic is a message by its name, such as `battery_status` or `BAT`; of several instances the first. Beside the fields
+A topic is a message by its name, such as `battery_status` or `BAT`; of several instances the first, but for batteries,
+which are topics of their own, such as `BAT@1` (`homeward.logs.bags.batteries`). Beside the fields
 that a message has are those that follow from them (`_DERIVED`), in the axes of REP 103 as in bags: x forward, y left,
 z up. Autopilots have y to the right and z down (PX4, "Frame of reference"; ArduPilot, ATT of the log messages).
 """
@@ -23,13 +24,16 @@ from scipy.spatial.transform import Rotation
 
 from homeward.files import open_regular
 from homeward.installed import advice
+from homeward.logs import limits
 from homeward.logs.bags.samples import Samples
+from homeward.logs.bags.topics import PART, without_part
 from homeward.logs.channels import Array
 from homeward.logs.columns import RecordingError
 
 Fields = dict[str, Array]
 """Numbers of one message by field, shape (n,) each."""
 
+_BATTERIES = "battery_status", "BAT"
 _UNKNOWN = -1.0  # of a battery's current and state of charge in PX4: "-1 if unknown" (msg/BatteryStatus.msg)
 _FIX_2D = 2  # GPS of both autopilots: below it there is no position (msg/SensorGps.msg, AP_GPS::GPS_Status)
 _LATEST_US = 2**53  # which a damaged time exceeds: 285 years after the start, exact in double precision
@@ -83,9 +87,15 @@ class FlightLog(contextlib.ExitStack):
         found: dict[str, Samples] = {}
         with self._listening(*self._about):
             read: dict[str, list[Fields]] = self._log.instances(wanted)
-        for name, (fields, *others) in read.items():
-            if others:
-                self.notes.append(f"{name} has {1 + len(others)} instances, of which the first is read")
+        instances = []
+        for name, several in read.items():
+            if len(several) > 1 and name in _BATTERIES:
+                instances += [(name, f"{name}{PART}{number}", fields) for number, fields in enumerate(several)]
+                continue
+            if len(several) > 1:
+                self.notes.append(f"{name} has {len(several)} instances, of which the first is read")
+            instances.append((name, name, several[0]))
+        for name, label, fields in instances:
             if name in _DERIVED:
                 with contextlib.suppress(KeyError):  # a layout that lacks a field: named below if it is wanted
                     fields |= _DERIVED[name](fields)
@@ -96,8 +106,11 @@ class FlightLog(contextlib.ExitStack):
             good = (time_us > 0.0) & (time_us < _LATEST_US)
             if good.any():
                 stamp_ns = (time_us[good] * 1e3).astype(np.int64)
-                found[name] = Samples(stamp_ns, stamp_ns, {path: fields[path][good] for path in wanted[name]})
-        return found, [f"{name} is left out: none of its messages can be read" for name in wanted if name not in found]
+                found[label] = Samples(stamp_ns, stamp_ns, {path: fields[path][good] for path in wanted[name]})
+        read_of = {without_part(label) for label in found}
+        return found, [
+            f"{name} is left out: none of its messages can be read" for name in wanted if name not in read_of
+        ]
 
     @contextlib.contextmanager
     def _listening(self, name: str, kind: str) -> Iterator[None]:
@@ -141,8 +154,17 @@ class _ULog:
     def __init__(self, path: Path) -> None:
         from pyulog import ULog
 
+        class WithinLimits(ULog):  # type: ignore[misc]
+            """A log whose definitions are checked before pyulog makes a field of each of their numbers."""
+
+            def _read_file_definitions(self) -> None:
+                super()._read_file_definitions()
+                counts: dict[str, int] = {}
+                for name in self._message_formats:
+                    _refuse_many_fields(name, self._message_formats, counts)
+
         with open_regular(path) as file:
-            log = ULog(_Finite(file, path.stat().st_size))
+            log = WithinLimits(_Finite(file, path.stat().st_size))
         if log.file_corruption:
             print("bytes that are no message")
         self._data = log.data_list  # sorted by name and instance
@@ -157,6 +179,21 @@ class _ULog:
         return found
 
     def close(self) -> None: ...
+
+
+def _refuse_many_fields(name: str, formats: Mapping[str, Any], counts: dict[str, int]) -> int:
+    """The number of fields of a message with those of the messages in it.
+
+    Raises:
+        RuntimeError: It has more than a message has; not a ValueError, which pyulog ignores.
+    """
+    if name not in counts:
+        fields = formats[name].fields if name in formats else ()
+        parts = [max(size, 1) * (_refuse_many_fields(kind, formats, counts) or 1) for kind, size, _ in fields]
+        counts[name] = sum(parts)
+    if counts[name] > limits.MOST_ELEMENTS:
+        raise RuntimeError(f"by its definition {name} has {counts[name]:.3g} fields, which none has")
+    return counts[name]
 
 
 class _DataFlash:

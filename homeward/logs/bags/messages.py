@@ -6,12 +6,18 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from homeward.logs import limits
+
 _SEPARATOR = "=" * 80 + "\n"
+SCHEMALESS = "__schemaless__"
+"""Type that `rosbags` gives topics of an MCAP file without a schema."""
+
+_PLACEHOLDER = "structure_needs_at_least_one_member"  # which rosbags adds to a message without fields
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\w+)\]")
 
 
@@ -23,17 +29,23 @@ class WrongField(ValueError):
     """A field that the message does not have; the error lists those that it has."""
 
 
-def decoder(connection: Connection, ros1: bool) -> Callable[[bytes], Any]:
+def decoder(connection: Connection, ros1: bool, kind: str = "") -> Callable[[bytes], Any]:
     """Decoder of the content of a topic's messages into objects.
 
     The bag's own definition comes first. Bags of ROS 2 before Iron in sqlite3 have none: then those of the standard
-    packages, and the ones that ship here (folder definitions), newest first where a package changed its layout.
+    packages, and the ones that ship here (folder definitions), newest first where a package changed its layout. So it
+    is for an empty definition, and for a topic without a schema whose `kind` the mapping gives.
 
     Raises:
         UnknownType: There is no definition.
     """
-    stores = _stores(connection)
+    if connection.msgtype == SCHEMALESS and kind:
+        connection = connection._replace(msgtype=kind)
     kind = connection.msgtype
+    stores = _stores(connection)
+    for store in stores:
+        _refuse_large(store, kind)
+        store.max_sequence_length = limits.MOST_SEQUENCE
 
     def decode(content: bytes) -> Any:
         while True:
@@ -50,9 +62,11 @@ def decoder(connection: Connection, ros1: bool) -> Callable[[bytes], Any]:
 def _stores(connection: Connection) -> list[Typestore]:
     kind, definition = connection.msgtype, connection.msgdef
     try:
-        if definition.format == MessageDefinitionFormat.MSG:
+        if not definition.data.strip():
+            pass  # as none
+        elif definition.format == MessageDefinitionFormat.MSG:
             return [_store(Stores.EMPTY, [get_types_from_msg(definition.data, kind)])]
-        if definition.format == MessageDefinitionFormat.IDL:
+        elif definition.format == MessageDefinitionFormat.IDL:
             parts = [part.split("\n", 1)[1] for part in definition.data.split(_SEPARATOR) if part.startswith("IDL: ")]
             return [_store(Stores.EMPTY, [get_types_from_idl(part) for part in parts or [definition.data]])]
     except Exception as error:  # a damaged one raises anything, from TypesysError to KeyError
@@ -69,6 +83,42 @@ def _stores(connection: Connection) -> list[Typestore]:
     if not found:
         raise UnknownType(f"{kind}: the bag has no definition of this type, and neither has this package")
     return found
+
+
+def _refuse_large(store: Typestore, kind: str) -> None:
+    """Refuse a definition that lets a message of some bytes have millions of parts.
+
+    Raises:
+        UnknownType: It has more numbers than a message has, contains itself, or lists parts without content.
+    """
+    try:
+        count = _elements(store, kind, {})
+    except (RecursionError, KeyError):  # a part that contains itself, or has no definition
+        raise UnknownType(f"{kind}: its definition in the bag is not complete, or contains itself") from None
+    if count > limits.MOST_ELEMENTS:
+        raise UnknownType(f"{kind}: by its definition in the bag a message has {count:.3g} numbers, which none has")
+
+
+def _elements(store: Typestore, kind: str, known: dict[str, int]) -> int:
+    """How many numbers, texts and lists a message has; a list in it counts as one."""
+    if kind not in known:
+        fields: Any = store.fielddefs[kind][1]
+        parts = [part for name, part in fields if name != _PLACEHOLDER]
+        known[kind] = sum(_elements_of(store, node, content, known) for node, content in parts)
+    return known[kind]
+
+
+def _elements_of(store: Typestore, node: Nodetype, content: Any, known: dict[str, int]) -> int:
+    if node == Nodetype.BASE:
+        return 1
+    if node == Nodetype.NAME:
+        return _elements(store, content, known)
+    (inner, inside), size = content
+    count = _elements_of(store, inner, inside, known)
+    if node == Nodetype.ARRAY:
+        return int(size) * max(count, 1)
+    # A list says its own length, which nothing limits where its parts have no bytes.
+    return 1 if count else limits.MOST_ELEMENTS + 1
 
 
 def _store(base: Stores, types: Sequence[Any]) -> Typestore:

@@ -6,24 +6,18 @@ records before are whole; these scanners read them without an index, and unpack 
 Sources: ROS bag format 2.0 (wiki.ros.org/Bags/Format/2.0), MCAP specification 1 (mcap.dev/spec).
 """
 
-import bz2
-import contextlib
 import io
 import struct
-import sys
 from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
-from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 from rosbags.typesys.msg import normalize_msgtype
 
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
+from homeward.logs.bags.messages import SCHEMALESS
+from homeward.logs.limits import Allowance, TooLarge
 
 Record = Connection | tuple[int, int, bytes]  # of a message: id of its connection, time of receipt in ns, content
 
@@ -32,7 +26,6 @@ _ROS1_MESSAGE, _ROS1_CHUNK, _ROS1_CONNECTION = 2, 5, 7  # op codes, wiki.ros.org
 _MCAP_SCHEMA, _MCAP_CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK = 3, 4, 5, 6  # op codes, mcap.dev/spec
 _FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL,
             "omgidl": MessageDefinitionFormat.IDL}  # fmt: skip
-_UNPACKERS: dict[str, Any] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompressor}
 
 
 class DamagedBag:
@@ -41,9 +34,14 @@ class DamagedBag:
     A file that was compressed as a whole, or a database, has none.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Scan the file once for its topics, with the number of messages that can be read."""
-        self.path = path
+    def __init__(self, path: Path, allowance: Allowance) -> None:
+        """Scan the file once for its topics, with the number of messages that can be read.
+
+        Args:
+            path: The file.
+            allowance: What it may unpack to, in both scans.
+        """
+        self.path, self._allowance = path, allowance
         counts: Counter[int] = Counter()
         found: dict[int, Connection] = {}
         for record in self._records():
@@ -63,12 +61,17 @@ class DamagedBag:
     def _records(self) -> Iterator[Record]:
         """Records up to the first that is no record; garbage raises anything, from KeyError to OverflowError."""
         magic, scan = (_MCAP_MAGIC, _mcap) if self.path.suffix == ".mcap" else (_ROS1_MAGIC, _ros1)
-        with contextlib.suppress(Exception), self.path.open("rb") as file:
-            if file.read(len(magic)) == magic:
-                yield from scan(file)
+        try:
+            with self.path.open("rb") as file:
+                if file.read(len(magic)) == magic:
+                    yield from scan(file, self._allowance)
+        except TooLarge:
+            raise
+        except Exception:
+            return
 
 
-def _ros1(file: BinaryIO) -> Iterator[Record]:
+def _ros1(file: BinaryIO, allowance: Allowance) -> Iterator[Record]:
     while (header := _sized(file)) is not None:
         fields = _ros1_fields(header)
         operation = fields.get(b"op", b"\xff")[0]
@@ -78,7 +81,7 @@ def _ros1(file: BinaryIO) -> Iterator[Record]:
             continue
         data = file.read(size)
         if operation == _ROS1_CHUNK:
-            yield from _ros1(_unpacked(fields[b"compression"].decode(), data))
+            yield from _ros1(_unpacked(fields[b"compression"].decode(), data, allowance), allowance)
             continue
         if len(data) < size:
             return
@@ -100,7 +103,9 @@ def _ros1_fields(data: bytes) -> dict[bytes, bytes]:
     return fields
 
 
-def _mcap(file: BinaryIO, schemas: dict[int, tuple[str, str, str]] | None = None) -> Iterator[Record]:
+def _mcap(
+    file: BinaryIO, allowance: Allowance, schemas: dict[int, tuple[str, str, str]] | None = None
+) -> Iterator[Record]:
     schemas = {} if schemas is None else schemas
     while operation := file.read(1):
         length = file.read(8)
@@ -116,7 +121,7 @@ def _mcap(file: BinaryIO, schemas: dict[int, tuple[str, str, str]] | None = None
             record.seek(28)
             compression = _text(record)
             record.seek(8, io.SEEK_CUR)
-            yield from _mcap(_unpacked(compression, record.read()), schemas)
+            yield from _mcap(_unpacked(compression, record.read(), allowance), allowance, schemas)
         elif len(data) < size:
             return
         elif operation[0] == _MCAP_SCHEMA:
@@ -124,7 +129,7 @@ def _mcap(file: BinaryIO, schemas: dict[int, tuple[str, str, str]] | None = None
             schemas[number] = (_text(record), _text(record), _text(record))
         elif operation[0] == _MCAP_CHANNEL:
             number, schema = struct.unpack("<HH", record.read(4))
-            name, encoding, text = schemas.get(schema, ("", "", ""))
+            name, encoding, text = schemas.get(schema, (SCHEMALESS, "", ""))
             yield _connection(number, _text(record), name, _FORMATS.get(encoding, MessageDefinitionFormat.NONE), text)
         elif operation[0] == _MCAP_MESSAGE:
             number, _, received = struct.unpack("<HIQ", data[:14])
@@ -145,14 +150,9 @@ def _text(record: BinaryIO) -> str:
     return (_sized(record) or b"").decode()
 
 
-def _unpacked(compression: str, data: bytes) -> BinaryIO:
+def _unpacked(compression: str, data: bytes, allowance: Allowance) -> BinaryIO:
     """A chunk's content, as far as the chunk goes."""
-    if compression in ("", "none"):
-        return io.BytesIO(data)
-    unpacker = _UNPACKERS.get(compression, zstd.ZstdDecompressor)()
-    with contextlib.suppress(OSError, EOFError, RuntimeError, ValueError):
-        return io.BytesIO(unpacker.decompress(data))
-    return io.BytesIO()
+    return io.BytesIO(allowance.unpack(compression, data, whole=False))
 
 
 def _connection(number: int, topic: str, kind: str, form: MessageDefinitionFormat, text: str) -> Connection:

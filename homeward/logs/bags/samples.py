@@ -8,17 +8,21 @@ receipt of the other topics.
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
+from scipy.ndimage import median_filter
 
 from homeward.logs import rules
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.messages import UnknownType, WrongField, decoder, getter
+from homeward.logs.bags.topics import BATTERY, PART, without_part
 from homeward.logs.channels import Array
 from homeward.logs.columns import RecordingError
 
+_MOST_PARTS = 16  # batteries of a topic; chosen: with more, the text is none that names a battery
 _LATEST_NS = np.iinfo(np.int64).max  # of a time of receipt, which a damaged record exceeds
 
 
@@ -31,8 +35,12 @@ class Samples:
     values: dict[str, Array]  # by path
 
 
-def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[str, Samples], list[str]]:
+def read_samples(
+    bag: Bag, wanted: Mapping[str, Collection[str]], kinds: Mapping[str, str] | None = None
+) -> tuple[dict[str, Samples], list[str]]:
     """Read fields of some topics in one pass, by their paths under the name of the topic.
+
+    `kinds` gives the types of topics that have no schema.
 
     Returns:
         The samples by the same names and, for each topic that cannot be read, one line with the reason.
@@ -45,13 +53,16 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
     for connection in bag.connections:
         if connection.topic in wanted:
             try:
-                decoders[id(connection.owner), connection.id] = decoder(connection, bag.ros1)
+                decoders[id(connection.owner), connection.id] = decoder(
+                    connection, bag.ros1, (kinds or {}).get(connection.topic, "")
+                )
                 readable.append(connection)
             except UnknownType as error:
                 unread[connection.topic] = f"{connection.topic} is left out: {error}"
     getters = {name: [getter(path) for path in paths] for name, paths in wanted.items()}
     rows: dict[str, list[list[float]]] = {connection.topic: [] for connection in readable}
     times: dict[str, list[tuple[int, int]]] = {name: [] for name in rows}
+    parts: dict[str, list[str]] = {name: [] for name in rows}
     failures = dict.fromkeys(rows, 0)
     for connection, received_ns, content in bag.messages(readable):
         name, decode = connection.topic, decoders.get((id(connection.owner), connection.id))
@@ -68,16 +79,79 @@ def read_samples(bag: Bag, wanted: Mapping[str, Collection[str]]) -> tuple[dict[
             continue
         except WrongField as error:
             raise RecordingError(f"{name} ({connection.msgtype}): {error}") from None
+        parts[name].append(part_of(message, getattr(message, "__msgtype__", connection.msgtype)))
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         times[name].append((received_ns, 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)))
     bag.notes += [f"{n} messages of {name} do not fit their type and are left out" for name, n in failures.items() if n]
     unread |= {name: f"{name} is left out: none of its messages can be read" for name in rows if not rows[name]}
-    samples = {}
+    samples: dict[str, Samples] = {}
     for name in (one for one in rows if rows[one]):
         table = np.array(rows[name], dtype=np.float64).reshape(len(rows[name]), -1).T
         received, stamps = np.array(times[name], dtype=np.int64).T
-        samples[name] = Samples(received, stamps, dict(zip(wanted[name], table, strict=True)))
-    return samples, [line for name, line in unread.items() if name not in samples]
+        whole = Samples(received, stamps, dict(zip(wanted[name], table, strict=True)))
+        samples |= _by_part(name, whole, np.array(parts[name]))
+    return samples, [line for name, line in unread.items() if name not in {without_part(one) for one in samples}]
+
+
+def restarts(stamp_ns: NDArray[np.int64]) -> int:
+    """How often stamps go back by more than messages overtake each other: their clock was set, or began again."""
+    return int(_part_of_sample(stamp_ns)[-1]) if len(stamp_ns) else 0
+
+
+def _part_of_sample(stamp_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number of the part of each sample, from 0; single wrong stamps are those of damage."""
+    steady = median_filter(stamp_ns, rules.SPIKE_SAMPLES, mode="nearest")
+    back = np.diff(steady, prepend=steady[:1]) < -rules.CLOCK_BACK_S * 1e9
+    return np.cumsum(back).astype(np.int64)
+
+
+def keep_longest_part(samples: dict[str, Samples]) -> list[str]:
+    """Keep the longest part of a log whose clock begins again, in place; a line says what is left out.
+
+    Raises:
+        RecordingError: Its messages do not tell the parts apart.
+    """
+    counts = {name: restarts(one.stamp_ns) for name, one in samples.items()}
+    parts = max(counts.values(), default=0) + 1
+    if parts == 1:
+        return []
+    if len(set(counts.values())) > 1:
+        raise RecordingError("its clock begins again, and not all messages show where; cut the log at the restart")
+    part_of_sample = {name: _part_of_sample(one.stamp_ns) for name, one in samples.items()}
+    spans_s = np.zeros(parts)
+    for name, one in samples.items():
+        for part in range(parts):
+            stamps = one.stamp_ns[part_of_sample[name] == part]
+            spans_s[part] = max(spans_s[part], float(stamps[-1] - stamps[0]) * 1e-9)
+    kept = int(spans_s.argmax())
+    for name, one in samples.items():
+        mine = part_of_sample[name] == kept
+        values = {path: column[mine] for path, column in one.values.items()}
+        samples[name] = Samples(one.received_ns[mine], one.stamp_ns[mine], values)
+    lengths = ", ".join(f"{span_s:.4g} s" for span_s in spans_s)
+    return [f"its clock begins again: of {parts} parts ({lengths}) the longest is read, and the others are left out"]
+
+
+def part_of(message: Any, kind: str) -> str:
+    """Name of the battery that a message is of, as far as it says so: several may share a topic."""
+    if kind != BATTERY:
+        return ""
+    said = (getattr(message, "location", ""), getattr(message, "serial_number", ""))
+    frame = getattr(getattr(message, "header", None), "frame_id", "")
+    return str(next((name for name in (*said, frame) if name), ""))
+
+
+def _by_part(name: str, samples: Samples, parts: NDArray[np.str_]) -> dict[str, Samples]:
+    """The samples of a topic, or those of each battery that it reports, by name."""
+    found = np.unique(parts)
+    if not 1 < len(found) <= _MOST_PARTS:
+        return {name: samples}
+    divided = {}
+    for part in found:
+        mine = parts == part
+        values = {path: column[mine] for path, column in samples.values.items()}
+        divided[f"{name}{PART}{part}"] = Samples(samples.received_ns[mine], samples.stamp_ns[mine], values)
+    return divided
 
 
 def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tuple[dict[str, Array], int, list[str]]:
@@ -89,7 +163,7 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
     late_s = {
         name: float(np.median(one.received_ns - one.stamp_ns)) * 1e-9
         for name, one in samples.items()
-        if (one.stamp_ns > 0).all() and name not in on_receipt
+        if (one.stamp_ns > 0).all() and name not in on_receipt and not restarts(one.stamp_ns)
     }
     median_s = float(np.median(list(late_s.values()))) if late_s else 0.0
     stamped = {name for name, late in late_s.items() if abs(late - median_s) <= rules.CLOCKS_DIFFER_S}
@@ -101,5 +175,7 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
     notes = []
     if others := sorted(set(samples) - stamped):
         notes.append(f"{', '.join(others)}: placed by the time of receipt, as they have no stamp of the same clock")
+    if again := sorted(name for name, one in samples.items() if restarts(one.stamp_ns) and name not in on_receipt):
+        notes.append(f"stamps of {', '.join(again)} go back, as after a restart")
     since = {name: np.asarray((one - start_ns) * 1e-9, dtype=np.float64) for name, one in times.items()}
     return since, start_ns, notes

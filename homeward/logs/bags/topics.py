@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from homeward.logs.bags.messages import WrongField, getter
+from homeward.logs.bags.messages import SCHEMALESS, WrongField, getter
 from homeward.logs.channels import CHANNELS, MOTION, POWER, first_set
 from homeward.logs.columns import RecordingError, Source, read_mapping, shipped, source_of
 
@@ -16,8 +16,16 @@ ORIENTATION, ACCELERATION = "orientation", "acceleration"
 
 IMU, BATTERY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/BatteryState"
 
-_KEYS = ("name", "type", "except", "stamp")
+PART = "@"
+"""Sign between a topic and one of several batteries that it reports; no name of a topic may have it."""
+
+_KEYS = ("name", "type", "except", "stamp", "several")
 _FOLDER = files("homeward.logs.bags") / "maps"
+
+
+def without_part(name: str) -> str:
+    """Name of a topic without that of a battery in it: `/battery` of `/battery@left`, `BAT` of `BAT@1`."""
+    return name.partition(PART)[0]
 
 
 class Offer(Protocol):
@@ -40,6 +48,15 @@ Offered = TypeVar("Offered", bound=Offer)
 
 
 @dataclass(frozen=True)
+class Part:
+    """One of several batteries that a topic reports, as a topic of its own."""
+
+    topic: str
+    msgtype: str
+    msgcount: int
+
+
+@dataclass(frozen=True)
 class Topic:
     """Fields to read from the topics whose name and type match."""
 
@@ -49,12 +66,19 @@ class Topic:
     on_receipt: bool  # whether to take the time of receipt although there is a header
     sources: dict[str, Source]  # fields of each channel, with factors to SI
     vectors: dict[str, str]  # paths of ORIENTATION and ACCELERATION
+    several: str = ""  # "sum" or "first" of several batteries that match; "" to judge by what they report
 
     def fits(self, connection: Offer) -> bool:
         """Whether a topic matches."""
         name = connection.topic
-        wanted = fnmatchcase(name, self.pattern) and not fnmatchcase(name, self.refused)
-        return wanted and self.kind in ("", connection.msgtype)
+        wanted = fnmatchcase(name, without_part(self.pattern)) and not fnmatchcase(name, self.refused)
+        # A topic without a schema is of the type that an entry for it alone says.
+        unnamed = connection.msgtype == SCHEMALESS and "*" not in self.pattern
+        return wanted and (unnamed or self.kind in ("", connection.msgtype))
+
+    def takes(self, part: str) -> bool:
+        """Whether one of several batteries of a topic that fits is meant, by its name such as `/battery@left`."""
+        return PART not in self.pattern or fnmatchcase(part, self.pattern)
 
     def paths(self) -> list[str]:
         """Paths of all numbers that are read from a message."""
@@ -98,7 +122,8 @@ def load_topics(mapping: str | Path) -> Topics:
     """Load a topic mapping by shipped name or from a TOML file.
 
     The file has tables `[[topics]]`, the preferred first. In each: `name`, a pattern as in a shell; optionally `type`,
-    `except` (a pattern of names to exclude) and `stamp = "receive"`; and one line per channel with the path of a
+    `except` (a pattern of names to exclude), `stamp = "receive"` and `several` (`"sum"` or `"first"` of the batteries
+    that match, see `homeward.logs.bags.batteries`); and one line per channel with the path of a
     field, or a table with `field` (or `fields`, which are added), `factor` (or `factors`) and `offset`. The entries
     `orientation` (path of a quaternion) and `acceleration` (path of a vector) give the grade.
 
@@ -126,6 +151,8 @@ def _topic(where: str, entry: dict[str, Any]) -> Topic:
         raise RecordingError(f"{where}: needs the name of a topic; {', '.join(_KEYS)} are text")
     if texts["stamp"] not in ("", "header", "receive"):
         raise RecordingError(f"{where}: stamp = {texts['stamp']!r} is not allowed; choose from header, receive")
+    if texts["several"] not in ("", "sum", "first"):
+        raise RecordingError(f"{where}: several = {texts['several']!r} is not allowed; choose from sum, first")
     sources, vectors = {}, {}
     for key, value in entry.items():
         if key in (ORIENTATION, ACCELERATION):
@@ -139,7 +166,8 @@ def _topic(where: str, entry: dict[str, Any]) -> Topic:
                 f"{where}: {key} is not a channel; channels: {', '.join(list(CHANNELS)[1:])}, "
                 f"{ORIENTATION}, {ACCELERATION}"
             )
-    topic = Topic(texts["name"], texts["type"], texts["except"], texts["stamp"] == "receive", sources, vectors)
+    on_receipt = texts["stamp"] == "receive"
+    topic = Topic(texts["name"], texts["type"], texts["except"], on_receipt, sources, vectors, texts["several"])
     for path in topic.paths():
         try:
             getter(path)

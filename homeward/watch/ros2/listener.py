@@ -18,18 +18,22 @@ from homeward.companion import rules as companion_rules
 from homeward.logs import RecordingError
 from homeward.logs import rules as logs_rules
 from homeward.logs.bags import grade
+from homeward.logs.bags.batteries import OF_BATTERY
 from homeward.logs.bags.messages import WrongField, getter
+from homeward.logs.bags.samples import part_of
 from homeward.logs.bags.topics import (
     ACCELERATION,
     BATTERY,
     IMU,
     ORIENTATION,
+    PART,
     Topic,
     Topics,
     best_topics,
 )
 from homeward.logs.channels import CHANNELS, POWER
 from homeward.watch import rules
+from homeward.watch.ros2.batteries import Batteries
 from homeward.watch.ros2.charge import Charge
 from homeward.watch.ros2.odometry import Odometry
 from homeward.watch.ros2.stamps import Stamps
@@ -81,6 +85,10 @@ class Heard(NamedTuple):
     charged: float | None = None
 
 
+def _key(topic: Topic) -> tuple[str, str]:
+    return topic.pattern, topic.kind
+
+
 class Listener:
     """Collects messages, and combines them to readings.
 
@@ -116,6 +124,7 @@ class Listener:
         self._said: dict[str, tuple[str, float]] = {}  # by kind: what, and when
         self._at: dict[str, tuple[float, float]] = {}  # of each topic: when it last came, and how often it does
         self._charge = Charge()
+        self._batteries: dict[tuple[str, str], Batteries] = {}  # by the entry of the mapping
         self._voltage_v, self._per_cent = math.nan, False
         self._as_charging = self._as_discharging = 0  # readings of the current while driving, by their sign
         self._turned_rad: float | None = None
@@ -165,10 +174,11 @@ class Listener:
         except WrongField as error:
             raise RecordingError(f"{name} ({self.wanted[name]}): {error}") from None
         self._heard(name, now_s)
+        battery = self._battery_of(name, message, values)
         spoke = set()
         for channel, options in self._options[name].items():
-            if (option := self._preferred(channel, options, name, values)) is not None:
-                value = option.value(values)
+            if (option := self._preferred(channel, options, name, values, battery)) is not None:
+                value = self._value(option, channel, values, battery)
                 if math.isfinite(value):
                     self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
                     spoke.add(channel)
@@ -208,7 +218,17 @@ class Listener:
         if now_s - self._first_motion_s < _SETTLES_S:
             self._values, self._place = {}, None
             return None
+        self._choose_batteries(now_s)
         return self._heard_by(time_s, time_s - before_s, now_s)
+
+    def _choose_batteries(self, now_s: float) -> None:
+        """Choose among several batteries; a channel of one that is not used is chosen anew."""
+        for batteries in self._batteries.values():
+            if (why := batteries.choose()) is not None:
+                self.say(why, now_s)
+                for channel in OF_BATTERY:
+                    self._chosen.pop(channel, None)
+                    self._values.pop(channel, None)
 
     def silence(self, now_s: float) -> Heard:
         """Readings since the last call without motion: the passed time, and whatever else there is."""
@@ -223,14 +243,40 @@ class Listener:
         self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= companion_rules.STAYS_S}
         return [text for text, _ in self._said.values()]
 
-    def _preferred(self, channel: str, options: list[_Option], name: str, values: dict[str, float]) -> _Option | None:
+    def _battery_of(self, name: str, message: Any, values: dict[str, float]) -> str:
+        """Name of the battery that a message is of, whose readings are kept for the choice among several."""
+        part = part_of(message, self.wanted[name])
+        battery = f"{name}{PART}{part}" if part else name
+        of_entry: dict[int, tuple[Topic, dict[str, float]]] = {}
+        for channel in OF_BATTERY & self._options[name].keys():
+            for option in self._options[name][channel]:
+                if option.found.topic == name and option.topic.takes(battery):
+                    readings = of_entry.setdefault(id(option.topic), (option.topic, {}))[1]
+                    readings[channel] = option.value(values)
+        for topic, readings in of_entry.values():
+            if math.isnan(readings.get("voltage_v", 0.0)):  # its driver knows nothing yet
+                for channel in OF_BATTERY & topic.sources.keys():
+                    values |= dict.fromkeys((path for path, _ in topic.sources[channel].terms), math.nan)
+                continue
+            self._batteries.setdefault(_key(topic), Batteries(topic)).hear(battery, readings)
+        return battery
+
+    def _value(self, option: _Option, channel: str, values: dict[str, float], battery: str) -> float:
+        value = option.value(values)
+        if channel not in OF_BATTERY or _key(option.topic) not in self._batteries:
+            return value
+        return self._batteries[_key(option.topic)].value(battery, channel, value)
+
+    def _preferred(
+        self, channel: str, options: list[_Option], name: str, values: dict[str, float], battery: str
+    ) -> _Option | None:
         """The option used for a channel, if it is of this topic: the first that has had values."""
         chosen = self._chosen.get(channel)
         for option in options:
             if option[:2] == chosen:
                 return option if option.found.topic == name else None
             if option.found.topic == name:
-                value = option.value(values)
+                value = self._value(option, channel, values, battery)
                 if math.isfinite(value) and (channel not in _VOID or abs(value) > logs_rules.PLANAR):
                     self._chosen[channel] = option[:2]
                     self.sources[channel] = name

@@ -11,14 +11,21 @@ import numpy as np
 from homeward.logs import rules as logs_rules
 from homeward.logs.bags import grade
 from homeward.logs.bags.topics import ACCELERATION, ORIENTATION, Topic
+from homeward.logs.unknown import unknown
 
 POSE = "pose.pose.position.x", "pose.pose.position.y"
 Value = Callable[[dict[str, float]], float]
 
 
 def field_value(topic: Topic, name: str) -> Value:
-    """Value of a channel that the mapping names."""
-    return topic.sources[name].of
+    """Value of a channel that the mapping names; NaN where it means unknown."""
+    of = topic.sources[name].of
+
+    def known(values: dict[str, float]) -> float:
+        value = float(of(values))
+        return math.nan if unknown(name, np.array([value]))[0] else value
+
+    return known
 
 
 def east_m(values: dict[str, float]) -> float:

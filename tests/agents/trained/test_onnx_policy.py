@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +22,7 @@ from homeward.agents.trained.onnx_policy import load_onnx  # noqa: E402
 from homeward.agents.trained.policy_file import PolicyFileError, load_policy  # noqa: E402
 from homeward.envs.options import MISSIONS  # noqa: E402
 from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
+from homeward.physics import RobotError  # noqa: E402
 
 
 def exported(mission: str, start: str, folder: Path) -> Path:
@@ -65,3 +70,51 @@ def test_files_that_cannot_be_used_are_refused_in_one_line(tmp_path: Path) -> No
         with pytest.raises(PolicyFileError, match=said) as caught:
             load_onboard(tmp_path / f"{name}.onnx")
         assert "\n" not in str(caught.value)
+
+
+def test_networks_that_no_export_writes_are_refused(tmp_path: Path) -> None:
+    """A loop may never end, values may grow to any size, and weights may be those of another file."""
+    path = exported("Patrol", "scratch", tmp_path)
+
+    def refused(change: Callable[[Any], None], said: str) -> None:
+        model = onnx.load(path)
+        change(model)
+        (tmp_path / "changed.onnx").write_bytes(model.SerializeToString())
+        with pytest.raises(PolicyFileError, match=said):
+            load_onnx(tmp_path / "changed.onnx")
+
+    def loops(model: Any) -> None:
+        body = onnx.helper.make_graph([], "body", [], [])
+        model.graph.node.append(onnx.helper.make_node("Loop", ["", ""], ["x"], body=body))
+
+    def grows(model: Any) -> None:
+        names = ["observation", *(f"twice_{i}" for i in range(40))]
+        for before, after in itertools.pairwise(names):
+            model.graph.node.append(onnx.helper.make_node("Concat", [before, before], [after], axis=1))
+
+    def reads(model: Any) -> None:
+        model.graph.initializer[0].external_data.add(key="location", value="/etc/passwd")
+
+    refused(loops, "computes with Loop, which no export does")
+    refused(grows, "computes .* values at once")
+    refused(reads, "has weights in another file")
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    [
+        ("inputs", "[" * 100_000), ("inputs", '{"observation": [1]}'), ("beliefs", '{"columns": []}'),
+        ("beliefs", "9" * 400), ("setting", "null"), ("robot_file", "[[[["), ("size", "1" + "0" * 400), ("size", '"x"'),
+    ],
+)  # fmt: skip
+def test_metadata_that_is_none_is_refused(tmp_path: Path, entry: str, text: str) -> None:
+    path = exported("Survey", "dmax", tmp_path)
+    model = onnx.load(path)
+    for one in model.metadata_props:
+        if one.key == entry:
+            one.value = text
+        elif one.key == "inputs" and entry == "size":
+            one.value = re.sub(r'"size": [^,]*', f'"size": {text}', one.value)
+    path.write_bytes(model.SerializeToString())
+    with pytest.raises((PolicyFileError, RobotError)):
+        load_onnx(path)

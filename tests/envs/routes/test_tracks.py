@@ -2,6 +2,8 @@
 
 import dataclasses
 import gzip
+import re
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -160,7 +162,8 @@ def test_a_missing_height_is_interpolated_and_a_wall_is_cut() -> None:
     distance = np.arange(0.0, 10_000.0, 5.0)
     height = 0.05 * distance
     height[::9] = np.nan
-    assert profile(Track(height, distance_m=distance), "gaps").ascent_m == pytest.approx(500.0, rel=0.01)
+    with pytest.warns(UserWarning, match="gaps: 223 of 2000 elevations are unknown"):
+        assert profile(Track(height, distance_m=distance), "gaps").ascent_m == pytest.approx(500.0, rel=0.01)
     wall = np.where(distance < 5000.0, 0.0, 100.0)
     slope = profile(Track(wall, distance_m=distance), "wall")
     grade = np.diff(slope.elevation_m) / np.diff(slope.distance_m)
@@ -260,3 +263,60 @@ def test_the_names_that_loggers_write_are_a_track(tmp_path: Path, header: str) -
     plain = load_route(path, 50.0)
     path.write_text(path.read_text().replace("latitude_deg,longitude_deg,elevation_m", header))
     assert load_route(path, 50.0).length_m == plain.length_m
+
+
+def test_a_fit_file_that_is_damaged_anywhere_is_read_or_refused(tmp_path: Path) -> None:
+    """Definitions of fields that are changed make fitdecode raise AssertionError, KeyError, TypeError and others."""
+    content = write_fit(tmp_path / "a.fit", np.arange(0.0, 60.0, 5.0), np.zeros(12)).read_bytes()
+    refused = 0
+    for place in range(12, min(len(content), 160)):
+        for value in (0, 7, 103, 255):
+            (tmp_path / "b.fit").write_bytes(content[:place] + bytes([value]) + content[place + 1 :])
+            with warnings.catch_warnings(action="ignore"):
+                try:
+                    read_track(tmp_path / "b.fit")
+                except RouteError as error:
+                    assert str(tmp_path / "b.fit") in str(error)
+                    refused += 1
+    assert refused > 50
+
+
+def test_elevations_that_no_ground_has_are_unknown(tmp_path: Path) -> None:
+    along_m = np.arange(0.0, 1000.0, 5.0)
+    heights = np.where(np.arange(200) % 20 == 3, 1e308, 10.0)
+    with pytest.warns(UserWarning, match=r"10 of 200 elevations are unknown or impossible"):
+        level = profile(Track(heights, distance_m=along_m), "track")
+    assert np.abs(level.elevation_m - 10.0).max() < 0.1
+
+
+def segments_of(path: Path, *segments: tuple[int, int]) -> Path:
+    """A file of segments along one way, with points every 10 m, by the numbers of their first and last point."""
+    gpx = gpxpy.gpx.GPX()
+    gpx.tracks.append(gpxpy.gpx.GPXTrack())
+    for first, last in segments:
+        segment = gpxpy.gpx.GPXTrackSegment()
+        for i in range(first, last):
+            segment.points.append(gpxpy.gpx.GPXTrackPoint(47.0 + 10.0 * i / M_PER_DEGREE, 8.0, 400.0))
+        gpx.tracks[0].segments.append(segment)
+    path.write_text(gpx.to_xml())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("segments", "way_m", "said"),
+    [
+        (((0, 30), (0, 60), (0, 90)), 890.0, "2 segments repeat points of others"),
+        (((0, 90), (0, 90)), 890.0, "1 segments repeat points"),
+        (((0, 40), (45, 90)), 890.0, None),
+        (((0, 30), (60, 200)), 1390.0, r"2 parts with gaps of more than 100 m between them \(30, 140 points\)"),
+    ],
+)
+def test_what_was_not_driven_is_no_way(
+    tmp_path: Path, segments: tuple[tuple[int, int], ...], way_m: float, said: str | None
+) -> None:
+    path = segments_of(tmp_path / "a.gpx", *segments)
+    with warnings.catch_warnings(record=True, action="always") as caught:
+        track = profile(read_track(path), "a")
+    assert track.distance_m[-1] == pytest.approx(way_m, abs=1.0)
+    messages = " ".join(str(one.message) for one in caught)
+    assert re.search(said, messages) if said else not messages

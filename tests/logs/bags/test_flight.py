@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -118,14 +119,18 @@ def test_what_px4_marks_as_unknown_is_left_out(tmp_path: Path) -> None:
         read_recording(px4(tmp_path, battery_status=(SLOW_S, {**battery, "current_a": -1.0})))
 
 
-def test_the_first_of_several_batteries_is_read_and_a_note_says_so(tmp_path: Path) -> None:
+def test_of_several_batteries_at_other_voltages_the_mapping_names_one(tmp_path: Path) -> None:
     later_s = SLOW_S + 0.03
     second = later_s, {"voltage_v": 12.0, "current_a": 1.0, "remaining": 0.5}
-    of_px4 = read_recording(px4(tmp_path, **{"battery_status#1": second}))
-    of_ardupilot = read_recording(ardupilot(tmp_path, ("BAT", later_s, {"Inst": 1, "Volt": 12.0, "Curr": 1.0})))
-    for recording, name in ((of_px4, "battery_status"), (of_ardupilot, "BAT")):
-        check(recording)
-        assert f"{name} has 2 instances, of which the first is read" in recording.notes
+    of_px4 = px4(tmp_path, **{"battery_status#1": second})
+    of_ardupilot = ardupilot(tmp_path, ("BAT", later_s, {"Inst": 1, "Volt": 12.0, "Curr": 1.0}))
+    for path, mapping, name in ((of_px4, "px4", "battery_status"), (of_ardupilot, "ardupilot", "BAT")):
+        with pytest.raises(RecordingError, match=rf"has several batteries, .*{name}@0 .*{name}@1 \(1 at 12 V\)"):
+            read_recording(path)
+        mine = tmp_path / "mine.toml"
+        shipped = Path(str(files("homeward.logs.bags") / "maps" / f"{mapping}.toml")).read_text("utf-8")
+        mine.write_text(shipped.replace(f'name = "{name}"', f'name = "{name}@0"'), "utf-8")
+        check(read_recording(path, mine))
 
 
 def test_a_mapping_names_messages_and_fields(tmp_path: Path) -> None:

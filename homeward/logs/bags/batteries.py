@@ -1,0 +1,100 @@
+"""Several batteries in one log: which is the whole, which are its parts; for bags, logs of autopilots and live input.
+
+A robot reports more than one battery by several topics, by messages of one topic with another location or serial
+number, or by instances of a message of an autopilot. The rules, in this order:
+
+1. A battery whose current is the sum of the others is the whole.
+2. Names that differ by a number or a side, at one voltage, are packs in parallel: their currents are added.
+3. Equal readings are one battery that is reported twice.
+4. Otherwise nobody but the user knows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from homeward.logs import rules
+from homeward.logs.channels import POWER, Array
+from homeward.logs.columns import RecordingError
+
+ELECTRIC = frozenset(name for names in POWER for name in names)
+OF_BATTERY = frozenset({"power_w", "voltage_v", "current_a", "soc"})
+"""Channels of a battery."""
+ADDED = frozenset({"power_w", "current_a"})
+"""Those that are added over packs in parallel; of the others the mean is taken."""
+
+_PLACES = re.compile(r"\d+|left|right|front|rear|back|middle|center", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Battery:
+    """What a battery reports: its name, and its readings of voltage, V, and of current, A, or power, W."""
+
+    name: str
+    voltage_v: Array
+    drawn: Array
+
+    def __str__(self) -> str:
+        voltage_v = self.voltage_v[np.isfinite(self.voltage_v)]
+        at = f" at {np.median(voltage_v):.3g} V" if len(voltage_v) else ""
+        return f"{self.name} ({self._mean:.3g}{at})"
+
+    @property
+    def _mean(self) -> float:
+        return float(np.nanmean(self.drawn))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The batteries that are used, which are added if they are several, and why, in a line."""
+
+    names: tuple[str, ...]
+    why: str
+
+
+def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
+    """Choose among batteries that all report a current or power.
+
+    Args:
+        batteries: At least two.
+        several: What the mapping says: "sum", "first", or "" for nothing.
+
+    Raises:
+        RecordingError: It is not clear, and would change the answer.
+    """
+    names = tuple(battery.name for battery in batteries)
+    listed = ", ".join(map(str, batteries))
+    if several == "sum":
+        return Choice(names, f"batteries {listed}: added, as the mapping says")
+    if several == "first":
+        return Choice(names[:1], f"batteries {listed}: {names[0]} is used, as the mapping says")
+    means = np.array([np.nanmean(battery.drawn) for battery in batteries])
+    for place, battery in enumerate(batteries):
+        others = means.sum() - means[place]
+        if len(batteries) > 2 and abs(means[place] - others) <= rules.SAME_BATTERY * abs(means[place]):
+            return Choice((battery.name,), f"batteries {listed}: {battery.name} is the sum of the others, and used")
+    if len({_PLACES.sub("", name) for name in names}) == 1 and _one_voltage(batteries):
+        return Choice(names, f"batteries {listed}: added, as packs in parallel by their names and voltage")
+    if all(_equal(batteries[0], other) for other in batteries[1:]):
+        return Choice(names[:1], f"batteries {listed}: readings are equal, so {names[0]} is used")
+    raise RecordingError(
+        f"has several batteries, and not which is the whole: {listed}; name one in a mapping file (--columns), "
+        'or say several = "sum" in it'
+    )
+
+
+def _one_voltage(batteries: Sequence[Battery]) -> bool:
+    known = [battery.voltage_v[np.isfinite(battery.voltage_v)] for battery in batteries]
+    medians = [float(np.median(voltage_v)) for voltage_v in known if len(voltage_v)]
+    return len(medians) == len(batteries) and max(medians) - min(medians) <= rules.SAME_BATTERY * max(medians)
+
+
+def _equal(first: Battery, second: Battery) -> bool:
+    """Whether the quantiles of both currents are equal: they need not come at the same times."""
+    shares = np.linspace(0.0, 1.0, 11)
+    mine, other = (np.nanquantile(battery.drawn, shares) for battery in (first, second))
+    return bool(np.abs(mine - other).max() <= rules.SAME_READING * np.abs(mine).max()) and _one_voltage([first, second])

@@ -1,0 +1,59 @@
+"""Several batteries of a network: which are used is chosen as in bags, once, from what they report at first."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from homeward.logs.bags.batteries import ADDED, Battery, choose
+from homeward.logs.bags.topics import Topic
+
+_READINGS = 20
+"""Readings of a battery that are kept for the choice. Chosen: bounds memory; a mean needs no more."""
+
+Readings = Mapping[str, float]
+"""Values of the channels of a battery."""
+
+
+class Batteries:
+    """The batteries of one entry of a mapping, by the names of their topics."""
+
+    def __init__(self, entry: Topic) -> None:
+        self._entry = entry
+        self._heard: dict[str, deque[Readings]] = {}
+        self._used: tuple[str, ...] | None = None  # None until they are chosen
+
+    def hear(self, name: str, readings: Readings) -> None:
+        """Keep what a battery reports."""
+        self._heard.setdefault(name, deque(maxlen=_READINGS)).append(readings)
+
+    def choose(self) -> str | None:
+        """Choose, the first time that several report what is drawn; why, in a line.
+
+        Raises:
+            RecordingError: It is not clear which is the whole.
+        """
+        batteries = [battery for name in self._heard if (battery := self._battery(name)) is not None]
+        if self._used is not None or len(batteries) < 2:
+            return None
+        choice = choose(batteries, self._entry.several)
+        self._used = choice.names
+        return choice.why
+
+    def value(self, name: str, channel: str, value: float) -> float:
+        """The value of a channel when a battery reports it: NaN if others are used, or are added with its first."""
+        if self._used is None or self._used == (name,):
+            return value
+        if name != self._used[0]:
+            return math.nan
+        latest = [self._heard[pack][-1].get(channel, math.nan) for pack in self._used]
+        return sum(latest) if channel in ADDED else sum(latest) / len(latest)
+
+    def _battery(self, name: str) -> Battery | None:
+        drawn = np.array([one.get("current_a", one.get("power_w", math.nan)) for one in self._heard[name]])
+        if not np.nan_to_num(drawn).any():
+            return None
+        return Battery(name, np.array([one.get("voltage_v", math.nan) for one in self._heard[name]]), drawn)
