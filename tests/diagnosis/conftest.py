@@ -12,6 +12,7 @@ from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.fit.refit import Refit, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
+from homeward.physics.battery import FLAT
 from homeward.synthetic import STEP_S, record
 from tests.logs.conftest import csv as csv
 from tests.logs.conftest import table as table
@@ -21,7 +22,7 @@ Drive = Callable[..., list[Recording]]
 
 @pytest.fixture(scope="session")
 def husky() -> Robot:
-    return load_robot("husky")
+    return dataclasses.replace(load_robot("husky"), chemistry=FLAT, cells_in_series=0)
 
 
 @pytest.fixture(scope="session")

@@ -178,10 +178,13 @@ def inside_w(robot: Robot, runs: Runs) -> Array:
     """What the effects of a robot's file lose inside its battery, W, shape (windows,)."""
     air_c = np.nan_to_num(runs.context.get("temperature_c", np.full(len(runs.observed), _MILD_C)), nan=_MILD_C)
     record, conditions = robot.record().view(np.recarray)[0], SimpleNamespace(temperature_c=air_c)
+    # The voltage is that at the state of charge; where none was recorded, that of a full battery, as a replay begins.
+    soc = np.nan_to_num(runs.context.get("soc", np.ones(len(runs.observed))), nan=1.0)
+    state = SimpleNamespace(energy_j=energy_share(robot.curve, np.clip(soc, 0.0, 1.0)), capacity_j=1.0)
     drawn_w = total_w = np.maximum(runs.observed, 0.0)
     for one in EFFECTS:
         if lost_inside(one) and one.id in robot.effects:
-            total_w = total_w + np.asarray(one.function(record, None, conditions, total_w))
+            total_w = total_w + np.asarray(one.function(record, state, conditions, total_w))
     return np.asarray(total_w - drawn_w)
 
 

@@ -24,9 +24,12 @@ from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.read.signals import signals
 from homeward.diagnosis.tell.report import write_outputs
+from homeward.physics.battery import FLAT
 from homeward.physics.effects.cold_battery import cold_battery
 
 Drive = Callable[..., list[Recording]]
+HUSKY = dataclasses.replace(load_robot("husky"), chemistry=FLAT, cells_in_series=0)
+"""Of constant voltage, as the batteries of the drives here."""
 
 
 def with_charge(runs: Sequence[Recording], robot: Robot, lost: Sequence[float], step: float = 0.001) -> list[Recording]:
@@ -108,13 +111,13 @@ def shown(
 @pytest.fixture(scope="module")
 def small() -> Robot:
     """A robot whose battery a drive of minutes empties by a good part."""
-    return dataclasses.replace(load_robot("husky"), rated_energy_j=1.2e5)
+    return dataclasses.replace(HUSKY, rated_energy_j=1.2e5)
 
 
 @pytest.fixture(scope="module")
 def tiny() -> Robot:
     """A robot whose battery a drive of two minutes empties by most of it."""
-    return dataclasses.replace(load_robot("husky"), rated_energy_j=2.6e4)
+    return dataclasses.replace(HUSKY, rated_energy_j=2.6e4)
 
 
 def test_a_battery_that_fades_from_run_to_run_is_named_and_handed_back(
@@ -328,7 +331,7 @@ def test_what_the_gauge_showed_is_not_asked_for_again(
     cause: str, as_power: bool, drive: Drive, short_drive: Drive
 ) -> None:
     """Whether power is voltage times current or not: what the file's battery loses is no part of it."""
-    robot = dataclasses.replace(load_robot("husky"), rated_energy_j=0.6e5 if cause == "age" else 1.2e5)
+    robot = dataclasses.replace(HUSKY, rated_energy_j=0.6e5 if cause == "age" else 1.2e5)
     runs = (
         with_charge(drive(robot, runs=4), robot, (0.0, 0.08, 0.16, 0.24))
         if cause == "age"
