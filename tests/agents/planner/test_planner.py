@@ -104,8 +104,7 @@ def test_its_actions_are_allowed_and_bring_nearly_all_robots_home(
     options = Options(mission, action_type=action_type, difficulty=difficulty)
     env = HomewardVectorEnv(**vars(options))
     episodes = run_episodes(make_policy("planner", env), options, range(100)).episodes
-    # A patrol goes on to its last lap, and a gauge that is late or was reset shows too much.
-    assert episodes.home.mean() >= (1.0 if difficulty == "known" else 0.75 if mission == "Patrol" else 0.95)
+    assert episodes.home.mean() >= (1.0 if difficulty == "known" else 0.95)
     assert (episodes.score[episodes.home] > 0.0).all()
 
 
