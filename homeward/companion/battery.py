@@ -23,7 +23,7 @@ from scipy.special import ndtr, ndtri
 
 from homeward.companion import rules
 from homeward.companion.cells import Cells
-from homeward.companion.gauge import FOLLOWS, GaugeTrust
+from homeward.companion.gauge import GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_share, energy_share
 
@@ -100,7 +100,7 @@ class BatteryBelief:
 
     Attributes:
         trust: What is believed of the gauge.
-        totals: Energy from the start until empty or cut off, by equal-ordered parts of the probability, shape (PARTS,).
+        totals: Energy from the start until empty or cut off, by parts of the probability, shape (PARTS,), rising.
         weights: Probability of each part, shape (PARTS,).
     """
 
@@ -151,7 +151,8 @@ class BatteryBelief:
         metered = np.maximum(1.0 + conditions.gain_sd * ndtri(steps), 0.1)
         modelled = 1.0 + math.sqrt(3.0) * conditions.modelled_sd * (2.0 * steps - 1.0)
         factors = [self._aged, derated, np.maximum(sag, 0.1), metered, np.maximum(modelled, 0.1)]
-        product = conditions.metered_share * np.asarray(reduce(np.multiply.outer, factors)).ravel()
+        # What is certain counts once.
+        product = conditions.metered_share * np.asarray(reduce(np.multiply.outer, map(np.unique, factors))).ravel()
         counts, edges = np.histogram(product, CAPACITIES)
         return 0.5 * (edges[1:] + edges[:-1]), counts / counts.sum()
 
@@ -273,11 +274,6 @@ class BatteryBelief:
     def total_sd(self) -> float:
         """Standard deviation of that."""
         return math.sqrt(max(float(self.weights @ (self.totals - self.total) ** 2), 0.0))
-
-    @property
-    def believes_gauge(self) -> bool:
-        """Whether the gauge most probably follows the charge."""
-        return self.trust.believed == FOLLOWS
 
 
 def _starts(start: Start) -> tuple[Floats, Floats]:
