@@ -168,7 +168,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         RecordingError: Unknown name, unreadable file or an invalid entry.
 
     >>> load_columns("husky_borealtc").sources["motor_left_a"]
-    Source(terms=(('curL', 1.0),), offset=0.0)
+    Source(terms=(('curL', 1.0),), offset=0.0, unknown=())
     """
     if isinstance(mapping, Columns):
         return mapping

@@ -327,7 +327,10 @@ sys.exit(evaluate.run())
         (["--episodes", "0"], "give 1 to 1,000,000 episodes"),
         (["--episodes", "9223372036854775807"], "give 1 to 1,000,000 episodes"),
         (["--seed", "-1"], "a seed of 0 or more"),
-        (["--instruments", "perfect"], "instruments = 'perfect'; choose exact, meter, gauge or name a TOML file"),
+        (
+            ["--instruments", "perfect"],
+            "instruments = 'perfect'; choose exact, meter, gauge, any_gauge or name a TOML file",
+        ),
         (["--instruments", "no/such.toml"], "no/such.toml"),
         (["--weather", "windy"], "weather = 'windy' is not allowed; choose from still, changing"),
         (["--randomise", "wide"], "randomise = 'wide' is not allowed; choose from generic, file"),

@@ -391,7 +391,7 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
     [
         ("--env homeward/Nowhere-v0", "unknown env 'homeward/Nowhere-v0'; choose from homeward/OutAndBack-v0"),
         ("--difficulty easy", "difficulty = 'easy' is not allowed; choose from known, uncertain, harsh"),
-        ("--instruments perfect", "instruments = 'perfect'; choose exact, meter, gauge or name a TOML file"),
+        ("--instruments perfect", "instruments = 'perfect'; choose exact, meter, gauge, any_gauge or name a TOML file"),
         ("--instruments no/such.toml", "no/such.toml"),
         ("--weather windy", "weather = 'windy' is not allowed; choose from still, changing"),
         ("--randomise wide", "randomise = 'wide' is not allowed; choose from generic, file"),

@@ -12,6 +12,7 @@ import functools
 import gzip
 import hashlib
 import io
+import json
 import os
 import re
 import resource
@@ -163,7 +164,7 @@ def policy_folder(path: Path) -> Path:
 
 def instruments() -> list[bytes]:
     every = map(dataclasses.asdict, INSTRUMENTS.values())
-    return ["".join(f"{name} = {value!r}\n" for name, value in one.items()).encode() for one in every]
+    return ["".join(f"{name} = {json.dumps(value)}\n" for name, value in one.items()).encode() for one in every]
 
 
 RECORDING = (RecordingError,)

@@ -131,7 +131,7 @@ def load_topics(mapping: str | Path) -> Topics:
         RecordingError: Unknown name, unreadable file or an invalid entry.
 
     >>> load_topics("turtlebot").topics[0].sources["current_a"]
-    Source(terms=(('current', -1.0),), offset=0.0)
+    Source(terms=(('current', -1.0),), offset=0.0, unknown=())
     """
     entries = read_mapping("topic mapping", mapping, _FOLDER, {"topics"}).get("topics")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
