@@ -123,9 +123,10 @@ class BatteryBelief:
         self._capacity = np.repeat(capacity, STARTS)
         self._start = np.tile(charge, CAPACITIES)
         weights = np.outer(capacity_weight, charge_weight).ravel()
-        self.trust = GaugeTrust(weights, self._prior, self._start, *self._counted(derating))
+        rate_per_h = conditions.rate_per_h
+        self.trust = GaugeTrust(weights, self._prior, self._start, *self._counted(derating), rate_per_h)
         self._holds = np.ones(CAPACITIES * STARTS)
-        self._rate = conditions.rate_per_h
+        self._rate = rate_per_h
         self._most = math.inf
         self._charge = self._start.copy()
         self._volts = np.zeros((CAPACITIES * STARTS, 2))

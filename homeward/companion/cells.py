@@ -84,8 +84,11 @@ class Cells(NamedTuple):
         return current_a * _S_PER_H / self.rated_as
 
     def beyond_label_per_h(self, rate_per_h: float) -> float:
-        """A rate beyond that of the label, whose energy is without what the resistance takes at that one."""
-        return max(rate_per_h - 1.0 / self.facts.label_h[1], 0.0)
+        """A rate beyond that of the label, whose energy is without what the resistance takes at that one.
+
+        A battery of constant voltage has no resistance but that of its file.
+        """
+        return max(rate_per_h - 1.0 / self.facts.label_h[1], 0.0) if self.has_curve else 0.0
 
     def derating(self, temperature_c: float, rate_per_h: float) -> tuple[float, float]:
         """Least and most share of the label's charge that the cells give in the cold and at a rate.

@@ -49,16 +49,20 @@ class GaugeTrust:
         start: State of charge of each battery at the start, shape (n,).
         gain: Fall of the reading over that of the charge, by battery, shape (n,).
         gain_sd: Standard deviation of that.
+        rate_per_h: Mean rate of the discharge, by which a gauge that lags is off.
     """
 
     SAVED: ClassVar = (
         "joint", "_start", "_offset", "_gain", "_covariance", "_last", "_drawn", "_fallen", "_wanders",
     )  # fmt: skip
 
-    def __init__(self, weights: Floats, prior: Prior, start: Floats, gain: Floats, gain_sd: Floats) -> None:
+    def __init__(
+        self, weights: Floats, prior: Prior, start: Floats, gain: Floats, gain_sd: Floats, rate_per_h: float
+    ) -> None:
         self._prior = prior
         self._noise_variance = prior.soc_sd**2
-        self._offset_variance = max(prior.soc_error, rules.COUNTER_SD) ** 2
+        of_lag = rate_per_h * max(prior.soc_lag_s, rules.GAUGE_LAG_S) / 3600.0
+        self._offset_variance = max(prior.soc_error, rules.COUNTER_SD) ** 2 + of_lag**2
         self.joint = np.outer([1.0 - rules.OWN_COURSE, 0.0, rules.OWN_COURSE], weights)
         self._start = start
         self._offset, self._gain = np.zeros_like(weights), gain.copy()

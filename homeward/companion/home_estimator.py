@@ -231,10 +231,7 @@ class HomeEstimator:
         # The filter knows the energy drawn; what the battery holds is known by `battery`.
         h["mean"][..., PER_CAPACITY] = 1.0
         h["covariance"][..., PER_CAPACITY, :] = h["covariance"][..., :, PER_CAPACITY] = 0.0
-        rate_per_h = 0.0
-        if self._cells.has_curve:
-            cruise_w = self._modelled_w(self._robot, self.vehicle.cruise_mps)
-            rate_per_h = self._cells.rate_per_h(cruise_w / self._cells.curve.mean_v)
+        rate_per_h = 3600.0 * self._modelled_w(self._robot, self.vehicle.cruise_mps) / self.vehicle.full_j
         conditions = Conditions(
             self._temperature_c, rate_per_h, self.known.prior.gain_sd, self._modelled_sd, self._metered_share
         )  # fmt: skip

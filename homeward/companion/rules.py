@@ -47,6 +47,10 @@ COUNTER_SD, COUNTER_GAIN_SD = 0.01, 0.02
 """Standard deviation of a counter of charge at the start, and of its gain: it shows whole per cents, a current sensor
 is off by 1.5 % (data sheet of the ACS712), and a learned capacity by 1 to 2 % (Impedance Track)."""
 
+GAUGE_LAG_S = 100.0
+"""Standard deviation of the time by which a gauge may be late, s. Drivers publish every 1 to 5 minutes on purpose
+(Husqvarna's, hrp PR 17); chosen: a third of the longest."""
+
 GAUGE_DOUBT = 3.0
 """Standard deviations of a reading up to which it corrects the errors of a gauge that follows. Chosen."""
 

@@ -139,7 +139,7 @@ def test_a_charge_is_not_taken_for_energy() -> None:
 
 def trusted(drawn: float) -> tuple[GaugeTrust, np.ndarray]:
     """Trust in the gauge of one full battery, and the charge drawn since."""
-    trust = GaugeTrust(np.ones(1), Prior(), np.ones(1), np.ones(1), np.zeros(1))
+    trust = GaugeTrust(np.ones(1), Prior(), np.ones(1), np.ones(1), np.zeros(1), 0.3)
     trust.see(1.0, np.zeros(1), np.zeros(1), np.ones(1))
     return trust, np.array([drawn])
 
