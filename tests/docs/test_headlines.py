@@ -77,12 +77,14 @@ def diagnose_logs(results: Results) -> str:
 
 
 def watch_a_robot(results: Results) -> str:
-    found = re.search(
-        r"Of ([\d,]+) missions \(.*?\) (none|\d+) strands? with either", results.text("Strandings with the companion")
+    gauges = results.text("Gauges")
+    companion = re.search(r"^\| all \| \d+ of (\d+), (\d+ %)", gauges, re.MULTILINE)
+    at_half = re.search(r'^\| "turn at half charge" \| \d+ of \d+, (\d+ %)', gauges, re.MULTILINE)
+    assert companion is not None and at_half is not None
+    return (
+        f"of {companion[1]} simulated drives with old, cold packs and wrong gauges {companion[2]} strand; "
+        f"of those that turn at half charge {at_half[1]}"
     )
-    assert found is not None
-    stranded = found[2].replace("none", "0")
-    return f"{stranded} of {found[1]} simulated missions that turn when the companion says so strand"
 
 
 def when_not_to_use(results: Results) -> str:
