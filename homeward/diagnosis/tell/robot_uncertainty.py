@@ -113,7 +113,8 @@ def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tupl
     kept = np.flatnonzero(np.array(wanted, np.bool_) & (values != 0.0))
     names = [_IDS.get(joint.names[index], joint.names[index].replace(" ", ".")) for index in kept]
     matrix = joint.covariance[np.ix_(kept, kept)] / np.outer(values[kept], values[kept])
-    if (capacity := evidence.capacity) is not None and not capacity.asked:
+    capacity = evidence.capacity
+    if capacity is not None and not capacity.asked:
         sd = (capacity.ci95[1] - capacity.ci95[0]) / (2.0 * rules.NORMAL_95 * capacity.fitted_j)
         names = [*names, "capacity"]
         matrix = np.pad(matrix, (0, 1))

@@ -137,7 +137,8 @@ class _Reading:
                 of_entry.setdefault(id(topic), {})[connection.topic] = topic, connection
         for offers in of_entry.values():
             topic = next(iter(offers.values()))[0]
-            drawing = [battery for name in offers if (battery := self._battery(topic, name)) is not None]
+            offered = [self._battery(topic, name) for name in offers]
+            drawing = [battery for battery in offered if battery is not None]
             if len(drawing) < 2:
                 continue
             choice = batteries.choose(drawing, topic.several)

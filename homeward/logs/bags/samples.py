@@ -175,7 +175,9 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
     notes = []
     if others := sorted(set(samples) - stamped):
         notes.append(f"{', '.join(others)}: placed by the time of receipt, as they have no stamp of the same clock")
-    if again := sorted(name for name, one in samples.items() if restarts(one.stamp_ns) and name not in on_receipt):
+    by_stamp = [name for name in sorted(samples) if name not in on_receipt]
+    again = [name for name in by_stamp if restarts(samples[name].stamp_ns)]
+    if again:
         notes.append(f"stamps of {', '.join(again)} go back, as after a restart")
     since = {name: np.asarray((one - start_ns) * 1e-9, dtype=np.float64) for name, one in times.items()}
     return since, start_ns, notes

@@ -36,7 +36,8 @@ class Batteries:
         Raises:
             RecordingError: It is not clear which is the whole.
         """
-        batteries = [battery for name in self._heard if (battery := self._battery(name)) is not None]
+        heard = map(self._battery, self._heard)
+        batteries = [battery for battery in heard if battery is not None]
         if self._used is not None or len(batteries) < 2:
             return None
         choice = choose(batteries, self._entry.several)

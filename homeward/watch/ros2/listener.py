@@ -177,7 +177,8 @@ class Listener:
         battery = self._battery_of(name, message, values)
         spoke = set()
         for channel, options in self._options[name].items():
-            if (option := self._preferred(channel, options, name, values, battery)) is not None:
+            option = self._preferred(channel, options, name, values, battery)
+            if option is not None:
                 value = self._value(option, channel, values, battery)
                 if math.isfinite(value):
                     self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
@@ -224,7 +225,8 @@ class Listener:
     def _choose_batteries(self, now_s: float) -> None:
         """Choose among several batteries; a channel of one that is not used is chosen anew."""
         for batteries in self._batteries.values():
-            if (why := batteries.choose()) is not None:
+            why = batteries.choose()
+            if why is not None:
                 self.say(why, now_s)
                 for channel in OF_BATTERY:
                     self._chosen.pop(channel, None)
