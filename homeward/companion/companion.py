@@ -191,8 +191,8 @@ class Companion:
             heading_rad: Direction of travel, rad counter-clockwise from east.
             position: Metres from home along the way, or `(east, north)` in metres.
             sensing_hz: Sensing rate, Hz.
-            temperature_c: Air temperature, C; only for the policy, like the next.
-            interest: Interest of the ground here, a weight.
+            temperature_c: Air temperature, C; the first one says how cold the battery is.
+            interest: Interest of the ground here, a weight; only for the policy.
 
         Raises:
             CompanionError: A value is not a number, home was not set, or the position cannot be determined.
@@ -348,18 +348,17 @@ class Companion:
             self._readings.say(text if self._has["position"] else f"{text} Home may be farther than estimated", kind)
 
     def _charge_first(self, reading: Reading) -> None:
-        """Begin with the battery as it is told, or shown by the first reading."""
-        if self._charged:
-            return
-        self._charged = True
-        self._estimator.see_temperature(reading.temperature_c)
-        if self._start_soc is not None:
+        """Begin with the battery as it is told, or as the first readings show it, which may come one by one."""
+        estimator, start = self._estimator, self._estimator.battery.start
+        begins = estimator.windows == 0 and estimator.see_temperature(reading.temperature_c)
+        if not self._charged and self._start_soc is not None:
             start = Start(self._start_soc)
-        elif math.isfinite(reading.soc):
+            self._charged = begins = True
+        elif not self._charged and math.isfinite(reading.soc):
             start = Start(reading.soc, told=False)
-        else:
-            start = Start()
-        self._estimator.begin_battery(start)
+            self._charged = begins = True
+        if begins:
+            estimator.begin_battery(start)
 
     def _note(self, reading: Reading, step: Step) -> None:
         """Record which readings there have been."""

@@ -237,9 +237,12 @@ class HomeEstimator:
         )  # fmt: skip
         self.battery.begin(start, conditions)
 
-    def see_temperature(self, temperature_c: float) -> None:
-        """Note the temperature of the air at the start, on which the capacity depends, C."""
+    def see_temperature(self, temperature_c: float) -> bool:
+        """Note the temperature of the air at the start, on which the capacity depends, C; whether it is news."""
+        if math.isfinite(self._temperature_c) or not math.isfinite(temperature_c):
+            return False
         self._temperature_c = temperature_c
+        return True
 
     def _see_power(self, power_w: float) -> None:
         """Note whether power is read: if not, the model takes its place."""

@@ -542,6 +542,19 @@ def test_a_clock_that_is_set_forward_by_an_hour_draws_no_energy() -> None:
     assert advice.energy_left_j.low < robot.left_j < advice.energy_left_j.high
 
 
+def test_instruments_whose_first_readings_come_one_by_one() -> None:
+    """The gauge's first reading says how full the battery is, the first temperature how cold, whenever they come."""
+    at_once, later = (companion() for _ in range(2))
+    for second in range(300):
+        soc, temperature_c = 0.6 - second / 11_520, -5.0
+        moves = {"speed_mps": 1.0, "power_w": 150.0, "heading_rad": 0.0}
+        together = at_once.update(float(second), soc=soc, temperature_c=temperature_c, **moves)
+        lacking = {"soc": None if second < 5 else soc, "temperature_c": None if second < 9 else temperature_c}
+        apart = later.update(float(second), **moves, **lacking)
+    assert apart.energy_left_j.mean == pytest.approx(together.energy_left_j.mean, rel=0.02)
+    assert apart.warnings == together.warnings == ()
+
+
 def test_at_its_cut_off_voltage_nothing_is_left() -> None:
     """Also of a robot whose file has no curve."""
     one, robot = companion(cutoff_v=21.0), Driven(every_s=10.0)
