@@ -135,7 +135,8 @@ def _driven(segments: list[Array], name: str) -> Array:
     repeated = sum(len(segment) > 1 for segment in segments) - len(kept)
     if repeated:
         warnings.warn(f"{name}: {repeated} segments repeat points of others: left out", stacklevel=2)
-    if lone := sum(len(segment) == 1 for segment in segments):
+    lone = sum(len(segment) == 1 for segment in segments)
+    if lone:
         warnings.warn(f"{name}: {lone} segments of one point: left out", stacklevel=2)
     joined: list[list[Array]] = []
     for segment in kept:

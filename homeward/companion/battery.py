@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from homeward.companion import rules
-from homeward.companion.cells import Cells
 from homeward.companion.gauge import GaugeTrust
 from homeward.estimation import Prior
-from homeward.physics.battery import charge_share, energy_share
+from homeward.physics.battery import charge_at, charge_share, energy_share, open_circuit_v
+from homeward.physics.cells import Cells
 
 Floats = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ class BatteryBelief:
     """
 
     SAVED: ClassVar = (
-        "trust", "totals", "weights", "_capacity", "_start", "_holds", "_volts", "_volts_covariance", "_charge",
+        "trust", "totals", "weights", "_capacity", "_holds", "_volts", "_volts_covariance", "_charge",
         "_rate", "_start_charge", "_told", "_most",
     )  # fmt: skip
 
@@ -121,14 +121,14 @@ class BatteryBelief:
         charge, charge_weight = _starts(start)
         self._start_charge, self._told = start.charge, start.told
         self._capacity = np.repeat(capacity, STARTS)
-        self._start = np.tile(charge, CAPACITIES)
+        starts = np.tile(charge, CAPACITIES)
         weights = np.outer(capacity_weight, charge_weight).ravel()
         rate_per_h = conditions.rate_per_h
-        self.trust = GaugeTrust(weights, self._prior, self._start, *self._counted(derating), rate_per_h)
+        self.trust = GaugeTrust(weights, self._prior, starts, *self._counted(derating), rate_per_h)
         self._holds = np.ones(CAPACITIES * STARTS)
         self._rate = rate_per_h
         self._most = math.inf
-        self._charge = self._start.copy()
+        self._charge = starts.copy()
         self._volts = np.zeros((CAPACITIES * STARTS, 2))
         self._volts[:, 1] = rules.RESISTANCE
         self._volts_covariance = np.diag([self._curve_variance, rules.RESISTANCE_SD**2])
@@ -177,13 +177,13 @@ class BatteryBelief:
     def see(self, read: Witnesses) -> None:
         """Weigh the possible batteries by what was read in a window."""
         charge_before = self._charge
-        energy = energy_share(self._cells.curve, self._start) - read.used / self._capacity
+        energy = energy_share(self._cells.curve, self.trust.start) - read.used / self._capacity
         self._charge = charge_share(self._cells.curve, np.clip(energy, 0.0, 1.0))
         likelihood = self._drives(energy, read) * self._fits_voltage(charge_before, read)
         unsure = np.full_like(self._charge, read.used_sd / self._capacity.mean())
         if read.voltage_v <= self._cutoff_v:
             self._most = read.used  # it is cut off: nothing is left
-        self.trust.see(read.gauge, self._start - self._charge, unsure**2, likelihood)
+        self.trust.see(read.gauge, self.trust.start - self._charge, unsure**2, likelihood)
         self._tell()
 
     def _drives(self, energy: Floats, read: Witnesses) -> Floats:
@@ -210,11 +210,9 @@ class BatteryBelief:
         renewed = np.diag([self._curve_variance * (1.0 - stays * stays), rules.RESISTANCE_SD**2 * moved])
         covariance = fade @ self._volts_covariance @ fade + renewed
         row = np.array([1.0, -rate])
-        points = cells.curve.knots
-        open_circuit = np.interp(self._charge, cells.curve.charge[:points], cells.curve.relative_v[:points])
-        surprise = read.voltage_v / cells.curve.mean_v - (open_circuit + self._volts @ row)
-        sag = rate * float(self.trust.weights @ self._volts[:, 1])
-        noise = math.hypot(rules.VOLTAGE_NOISE, rules.SAG_ERROR * sag)
+        at_rest = open_circuit_v(cells.curve, self._charge) / cells.curve.mean_v
+        surprise = read.voltage_v / cells.curve.mean_v - (at_rest + self._volts @ row)
+        noise = math.hypot(rules.VOLTAGE_NOISE, rules.SAG_ERROR * rate * self.resistance)
         variance = float(row @ covariance @ row) + noise**2
         density = np.exp(-0.5 * surprise**2 / variance)
         inlier = (1.0 - rules.VOLTAGE_OUTLIERS) * density
@@ -226,7 +224,7 @@ class BatteryBelief:
 
     def _tell(self) -> None:
         """Tell the energy from the start until empty by parts of the probability."""
-        until_empty = energy_share(self._cells.curve, self._start) - self._energy_at_cutoff()
+        until_empty = energy_share(self._cells.curve, self.trust.start) - self._energy_at_cutoff()
         totals = np.minimum(until_empty * self._capacity, self._most)
         order = np.argsort(totals, kind="stable")
         ordered, weights = totals[order], self.trust.weights[order]
@@ -243,18 +241,20 @@ class BatteryBelief:
         if not self._cells.has_curve or math.isnan(self._cutoff):
             return 0.0
         curve = self._cells.curve
-        points = curve.knots
         resistance = np.maximum(self._volts[:, 1], 0.0)
         told = math.isfinite(self._cutoff_v)
         rate = max(self._rate, 0.0) if told else self._cells.beyond_label_per_h(self._rate)
-        open_circuit = self._cutoff + resistance * rate
-        charge = np.interp(open_circuit, curve.relative_v[:points], curve.charge[:points])
-        return np.asarray(energy_share(curve, charge))
+        return np.asarray(energy_share(curve, charge_at(curve, self._cutoff + resistance * rate)))
 
     @property
     def start(self) -> Start:
         """The charge at the start, as it was told or shown."""
         return Start(self._start_charge, self._told)
+
+    @property
+    def resistance(self) -> float:
+        """Sag of the voltage at a rate of one charge an hour, over the mean open-circuit voltage."""
+        return float(self.trust.weights @ self._volts[:, 1])
 
     @property
     def charge(self) -> float:

@@ -50,10 +50,14 @@ class GaugeTrust:
         gain: Fall of the reading over that of the charge, by battery, shape (n,).
         gain_sd: Standard deviation of that.
         rate_per_h: Mean rate of the discharge, by which a gauge that lags is off.
+
+    Attributes:
+        joint: Probabilities of explanations and batteries, shape (3, n).
+        start: State of charge of each battery at the start, shape (n,).
     """
 
     SAVED: ClassVar = (
-        "joint", "_start", "_offset", "_gain", "_covariance", "_last", "_drawn", "_fallen", "_wanders",
+        "joint", "start", "_offset", "_gain", "_covariance", "_last", "_drawn", "_fallen", "_wanders",
     )  # fmt: skip
 
     def __init__(
@@ -64,7 +68,7 @@ class GaugeTrust:
         of_lag = rate_per_h * max(prior.soc_lag_s, rules.GAUGE_LAG_S) / 3600.0
         self._offset_variance = max(prior.soc_error, rules.COUNTER_SD) ** 2 + of_lag**2
         self.joint = np.outer([1.0 - rules.OWN_COURSE, 0.0, rules.OWN_COURSE], weights)
-        self._start = start
+        self.start = start
         self._offset, self._gain = np.zeros_like(weights), gain.copy()
         gain_variance = gain_sd**2 + rules.COUNTER_GAIN_SD**2
         # Of offset and gain: variance of the first, covariance, variance of the second.
@@ -109,7 +113,7 @@ class GaugeTrust:
             if not self.has_begun:
                 by_explanation[FOLLOWS] = self._follow(reading, drawn, variance)
                 # One with a course of its own still shows a full battery as rather full.
-                by_explanation[JUMPED:] = _likelihood(reading - self._start + drawn, np.array(rules.OWN_START_SD**2))
+                by_explanation[JUMPED:] = _likelihood(reading - self.start + drawn, np.array(rules.OWN_START_SD**2))
             elif reading == self._last:
                 off = np.abs(reading - self._expected(drawn))
                 near = ndtr((rules.COARSEST - off) / rules.COARSEST_SD)
@@ -128,7 +132,7 @@ class GaugeTrust:
 
     def _expected(self, drawn: Floats) -> Floats:
         """Reading of a gauge that follows, by battery."""
-        return self._start - self._gain * drawn + self._offset
+        return self.start - self._gain * drawn + self._offset
 
     def _wander(self, drawn: Floats) -> None:
         """The offset becomes another one, as a lag or a curve that is not the battery's does."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from homeward.companion import rules
 from homeward.companion.advice import UncertainValue
 from homeward.companion.battery import BatteryBelief, Conditions, Start, Witnesses
-from homeward.companion.cells import cells_of
 from homeward.companion.gauge import GaugeTrust
 from homeward.companion.prior_knowledge import PriorKnowledge
 from homeward.companion.readings import Reading
@@ -28,6 +27,7 @@ from homeward.estimation.margin import chance_below, quantile_of_sum
 from homeward.estimation.prior import GAIN, PER_CAPACITY, ROLLING, USED, WEIGHT
 from homeward.estimation.tails import deviations
 from homeward.physics import Robot
+from homeward.physics.cells import cells_of
 from homeward.physics.jit import announce_compilation
 from homeward.physics.kernel import full_charge
 from homeward.physics.plain import plain

@@ -19,16 +19,13 @@ _GENERIC = Prior(
     gain_sd=0.01 / 3.0**0.5,  # the instruments `meter` of the environments
     power_noise=0.005,
     soc_step=1e-3,
-    soc_error=5e-3,
     slope_noise=1e-3,
     slope_offset=rules.SLOPE_OFFSET,
     model_knows_slopes=0.0,
     model_error=rules.OMITTED,
 )
 """The ranges of `uncertain` missions: capacity 0.8 to 1 of the file's, rolling resistance 0.8 to 1.3, payload up to a
-fifth of the mass, wind within 1.5 m/s, and a battery monitor with a shunt. Chosen: `soc_error`, half of the whole per
-cent in which many monitors read. Without it 96 of 300 missions of benchmarks/on_the_robot/companion.py strand if their
-state of charge is rounded so and lags by a minute, with it none."""
+fifth of the mass, wind within 1.5 m/s. The errors of a gauge that counts are COUNTER_SD and those that follow it."""
 
 
 class PriorKnowledge(NamedTuple):

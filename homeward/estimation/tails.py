@@ -7,27 +7,9 @@ of one in a thousand corresponds to the normal quantile at one in a million, to 
 
 from __future__ import annotations
 
-from scipy.special import ndtr, ndtri, stdtr, stdtrit
+from scipy.special import ndtri, stdtrit
 
 from homeward.estimation import rules
-
-
-def normal_risk(risk: float) -> float:
-    """Normal tail probability of the number of standard deviations at which Student's t has a given risk.
-
-    >>> f"{normal_risk(1e-3):.0e}"
-    '9e-07'
-    """
-    return float(ndtr(stdtrit(rules.DEGREES, risk)))
-
-
-def true_risk(normal: float) -> float:
-    """The inverse of `normal_risk`.
-
-    >>> round(true_risk(normal_risk(0.02)), 6)
-    0.02
-    """
-    return float(stdtr(rules.DEGREES, float(ndtri(min(max(normal, 1e-300), 1.0 - 1e-16)))))
 
 
 def deviations(share: float) -> float:

@@ -159,6 +159,16 @@ def square_v2(squares_v2: Any, energy: Any) -> Any:
     return low_v2 + (squares_v2[cell + 1] - low_v2) * (energy * CELLS - cell)
 
 
+def charge_at(curve: Curve, open_circuit: Any) -> Any:
+    """Share of charge at an open-circuit voltage over its mean, the inverse of `open_circuit_v`; 0 below empty.
+
+    >>> nmc = curve_of(CHEMISTRIES["nmc"])
+    >>> round(float(charge_at(nmc, open_circuit_v(nmc, 0.3) / nmc.mean_v)), 12)
+    0.3
+    """
+    return np.interp(open_circuit, curve.relative_v[: curve.knots], curve.charge[: curve.knots])
+
+
 @inline
 def open_circuit_v(curve: Any, charge: Any) -> Any:
     """Open-circuit voltage at a share of charge within 0 and 1, V; 0 for a battery of constant voltage."""

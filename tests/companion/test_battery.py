@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from homeward.companion.battery import BatteryBelief, Conditions, Start, Witnesses
-from homeward.companion.cells import cells_of
 from homeward.estimation import Prior
 from homeward.physics import Robot
 from homeward.physics.battery import charge_share, open_circuit_v
+from homeward.physics.cells import cells_of
 from tests.companion.robots import HUSKY
 
 NMC = dataclasses.replace(HUSKY, chemistry="nmc", cells_in_series=7)
@@ -66,8 +66,7 @@ def test_the_voltage_tells_resistance_and_charge() -> None:
     assert read.total_sd < 0.8 * without.total_sd
     assert abs(read.total - 0.59 - left) < 2.0 * read.total_sd
     rated_ah = cells_of(NMC).rated_as / 3600.0
-    resistance = read.trust.weights @ read._volts[:, 1]
-    assert resistance == pytest.approx(0.1 * rated_ah / NMC.curve.mean_v, rel=0.25)
+    assert read.resistance == pytest.approx(0.1 * rated_ah / NMC.curve.mean_v, rel=0.25)
 
 
 def test_a_cut_off_under_load_keeps_more_in_a_battery_of_higher_resistance() -> None:

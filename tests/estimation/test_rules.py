@@ -3,14 +3,15 @@
 import math
 
 import pytest
+from scipy import stats
 
 from homeward.agents.shield import RISK
 from homeward.estimation import Prior, rules
-from homeward.estimation.tails import true_risk
 
 
 def test_numbers_that_are_derived_are_what_is_derived() -> None:
-    assert true_risk(RISK) == pytest.approx(1e-3, rel=0.1)
+    same_deviations = stats.t(rules.DEGREES).cdf(stats.norm.ppf(RISK))
+    assert same_deviations == pytest.approx(1e-3, rel=0.1)
     assert math.exp(rules.LEAST_LOG_WEIGHT) == pytest.approx(1e-6, rel=0.2)
     assert math.sqrt(rules.DOUBT) == 3.0
     prior = Prior()

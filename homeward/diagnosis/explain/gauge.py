@@ -34,7 +34,7 @@ from homeward.diagnosis.result import Followed, Gauge
 from homeward.logs.autocorrelation import independent_windows
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
-from homeward.physics.battery import energy_share
+from homeward.physics.battery import energy_share, open_circuit_v
 
 _BIN_S = 10.0  # chosen: drivers average a voltage over as many readings, and loads change in it
 _AVERAGED_BINS = (1, 3, 6)  # over which a map may average the voltage: 10, 30 and 60 s
@@ -216,7 +216,7 @@ def read_gauge(runs: Runs, robot: Robot) -> Readings:
     voltage_v = runs.context.get("voltage_v", np.full(len(soc), np.nan))
     voltage_v = np.where(voltage_v > 0.0, voltage_v, np.nan)
     filled = np.interp(np.arange(len(soc)), np.flatnonzero(known), soc[known])
-    relative_v = np.interp(filled, curve.charge[: curve.knots], curve.relative_v[: curve.knots])
+    relative_v = open_circuit_v(curve, filled) / curve.mean_v if curve.mean_v > 0.0 else np.ones(len(soc))
     if np.isfinite(voltage_v).any():
         relative_v = np.where(np.isfinite(voltage_v), voltage_v / np.nanmean(voltage_v), relative_v)
     rate = runs.observed / (relative_v * robot.usable_energy_j)
@@ -274,12 +274,12 @@ def _within_bounds(columns: Array, readings: Readings, least: float = -np.inf) -
         return 0.5 * float(beyond @ beyond), unit.T @ beyond
 
     start = np.maximum(np.linalg.lstsq(unit, readings.shown, rcond=None)[0], least)
-    found = minimize(
+    nearest = minimize(
         out_of_bounds, start, jac=True, method="L-BFGS-B", bounds=Bounds(least, np.inf),
         options={"maxiter": 300, "ftol": 1e-12, "gtol": 1e-9},  # more change no digit that is shown
     )  # fmt: skip
-    fitted = unit @ found.x
-    return found.x / scale, fitted, fitted - np.clip(fitted, readings.low, readings.high)
+    fitted = unit @ nearest.x
+    return nearest.x / scale, fitted, fitted - np.clip(fitted, readings.low, readings.high)
 
 
 def _bic_gain(before: Array, after: Array, readings: Readings, freedom: float) -> float:
@@ -313,10 +313,9 @@ def as_counter(readings: Readings) -> Counter:
     weights, fitted, plain = _within_bounds(columns, readings)
     moved = np.where(np.diff(readings.stretch) == 0, np.abs(np.diff(readings.shown - fitted)), 0.0)
     largest = np.argsort(-moved, kind="stable")[:_MOST_JUMPS]
-    candidates = (
-        largest[moved[largest] > 1.5 * readings.step] + 1
-    ).tolist()  # more than a reading that is one step off
-    found = Counter(fitted, plain, ())
+    # More than a reading that is one step off.
+    candidates = (largest[moved[largest] > 1.5 * readings.step] + 1).tolist()
+    likeliest = Counter(fitted, plain, ())
     most = rules.STRONG_BIC
     starts = columns.shape[1]
     for count, at in enumerate(candidates, start=1):
@@ -325,9 +324,10 @@ def as_counter(readings: Readings) -> Counter:
         gained = _bic_gain(plain, left, readings, rules.COST_OF_A_CHANGE * count)
         if gained >= most:
             sizes = weights[starts:].tolist()
-            found = Counter(fitted, left, tuple(Jump(*jump) for jump in zip(candidates[:count], sizes, strict=True)))
+            jumps = tuple(Jump(*jump) for jump in zip(candidates[:count], sizes, strict=True))
+            likeliest = Counter(fitted, left, jumps)
             most = gained
-    return found
+    return likeliest
 
 
 def _averaged(values: Array, stretch: Index, bins: int) -> Array:
@@ -348,7 +348,7 @@ def evidence_for_voltage(readings: Readings) -> float:
     for bins in _AVERAGED_BINS:
         volts = _averaged(readings.voltage_v, readings.stretch, bins)
         corners = np.unique(np.quantile(volts, np.linspace(0.0, 1.0, _CORNERS)))
-        hats = np.column_stack([np.interp(volts, corners, one) for one in np.eye(len(corners))])
+        hats = np.column_stack([np.interp(volts, corners, at_corner) for at_corner in np.eye(len(corners))])
         rises = np.cumsum(hats[:, ::-1], axis=1)[:, ::-1]  # each column rises from 0 to 1 between two corners
         design = np.column_stack([rises, -rises[:, 0]])  # the level of the lowest corner has any sign
         *_, left_so = _within_bounds(design, readings, least=0.0)
@@ -373,9 +373,8 @@ def evidence_for_load(readings: Readings, jumps: Sequence[Jump]) -> tuple[float,
     best, fall = -np.inf, 0.0
     # What looks like jumps of a counter may be all loads of a map.
     for beside in [[], steps] if steps else [[]]:
-        freedom = 2.0 + rules.COST_OF_A_CHANGE * (
-            len(beside) - len(steps)
-        )  # its size, and the time over which it averages
+        # Its size, and the time over which it averages.
+        freedom = 2.0 + rules.COST_OF_A_CHANGE * (len(beside) - len(steps))
         for bins in _AVERAGED_BINS:
             load = -_averaged(readings.power_w, readings.stretch, bins)
             weights, _, left_so = _within_bounds(np.column_stack([straight, *beside, load]), readings)

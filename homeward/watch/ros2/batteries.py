@@ -54,7 +54,8 @@ class Batteries:
         return sum(latest) if channel in ADDED else sum(latest) / len(latest)
 
     def _battery(self, name: str) -> Battery | None:
-        drawn = np.array([one.get("current_a", one.get("power_w", math.nan)) for one in self._heard[name]])
+        heard = self._heard[name]
+        drawn = np.array([readings.get("current_a", readings.get("power_w", math.nan)) for readings in heard])
         if not np.nan_to_num(drawn).any():
             return None
-        return Battery(name, np.array([one.get("voltage_v", math.nan) for one in self._heard[name]]), drawn)
+        return Battery(name, np.array([readings.get("voltage_v", math.nan) for readings in heard]), drawn)

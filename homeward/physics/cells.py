@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from homeward.physics import Robot
 from homeward.physics.battery import FLAT, Curve
+from homeward.physics.robot import Robot
 
 _S_PER_H = 3600.0
 OWN_CURVE = "own curve"
