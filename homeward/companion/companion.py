@@ -402,6 +402,7 @@ class Companion:
         if self._way.route_m is not None and home.ways is None:
             onwards_m = max(self._way.route_m - home.way_m, 0.0)
             chance_there = estimator.leaves(home, onwards_m).chance_home
+        of_battery = estimator.of_cells, self._cutoff_words()
         return Advice(
             time_s=self._readings.clock_s,
             way_home_m=home.way_m,
@@ -416,7 +417,7 @@ class Companion:
             chance_there_and_back=chance_there,
             looks_back=not self._turned
             and looks_back(estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s),
-            rests_on=rests_on(self._has, estimator.known, self._what_home(), self._cutoff_words()),
+            rests_on=rests_on(self._has, estimator.known, self._what_home(), of_battery),
             warnings=(*self._readings.warnings(), *self._off_route()),
             action=None if self._action is None else Action(*self._action),
         )

@@ -125,6 +125,7 @@ class HomeEstimator:
         self._record = plain(robot.record())
         self._estimator = Estimator(self.vehicle, known.prior, places, 1)
         self._cells = cells_of(robot)
+        self._rate_per_h = 3600.0 * self._modelled_w(robot, self.vehicle.cruise_mps) / self.vehicle.full_j
         self.battery = BatteryBelief(self._cells, known.prior, known.capacity_is_fitted, cutoff_v)
         self.begin()
         self._compile()
@@ -231,11 +232,19 @@ class HomeEstimator:
         # The filter knows the energy drawn; what the battery holds is known by `battery`.
         h["mean"][..., PER_CAPACITY] = 1.0
         h["covariance"][..., PER_CAPACITY, :] = h["covariance"][..., :, PER_CAPACITY] = 0.0
-        rate_per_h = 3600.0 * self._modelled_w(self._robot, self.vehicle.cruise_mps) / self.vehicle.full_j
         conditions = Conditions(
-            self._temperature_c, rate_per_h, self.known.prior.gain_sd, self._modelled_sd, self._metered_share
+            self._temperature_c, self._rate_per_h, self.known.prior.gain_sd, self._modelled_sd, self._metered_share
         )  # fmt: skip
         self.battery.begin(start, conditions)
+
+    @property
+    def of_cells(self) -> str:
+        """What is assumed of the battery's cells, a sentence."""
+        least, most = self._cells.derating(self._temperature_c, self._rate_per_h)
+        warm = "warm, as no temperature was read"
+        air = f"at {self._temperature_c:.0f} C" if math.isfinite(self._temperature_c) else warm
+        share = f"{least:.0%} to {most:.0%}" if least < most else f"{most:.0%}"
+        return f"{self._cells.words}, {air}, at {self._rate_per_h:.2g} charges an hour: {share} of the label"
 
     def see_temperature(self, temperature_c: float) -> bool:
         """Note the temperature of the air at the start, on which the capacity depends, C; whether it is news."""
@@ -303,9 +312,6 @@ class HomeEstimator:
         self._update(window, position_m)
         estimate = self._estimator.estimate()
         voltage_v, current_a = window.electric
-        if math.isnan(current_a) and math.isfinite(voltage_v):
-            power_w = window.power_w if math.isfinite(window.power_w) else window.modelled_j / window.time_s
-            current_a = power_w / voltage_v
         used, variance = float(estimate.mean[0, USED]), float(estimate.covariance[0, USED, USED])
         used_sd = math.sqrt(max(variance, 0.0))
         self.battery.see(Witnesses(used, used_sd, voltage_v, current_a, window.peak_a, window.soc))

@@ -69,7 +69,8 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
     if given is None or given.of != "energy":
         return PriorKnowledge(prior, (
             f"the file of {robot.name!r} states no uncertainty: generic ranges (capacity 80 to 100 %, rolling "
-            "resistance 80 to 130 %, payload up to 20 %)", wind,
+            f"resistance 80 to 130 %, payload up to 20 %, {rules.OMITTED:.0%} of a way's energy that the model omits)",
+            wind,
         ))  # fmt: skip
     prior, weight_sd = _as_sure_as(given, prior, robot)
     words: tuple[str, ...] = (f"uncertainty from the robot's file: {given.source or 'no source given'}", wind)

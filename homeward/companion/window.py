@@ -21,7 +21,7 @@ class Window:
         slopes: Number of slope readings.
         soc: Last reading of the state of charge, NaN if none.
         stood_s: Time for which the speed read 0, s.
-        peak_a: Largest current, A, minus infinity if none was read.
+        peak_a: Largest current, A, minus infinity if no voltage was read.
     """
 
     def __init__(self) -> None:
@@ -61,10 +61,13 @@ class Window:
         if math.isfinite(reading.speed_mps) and reading.speed_mps != 0.0:
             self._speed_m += abs(reading.speed_mps) * way_m
             self._speedy_m += way_m
-        if math.isfinite(reading.voltage_v + reading.current_a):
+        if math.isfinite(reading.voltage_v):
+            # A current that is not read follows from the power, and that from the model.
+            power_w = reading.power_w if math.isfinite(reading.power_w) else modelled_w
+            current_a = reading.current_a if math.isfinite(reading.current_a) else power_w / reading.voltage_v
             self._volt_s += reading.voltage_v * dt_s
-            self._amp_s += reading.current_a * dt_s
-            self.peak_a = max(self.peak_a, reading.current_a)
+            self._amp_s += current_a * dt_s
+            self.peak_a = max(self.peak_a, current_a)
             self._electric_s += dt_s
 
     @property
@@ -101,10 +104,10 @@ class Window:
 
     @property
     def electric(self) -> tuple[float, float]:
-        """Mean voltage and current, NaN if not read."""
-        return (
-            (self._volt_s / self._electric_s, self._amp_s / self._electric_s) if self._electric_s else (math.nan,) * 2
-        )
+        """Mean voltage and current, NaN if no voltage was read."""
+        if not self._electric_s:
+            return math.nan, math.nan
+        return self._volt_s / self._electric_s, self._amp_s / self._electric_s
 
     def straight(self, change_m: float) -> bool:
         """Whether the way home changed by the distance driven: straight away from home, or back the same way."""

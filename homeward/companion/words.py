@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cache
 
@@ -17,20 +18,20 @@ _HOME = {
 }
 
 
-def rests_on(has: Mapping[str, bool], known: PriorKnowledge, home: str, cutoff: str) -> tuple[str, ...]:
+def rests_on(has: Mapping[str, bool], known: PriorKnowledge, home: str, battery: tuple[str, ...]) -> tuple[str, ...]:
     """Sentences, the most important first.
 
     Args:
         has: Which readings there have been: power, soc, grade, heading, position.
         known: The prior.
         home: `trail`, `route`, `loop`, `moved` or `other way`.
-        cutoff: Down to which voltage the battery is used.
+        battery: What is assumed of it.
     """
-    return _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, cutoff)
+    return _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, battery)
 
 
 @cache
-def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, cutoff: str) -> tuple[str, ...]:
+def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, battery: tuple[str, ...]) -> tuple[str, ...]:
     energy = {
         (True, True): "energy from the power meter, capacity of the battery from the state of charge",
         (True, False): "energy from the power meter; no state of charge: the battery's capacity keeps its prior",
@@ -38,6 +39,11 @@ def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, cutoff: str) 
         (False, False): "neither power nor state of charge: energy from the model alone",
     }[("power" in has, "soc" in has)]
     sentences = [energy, _HOME[home]]
+    if "position" in has and "heading" in has:
+        sentences.append("positions filtered by speed and heading, which takes their noise away")
+    if "grade" in has and home not in ("route", "loop"):
+        tilt_deg = math.degrees(rules.SLOPE_OFFSET)
+        sentences.append(f"slopes from a sensor that is mounted within {tilt_deg:.1g} degrees, one standard deviation")
     if "position" not in has:
         sentences.append("no position: the robot started at home, and its way is reckoned from speed and heading")
     if "grade" not in has and home not in ("route", "loop"):
@@ -45,5 +51,5 @@ def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, cutoff: str) 
     if "heading" not in has:
         sentences.append("no heading: the way is assumed to be straight, so a tail wind becomes a head wind")
     sentences += words
-    sentences.append(cutoff)
+    sentences += battery
     return tuple(sentences)

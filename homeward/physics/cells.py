@@ -75,6 +75,13 @@ class Cells(NamedTuple):
     rated_as: float
 
     @property
+    def words(self) -> str:
+        """What cells they are."""
+        if self.chemistry == FLAT:
+            return "cells of unknown chemistry"
+        return "cells with a curve of their own" if self.chemistry == OWN_CURVE else f"{self.chemistry} cells"
+
+    @property
     def has_curve(self) -> bool:
         """Whether the voltage says anything about the charge."""
         return self.curve.mean_v > 0.0

@@ -555,6 +555,34 @@ def test_instruments_whose_first_readings_come_one_by_one() -> None:
     assert apart.warnings == together.warnings == ()
 
 
+def test_what_is_assumed_of_cells_slopes_and_positions_is_said() -> None:
+    cold, robot = companion(), Driven(every_s=5.0)
+    rests_on = robot.drive(cold, 0.0, 60.0, temperature_c=-5.0).rests_on
+    assert "cells of unknown chemistry, at -5 C, at 0.33 charges an hour: 70% to 100% of the label" in rests_on
+    assert "slopes from a sensor that is mounted within 0.2 degrees, one standard deviation" in rests_on
+    assert "positions filtered by speed and heading, which takes their noise away" in rests_on
+    unsaid = Driven(every_s=5.0).drive(companion(), 0.0, 60.0, grade_rad=None, position=None).rests_on
+    assert any("warm, as no temperature was read" in text for text in unsaid)
+    assert not any(text.startswith(("slopes from", "positions filtered")) for text in unsaid)
+
+
+def test_a_voltage_tells_the_charge_also_beside_a_power_and_without_either() -> None:
+    """A current that is not read follows from the power, and that from the model."""
+    falls = with_curve((0.0, 19.0), (1.0, 25.0))
+    deviations = []
+    for silent in ((), ("current_a",), ("current_a", "power_w"), ("current_a", "voltage_v")):
+        one, robot = Companion(falls, home=(0.0, 0.0), soc=1.0), Driven(health=0.85, every_s=5.0)
+        for _ in range(60):
+            read = {**electric(robot, falls), "power_w": robot.power_w()}
+            advice = robot.drive(one, 0.0, 60.0, soc=None, **{**read, **dict.fromkeys(silent)})
+        deviations.append(advice.energy_left_j.sd)
+        if "power_w" not in silent:
+            assert advice.energy_left_j.low < robot.left_j < advice.energy_left_j.high
+    with_current, with_power, with_model, without = deviations
+    assert with_current == pytest.approx(with_power, rel=0.01)
+    assert with_power < 0.95 * without and with_model > with_power
+
+
 def test_at_its_cut_off_voltage_nothing_is_left() -> None:
     """Also of a robot whose file has no curve."""
     one, robot = companion(cutoff_v=21.0), Driven(every_s=10.0)
