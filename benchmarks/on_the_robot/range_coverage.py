@@ -114,8 +114,7 @@ def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
     run = signals(recording, robot)
     step_s, speed = np.append(steps_s(run.time_s), 0.0), np.abs(run.speed_mps)
     if watched.unit == "A s":
-        rest_a = 0.0 if robot.uncertainty is None else robot.uncertainty.rest_current_a
-        left = rest_of(current_a(run, robot, rest_a) * step_s)
+        left = rest_of(current_a(run, robot) * step_s)
         return left[np.searchsorted(run.time_s - run.time_s[0], watched.time_s)]
     moving_s = float(step_s[speed > 0.0].sum())
     mean_mps, duty = float(speed @ step_s) / moving_s, moving_s / float(step_s.sum())

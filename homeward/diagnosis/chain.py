@@ -111,6 +111,8 @@ def analyse(
     if choice.held_out is not None:
         arm = score(choice.held_out, evidence.runs, evidence.block, evidence.trip, rng)
         evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
+        if choice.joint is not None:
+            evidence = dataclasses.replace(evidence, joint=choice.joint)
         fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
     found = missing_physics(evidence)
     where = evidence.location.places if evidence.location is not None else ()

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from types import UnionType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-SCHEMA = 2
-"""Version of the format of diagnosis.json; a file of another one is refused."""
+SCHEMA, READ = 3, (2, 3)
+"""Version of the format of diagnosis.json, and those that are read: a file of another one is refused. Version 3 adds
+the numbers of corrected.toml."""
 
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
 VERDICTS = get_args(Verdict)
@@ -129,11 +130,23 @@ class MissingPhysics:
 
 
 @dataclass(frozen=True)
-class CorrectedFile:
-    """Content of corrected.toml, and why: the effects, fitted parameters only, or the given file unchanged."""
+class FileNumber:
+    """A fitted number of corrected.toml: proven to differ from the given file, or only fitted so that it predicts."""
 
-    holds: Literal["corrected", "refit", "nominal"]
+    name: str
+    value: float
+    ci95: tuple[float, float]
+    unit: str
+    proven: bool
+
+
+@dataclass(frozen=True)
+class CorrectedFile:
+    """Content of corrected.toml and why: named effects, fitted parameters, a fit made to predict, or the given file."""
+
+    holds: Literal["corrected", "refit", "predictive", "nominal"]
     why: str
+    numbers: tuple[FileNumber, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -196,7 +209,7 @@ class Diagnosis:
         """
         try:
             data = json.loads(text)
-            if data["schema"] != SCHEMA or data["verdict"] not in VERDICTS:
+            if data["schema"] not in READ or data["verdict"] not in VERDICTS:
                 raise ValueError(f"not a diagnosis of schema {SCHEMA}: {data['schema']!r}, {data['verdict']!r}")
             found: Diagnosis = _read(cls, data)
         except (KeyError, TypeError, AttributeError) as error:

@@ -48,6 +48,10 @@ SMALLEST_GAIN = 0.05
 an effect, a schedule beside other effects, or an effect in another channel than power. A refit must lower the error of
 the robot file by as much. Chosen: a smaller share lowers the held-out RMSE by less than 3 % (1 - sqrt(0.95))."""
 
+MOST_TRIP_ERROR = 0.5
+"""Largest share by which the energy of a trip counts as off when files are compared: a trip of next to no energy, as
+one downhill, would otherwise decide alone. Chosen: half; twice the range or half of it are equally useless."""
+
 SMALLEST_GAIN_TO_NAME = 0.1
 """Least share of the squared error that a named effect must explain: less may come from a misspecified form of another.
 Of the refit's error, it is a share of what exceeds noise of power, and of all of it SMALLEST_GAIN. Chosen on
@@ -269,6 +273,10 @@ UNIT_RATIO = 3.0
 GAP, WINDOWS_APART = 10.0, 1.5
 """Median steps between samples, and lengths of a window between windows, above which there is a gap: single samples may
 be lost; one and a half is half-way to a missing window."""
+
+UNEVEN = 2.0
+"""Long over short steps between samples, nine in ten over one in ten, from which stamps are uneven: a clock that
+jitters by half a step makes steps of a half to one and a half, of which nine in ten are less than twice one in ten."""
 
 STANDSTILL_SHARE = 0.02
 """Share of the robot's top speed up to which it stands. Chosen: for a robot of 1 m/s as STANDSTILL_MPS in

@@ -84,6 +84,7 @@ class Robot:
     storage_loss: float = _quantity("battery", "battery loss eta1, a share", _LOSS, 0.0)
     track_m: float = _quantity("body", "distance between left and right wheels, m (0: unknown)", _NOT_NEGATIVE, 0.0)
     traction_n_per_a: float = _quantity("drive", "wheel thrust per ampere, N/A (0: unknown)", _NOT_NEGATIVE, 0.0)
+    rest_current_a: float = _quantity("drive", "motor current at rest, A", _NOT_NEGATIVE, 0.0)
     description: str = ""
     chemistry: str = battery.FLAT
     cells_in_series: int = 0
@@ -158,7 +159,7 @@ class Robot:
         """Text of a robot file that `load_robot` reads back as an equal robot.
 
         Args:
-            comments: Comment for the line of a field, by field name.
+            comments: Comment for the line of a field, by field name; of a number of an effect as `effect.number`.
         """
         lines = [f"name = {_toml_string(self.name)}", f"description = {_toml_string(self.description)}"]
         for section in ("body", "battery", "drive", "ancillary"):
@@ -172,7 +173,9 @@ class Robot:
                 lines += self._curve_lines()
         for effect_id, parameters in self.effects.items():
             lines += ["", f"[effects.{effect_id}]"]
-            lines += [f"{name} = {value!r}" for name, value in parameters.items()]
+            for name, value in parameters.items():
+                note = comments.get(f"{effect_id}.{name}")
+                lines.append(f"{name} = {value!r}" + (f"  # {note}" if note else ""))
         if self.uncertainty is not None:
             lines += ["", self.uncertainty.to_toml().rstrip("\n")]
         return "\n".join(lines) + "\n"
@@ -268,8 +271,12 @@ def _from_tables(data: dict[str, Any]) -> Robot:
     _refuse_unknown(data, ["name", "description", "effects", "uncertainty", *sections], "")
     values: dict[str, Any] = {"effects": data.get("effects", {}), "description": data.get("description", "")}
     if "uncertainty" in data:
+        table = data["uncertainty"]
+        if isinstance(table, Mapping) and "rest_current_a" in table:  # where older files have it
+            table = dict(table)
+            data = {**data, "drive": {"rest_current_a": table.pop("rest_current_a"), **data.get("drive", {})}}
         try:
-            values["uncertainty"] = from_table(data["uncertainty"])
+            values["uncertainty"] = from_table(table)
         except UncertaintyError as error:
             raise RobotError(f"uncertainty.{error}") from None
     if "name" not in data:

@@ -41,7 +41,6 @@ class Uncertainty:
         instruments: Sizes of the instruments' errors by name, as far as known.
         of: `energy`, or `charge` if motor current was recorded, which follows torque and not power: shares then
             refer to the charge.
-        rest_current_a: Motor current at rest, A, which no other field of a robot file has.
 
     Raises:
         UncertaintyError: A value is not allowed.
@@ -55,7 +54,6 @@ class Uncertainty:
     unexplained_m: float = 0.0
     instruments: tuple[tuple[str, float], ...] = ()
     of: str = "energy"
-    rest_current_a: float = 0.0
 
     def __post_init__(self) -> None:
         if self.of not in _OF:
@@ -70,7 +68,6 @@ class Uncertainty:
         for name, value, most in (
             ("between_runs", 0.0 if self.between_runs is None else self.between_runs, 10.0),
             ("unexplained", self.unexplained, 100.0), ("unexplained_m", self.unexplained_m, 1e6),
-            ("rest_current_a", self.rest_current_a, 1000.0),
         ):  # fmt: skip
             _check(name, value, most)
         for name, value in self.instruments:
@@ -122,7 +119,6 @@ class Uncertainty:
         lines = ["[uncertainty]", f"source = {_quoted(self.source)}"]
         if self.of == "charge":
             lines.append('of = "charge"  # of the motors: shares below refer to their current')
-            lines.append(f"rest_current_a = {self.rest_current_a:.6g}  # of the motors at rest, A")
         lines.append(f"fitted = [{', '.join(map(_quoted, self.fitted))}]")
         rows = (f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in self.covariance)
         lines.append(f"covariance = [{', '.join(rows)}]  # of their relative errors")

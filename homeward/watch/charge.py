@@ -36,8 +36,7 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
         )
     step_s = np.append(steps_s(run.time_s), 0.0)
     left_m, took_as, expected_as = (
-        rest_of(values * step_s)
-        for values in (wheels_mps(run, robot), run.observed, current_a(run, robot, sure.rest_current_a))
+        rest_of(values * step_s) for values in (wheels_mps(run, robot), run.observed, current_a(run, robot))
     )
     if left_m[0] <= 0.0:
         raise CompanionError(f"{run.name}: the robot stood all the time; there is no way to predict")

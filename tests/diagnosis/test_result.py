@@ -15,6 +15,7 @@ from homeward.diagnosis.result import (
     VERDICTS,
     Arm,
     CorrectedFile,
+    FileNumber,
     Fit,
     FittedGroup,
     MissingPhysics,
@@ -63,9 +64,15 @@ diagnosis = st.builds(
     ).map(tuple),
     range=st.none() | st.builds(Range, number, pair, number, number, number, number),
     range_change_m=optional,
-    file=st.none() | st.builds(CorrectedFile, st.sampled_from(["corrected", "refit", "nominal"]), text),
+    file=st.none()
+    | st.builds(
+        CorrectedFile,
+        st.sampled_from(["corrected", "refit", "predictive", "nominal"]),
+        text,
+        st.lists(st.builds(FileNumber, text, number, pair, text, st.booleans()), max_size=2).map(tuple),
+    ),
     next_experiment=st.none() | text,
-    schema=st.just(2),
+    schema=st.sampled_from([2, 3]),
 )
 
 

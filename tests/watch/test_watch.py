@@ -114,13 +114,13 @@ def amps(folder: Path, seed: int, factor: float) -> Path:
     table[["motor_left_a", "motor_right_a"]] = 1.0
     table.to_csv(folder / f"amps{seed}.csv", index=False)
     run = signals(read_recording(folder / f"amps{seed}.csv"), SCRUBS)
-    each = 0.5 * factor * current_a(run, SCRUBS, 1.0) * (1.0 + 0.02 * rng.normal(size=len(time_s)))
+    each = 0.5 * factor * current_a(run, SCRUBS) * (1.0 + 0.02 * rng.normal(size=len(time_s)))
     table.assign(motor_left_a=each, motor_right_a=each).to_csv(folder / f"amps{seed}.csv", index=False)
     return folder / f"amps{seed}.csv"
 
 
-CHARGE = Uncertainty("a test", (), (), 0.1, 0.05, 0.5, of="charge", rest_current_a=1.0)
-SCRUBS = replace(load_robot("husky"), effects={"turning": {"scrub": 0.5}}, uncertainty=CHARGE)
+CHARGE = Uncertainty("a test", (), (), 0.1, 0.05, 0.5, of="charge")
+SCRUBS = replace(load_robot("husky"), effects={"turning": {"scrub": 0.5}}, uncertainty=CHARGE, rest_current_a=1.0)
 
 
 def test_of_motor_currents_the_charge_is_watched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

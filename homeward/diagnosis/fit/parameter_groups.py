@@ -75,15 +75,16 @@ class Parameters:
         *ancillary, rolling, drag, mass = theta.tolist()
         resistance = float(np.clip(rolling / mass, 1e-9, 1.0))
         robot = dataclasses.replace(self.nominal, mass_kg=mass, rolling_resistance=resistance, drag_ns2_per_m2=drag)
-        return with_ancillary(robot, *ancillary) if len(ancillary) == 2 else robot
+        if len(ancillary) == 2:
+            return with_ancillary(robot, *ancillary)
+        return dataclasses.replace(robot, rest_current_a=max(ancillary[0], 0.0))
 
     def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:
         """Prediction of these parameters, shape (windows,), with effects if any are given."""
         robot, extra = self.robot(theta), with_effects or WithEffects()
         if extra.effects:
             robot = with_effects_of(robot, extra.effects)
-        rest_current_a = float(theta[AT_REST]) if runs.unit == "A" else 0.0
-        return predict(runs, robot, rest_current_a, extra)
+        return predict(runs, robot, extra)
 
 
 def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) -> Robot:
@@ -119,7 +120,9 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     if not known:  # an arbitrary thrust per ampere: the groups do not depend on it
         robot = dataclasses.replace(robot, traction_n_per_a=float(rolling_force(robot)) / max(most, 1e-9))
     per = gamma if runs.unit == "W" else thrust_n_per_a(robot)
-    idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w if runs.unit == "W" else 0.0
+    idle = (
+        robot.sensing_idle_w + robot.communication_w + robot.controller_w if runs.unit == "W" else robot.rest_current_a
+    )
     sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
     fastest_hz = max(float(np.max(runs.sensing_hz, initial=0.0)), robot.max_sensing_hz)
     # An unknown drag is bounded by ten times the largest recorded power.

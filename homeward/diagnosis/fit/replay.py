@@ -107,18 +107,18 @@ def wheels_mps(run: Signals, robot: Robot) -> Array:
     return np.maximum(np.abs(run.speed_mps), 0.5 * np.abs(run.yaw_rate_radps) * robot.track_m)
 
 
-def current_a(run: Signals, robot: Robot, rest_current_a: float) -> Array:
+def current_a(run: Signals, robot: Robot) -> Array:
     """Motor current that a robot file predicts for a run, A, shape (samples,), see `predict`."""
-    return _current_a(run, robot, _loaded(robot, run, run.conditions)[1], rest_current_a)
+    return _current_a(run, robot, _loaded(robot, run, run.conditions)[1])
 
 
-def _current_a(run: Signals, robot: Robot, force_n: Array, rest_current_a: float) -> Array:
+def _current_a(run: Signals, robot: Robot, force_n: Array) -> Array:
     # Motor current vanishes with the motion.
     turning = np.minimum(wheels_mps(run, robot) / logs_rules.STANDSTILL_MPS, 1.0)
-    return np.asarray(rest_current_a + turning * force_n / thrust_n_per_a(robot))
+    return np.asarray(robot.rest_current_a + turning * force_n / thrust_n_per_a(robot))
 
 
-def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffects | None = None) -> Array:
+def predict(runs: Runs, robot: Robot, met: WithEffects | None = None) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
     Power that was recorded as voltage times current is that at the battery's terminals. Motor current is the thrust
@@ -140,7 +140,7 @@ def predict(runs: Runs, robot: Robot, rest_current_a: float = 0.0, met: WithEffe
         recorded = run.conditions_with(**changed) if changed else run.conditions
         power, force_n = _loaded(outside if run.at_terminals else robot, run, recorded)
         if runs.unit == "A":
-            power = _current_a(run, robot, force_n, rest_current_a)
+            power = _current_a(run, robot, force_n)
         late: Array = np.interp(run.time_s - met.lag_s, run.time_s, power) if met.lag_s != 0.0 else power
         means.append(cut.means(late))
     return np.concatenate(means)

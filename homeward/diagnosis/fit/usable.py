@@ -12,9 +12,10 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.fit.lags import late_slope, without_drift
 from homeward.diagnosis.fit.replay import average as average_runs
 from homeward.diagnosis.fit.replay import predict
+from homeward.diagnosis.read.even import on_even_clock
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
-from homeward.diagnosis.read.signals import Signals, gaps, known, signals, slopes_known
+from homeward.diagnosis.read.signals import WINDOW_S, Signals, gaps, known, signals, slopes_known
 from homeward.logs import rules as logs_rules
 from homeward.logs.channels import lacking
 from homeward.logs.recordings import Recording
@@ -59,6 +60,9 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
         if refused := same or _lacks(given):
             findings.append(Finding(given.name, refused, refused=True))
             continue
+        given, uneven = on_even_clock(given, WINDOW_S)
+        if uneven is not None:
+            findings.append(Finding(given.name, uneven))
         mended, error = without_faults(given, robot)
         findings += [Finding(mended.name, note) for note in mended.notes]
         run = signals(mended, robot, known_error=error)

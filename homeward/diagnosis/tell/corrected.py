@@ -2,17 +2,19 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.fit.parameter_groups import AT_REST, ROLLING, with_ancillary, with_effects_of
+from homeward.diagnosis.fit.parameter_groups import ROLLING, with_ancillary, with_effects_of
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.signals import Unit
+from homeward.diagnosis.result import FileNumber
 from homeward.logs.channels import Array, Mask
 from homeward.physics import Robot
 
@@ -117,8 +119,10 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
         robot = with_effects_of(robot, effects)
     if unit == "W":
         robot = with_ancillary(robot, *ancillary)
-    elif thrust_n_per_a(robot) == 0.0:
-        return robot
+    else:
+        robot = dataclasses.replace(robot, rest_current_a=rounded(max(ancillary[0], 0.0)))
+        if thrust_n_per_a(robot) == 0.0:
+            return robot
     return dataclasses.replace(
         robot,
         mass_kg=_unless_equal(robot.mass_kg, mass_kg),
@@ -130,17 +134,16 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
 def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
     """Prediction of a robot file for these drives, shape (windows,).
 
-    With what no file contains: ground, errors of instruments, the time before an effect began, the current at rest.
+    With what no file contains: ground, errors of instruments, and the time before an effect began.
     """
-    rest_current_a = float(content.theta[AT_REST]) if runs.unit == "A" else 0.0
-    predicted = predict(runs, robot, rest_current_a, content.met)
+    predicted = predict(runs, robot, content.met)
     masks = np.array(list(content.before.values()), np.bool_).reshape(-1, len(predicted))
     for absent in np.unique(masks, axis=1).T:
         if absent.any():
             names = {effect for effect, lacks in zip(content.before, absent, strict=True) if lacks}
             effects = {name: numbers for name, numbers in robot.effects.items() if name not in names}
             effects |= {name: numbers for name, numbers in content.given.items() if name in names}
-            earlier = predict(runs, dataclasses.replace(robot, effects=effects), rest_current_a, content.met)
+            earlier = predict(runs, dataclasses.replace(robot, effects=effects), content.met)
             predicted = np.where((absent == masks.T).all(axis=1), earlier, predicted)
     return content.reading + predicted
 
@@ -154,24 +157,55 @@ def rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
+def rounded_robot(before: Robot, after: Robot) -> Robot:
+    """The robot with the numbers that differ from those before rounded to the six digits of a robot file."""
+    values: dict[str, Any] = {}
+    for quantity in dataclasses.fields(Robot):
+        old, new = getattr(before, quantity.name), getattr(after, quantity.name)
+        if isinstance(new, float):
+            values[quantity.name] = _unless_equal(old, new)
+    values["effects"] = {
+        effect: {name: rounded(value) for name, value in numbers.items()} for effect, numbers in after.effects.items()
+    }
+    return dataclasses.replace(after, **values)
+
+
 def of_capacity(robot: Robot, factor: float) -> Robot:
     """The robot with the capacity of its battery times a factor."""
     return dataclasses.replace(robot, rated_energy_j=rounded(robot.rated_energy_j * factor))
 
 
-def comments(before: Robot, after: Robot) -> dict[str, str]:
-    """Comment for each field of the robot file that was changed: its old value, and the assumption of the new one."""
-    mass = "" if after.mass_kg != before.mass_kg else "mass and "
-    held = {
-        "rolling_resistance": f"from C_rr m / Gamma, {mass}losses kept as assumed",
-        "mass_kg": "from m / Gamma, losses kept as assumed",
-        "drag_ns2_per_m2": "from c / Gamma, losses kept as assumed",
-        "rated_energy_j": "from the recorded state of charge against the energy drawn",
-    }
+_FIELDS = {
+    "P_anc, idle part": ("sensing_idle_w", "communication_w", "controller_w"),
+    "P_anc, per sample": ("sensing_j_per_sample", "computer_j_per_sample"),
+    "current at rest": ("rest_current_a",),
+    "losses": ("motor_loss", "friction_loss"),
+    "C_rr m": ("rolling_resistance",),
+    "c": ("drag_ns2_per_m2",),
+    "m": ("mass_kg",),
+}
+"""Fields of a robot file by what is fitted, without the losses or the thrust per ampere that divide it."""
+
+
+def comments(before: Robot, after: Robot, numbers: Sequence[FileNumber] = ()) -> dict[str, str]:
+    """Comment for each number of the robot file that was changed: how sure it is, what it was fitted as, what it was.
+
+    The number of an effect is named as `effect.number`.
+    """
+    said = {}
+    for number in numbers:
+        low, high = number.ci95
+        sure = "proven" if number.proven else "fitted, not proven"
+        for name in _FIELDS.get(number.name.split(" / ")[0], (number.name.replace(" ", "."),)):
+            said[name] = f"{sure}: {number.name} = {number.value:.4g} ({low:.4g} to {high:.4g}) {number.unit}"
     changed = {}
-    for one in dataclasses.fields(Robot):
-        old, new = getattr(before, one.name), getattr(after, one.name)
+    for quantity in dataclasses.fields(Robot):
+        old, new = getattr(before, quantity.name), getattr(after, quantity.name)
         if isinstance(new, float) and new != old:
-            how = held.get(one.name, "from the fitted ancillary power, shared out as before")
-            changed[one.name] = f"fitted by diagnose.py ({how}); it was {old:.6g}"
+            how = said.get(quantity.name, "from the recorded state of charge against the energy drawn")
+            changed[quantity.name] = f"fitted by diagnose.py, {how}; it was {old:.6g}"
+    for effect, own in after.effects.items():
+        for name in own:
+            if f"{effect}.{name}" in said:
+                changed[f"{effect}.{name}"] = f"fitted by diagnose.py, {said[f'{effect}.{name}']}"
     return changed

@@ -2,7 +2,7 @@
 
 The file itself is validated: each fold's fit is written as a robot file, by the code that writes corrected.toml, and
 replayed on the held-out windows. A file cannot contain schedules (except of an effect that begins once and stays),
-weather, faults of instruments, and the current at rest, which is added to the replay.
+weather, and faults of instruments.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,12 +16,21 @@ from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.naming import Named
+from homeward.diagnosis.explain.uncertainty import Joint, joint
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
-from homeward.diagnosis.fit.parameter_groups import with_effects_of
+from homeward.diagnosis.fit.parameter_groups import GROUPS, with_effects_of
+from homeward.diagnosis.fit.predictive import FEW_RUNS, Predictive, fit_predictive
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.result import CorrectedFile, Verdict
-from homeward.diagnosis.tell.corrected import file_content, is_expressible, of_capacity, replayed, written
+from homeward.diagnosis.result import CorrectedFile, FileNumber, Verdict
+from homeward.diagnosis.tell.corrected import (
+    file_content,
+    is_expressible,
+    of_capacity,
+    replayed,
+    rounded_robot,
+    written,
+)
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 
@@ -36,6 +45,13 @@ class FileChoice:
     held_out: Array | None  # each fold by the file of the others, (windows,); None if not predictable
     replayed: Array | None  # by the file itself, (windows,)
     file: CorrectedFile
+    joint: Joint | None = None  # of the fit made to predict; that of the evidence otherwise
+
+    @property
+    def predicted(self) -> Array:
+        """The held-out prediction of a candidate, shape (windows,)."""
+        assert self.held_out is not None
+        return self.held_out
 
 
 def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index) -> tuple[Refit, Corrected | None]:
@@ -108,11 +124,13 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
 def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
     """Choose the robot of corrected.toml, from `robot` as its file has it.
 
-    The effects must predict held-out windows better than the refit, and the energy (the charge) of trips no worse; the
-    fitted parameters better than the given file. Nothing is changed where the verdict is no mismatch. Parameters that
-    compensate for unknown physics are no measurement. Effects of the battery are added. `rng` draws a bootstrap.
+    Nothing is changed where the verdict is no mismatch. Otherwise it is the candidate that predicts held-out drives
+    best, in power and energy together: the given file, its parameters fitted, or with the named effects. If that
+    leaves more of their energy unexplained than the instruments do, it is the fit made to predict, unless many drives
+    show that it predicts worse. None may predict worse than the given file. Effects of the battery are added. `rng`
+    draws a bootstrap.
     """
-    choice = _proven(robot, verdict, evidence, rng)
+    choice = _chosen(robot, verdict, evidence, rng)
     changed, file, capacity = choice.robot, choice.file, evidence.capacity
     if shown := [one.in_file for one in evidence.channel_effects if one.in_file]:
         for numbers in shown:
@@ -123,34 +141,105 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.rand
     return replace(choice, robot=changed, file=file)
 
 
-def _proven(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
-    runs, nominal = evidence.runs, evidence.predictions.get("nominal")
+def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
+    runs, trip, nominal = evidence.runs, evidence.trip, evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
         why = "the verdict requires no change of the robot file"
         return FileChoice(robot, nominal, nominal, CorrectedFile("nominal", why))
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so that its prediction cannot be tested"
         return FileChoice(robot, None, None, CorrectedFile("nominal", why))
-    reason = "; ".join(filter(None, (_excluded(one, one.term.plain or one.term) for one in evidence.naming.named)))
-    caveat = f"{reason}; " if reason else ""
+    reasons = [_excluded(one, one.term.plain or one.term) for one in evidence.naming.named]
     if verdict == "unknown_physics":
-        caveat = "its parameters absorb a part of the unknown physics and are no measurement; "
-    model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
-    if model is not None:
-        after = _held_out(robot, model, evidence)
-        if not (worse := worse_than(evidence.predictions["refit"], after, runs, evidence.trip, rng)):
-            why = "replayed as written, it predicts held-out windows better than the refit"
-            why += f"; {reason}" if reason else ""
-            changed, by_file = filed(robot, model, runs)
-            return FileChoice(changed, after, by_file, CorrectedFile("corrected", why))
-        caveat = f"with the missing physics that a robot file can express, {worse}; "
-    after = _held_out(robot, evidence.plain, evidence)
-    if worse := worse_than(nominal, after, runs, evidence.trip, rng):
-        why = f"{caveat}with its parameters fitted, {worse}"
-        return FileChoice(robot, nominal, nominal, CorrectedFile("nominal", why))
-    why = f"{caveat}replayed as written, it predicts held-out windows better than the given file"
-    changed, by_file = filed(robot, evidence.plain, runs)
-    return FileChoice(changed, after, by_file, CorrectedFile("refit", why))
+        reasons.append("its parameters absorb a part of the unknown physics and are no measurement")
+    named = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
+    candidates = [FileChoice(robot, nominal, nominal, CorrectedFile("nominal", "")), _refitted(robot, evidence)]
+    candidates += [] if named is None else [_named(robot, named, evidence)]
+    best, how = min(candidates, key=lambda one: _error(one, evidence)), "predicts held-out drives best"
+    # Beyond what the instruments explain, drives are consumed by what nothing proven models.
+    if error_parts(best.predicted, runs, trip)[1] > rules.CLEAR * rules.GAIN_ERROR:
+        fit = _predictive(robot, named, evidence)
+        candidates.append(fit)
+        if len(runs.signals) < FEW_RUNS:
+            best, how = fit, "is expected to predict best, as few drives can tell"
+        elif _error(fit, evidence) < _error(best, evidence):
+            best = fit
+    if worse := worse_than(nominal, best.predicted, runs, trip, rng):
+        reasons.append(f"with {_WORDS[best.file.holds]}, {worse}")
+        best, how = candidates[0], "is kept"
+    share = " and ".join(f"{100.0 * part:.3g} %" for part in error_parts(best.predicted, runs, trip))
+    why = f"of {len(candidates)}, {_WORDS[best.file.holds]} {how}: held out, it is off by {share} (power, energy)"
+    why = "; ".join([why, *dict.fromkeys(filter(None, reasons))])
+    return replace(best, file=replace(best.file, why=why))
+
+
+def _error(choice: FileChoice, evidence: Evidence) -> float:
+    """Sum of the errors of power and of the energy of trips, by which files are compared."""
+    return sum(error_parts(choice.predicted, evidence.runs, evidence.trip))
+
+
+_WORDS = {
+    "nominal": "the given file",
+    "refit": "its fitted parameters",
+    "corrected": "the named effects",
+    "predictive": "the fit made to predict",
+}
+
+
+def error_parts(predicted: Array, runs: Runs, trip: Index) -> tuple[float, float]:
+    """Error of a held-out prediction, (windows,): of power, over its rms, and of a trip's energy, each at most a half.
+
+    A trip of next to no energy would otherwise decide alone.
+    """
+    error = predicted - runs.observed
+    of_power = float(np.sqrt(np.mean(error**2) / max(float(np.mean(runs.observed**2)), 1e-300)))
+    missed, drawn = (np.abs(np.bincount(trip, values * runs.duration_s)) for values in (error, runs.observed))
+    of_trips = np.minimum(missed / np.maximum(drawn, 1e-300), rules.MOST_TRIP_ERROR)
+    return of_power, float(of_trips.mean())
+
+
+def _refitted(robot: Robot, evidence: Evidence) -> FileChoice:
+    changed, by_file = filed(robot, evidence.plain, evidence.runs)
+    numbers = _numbers(evidence, joint(evidence.plain, evidence.runs, evidence.block))
+    return FileChoice(changed, _held_out(robot, evidence.plain, evidence), by_file, CorrectedFile("refit", "", numbers))
+
+
+def _named(robot: Robot, model: Corrected, evidence: Evidence) -> FileChoice:
+    changed, by_file = filed(robot, model, evidence.runs)
+    numbers = _numbers(evidence, joint(model, evidence.runs, evidence.block))
+    return FileChoice(changed, _held_out(robot, model, evidence), by_file, CorrectedFile("corrected", "", numbers))
+
+
+def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> FileChoice:
+    runs = evidence.runs
+    content = file_content(evidence.plain, runs) if model is None else file_content(model, runs)
+    base = robot if model is None else written(robot, content, runs.unit)
+
+    def by_file(part: Predictive) -> Array:
+        return replayed(rounded_robot(robot, part.changed), content, runs)
+
+    fit = fit_predictive(runs, robot, base, lambda changed: replayed(changed, content, runs), evidence.fold)
+    held = held_out(lambda chosen: by_file(fit.fitted_to(chosen, runs)), evidence.fold)
+    names = tuple(_SYMBOLS.get(entry.name, entry.name.replace(".", " ")) for entry in fit.entries)
+    units = tuple(entry.unit for entry in fit.entries)
+    known = Joint(names, units, fit.values, fit.covariance(runs))
+    file = CorrectedFile("predictive", "", _numbers(evidence, known))
+    return FileChoice(rounded_robot(robot, fit.changed), held, by_file(fit), file, known)
+
+
+_SYMBOLS = {group.name: group.symbol for group in (*GROUPS["A"], *GROUPS["W"])}
+
+
+def _numbers(evidence: Evidence, known: Joint) -> tuple[FileNumber, ...]:
+    """The fitted numbers with their intervals; proven are those of named effects and of parameters that are off."""
+    off = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
+    named = {one.term.effect for one in evidence.naming.named}
+    wide = rules.NORMAL_95 * np.sqrt(np.maximum(np.diag(known.covariance), 0.0))
+    numbers = []
+    for name, unit, value, half in zip(known.names, known.units, known.values.tolist(), wide.tolist(), strict=True):
+        proven = name in off or name.partition(" ")[0] in named
+        numbers.append(FileNumber(name, value, (value - half, value + half), unit, proven))
+    return tuple(numbers)
 
 
 def worse_than(before: Array, after: Array, runs: Runs, trip: Index, rng: np.random.Generator) -> str:

@@ -52,7 +52,8 @@ def write_outputs(analysis: Analysis, folder: str | Path) -> list[Path]:
 def corrected_toml(analysis: Analysis) -> str:
     """Robot file with the fitted values; a comment on each changed line gives the old one."""
     known = () if analysis.evidence is None else analysis.evidence.estimates
-    changed = comments(analysis.robot, analysis.corrected)
+    file = analysis.diagnosis.file
+    changed = comments(analysis.robot, analysis.corrected, file.numbers if file is not None else ())
     head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
     head += [] if changed else ["# Nothing was changed."]
     if open_groups := [f"{one.group.symbol} ({why_open(one)})" for one in known if one.fitted is None]:

@@ -49,7 +49,6 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     fitted_to: FittedTo = "others" if evidence.held_out_by == "run" else "all"
     if file.holds == "nominal":
         fitted_to = "nothing"
-    at_rest = [one.fitted or one.assumed or 0.0 for one in evidence.estimates if one.group.name == "rest_current"]
     count = len(runs.signals)
     return Uncertainty(
         source=f"diagnose.py, {count} run{'s' if count > 1 else ''}, unexplained held out by {evidence.held_out_by}",
@@ -60,7 +59,6 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
         unexplained_m=rounded(correlated_m),
         instruments=_instruments(evidence, mean_w) if runs.unit == "W" else (),
         of="energy" if runs.unit == "W" else "charge",
-        rest_current_a=rounded(max([0.0, *at_rest])),
     )
 
 
@@ -109,7 +107,7 @@ def between_runs(residual: Array, predicted: Array, run: Index, fitted_to: Fitte
 def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
     """Names and relative covariance of the fitted numbers in the file, and of the battery's capacity."""
     joint, values = evidence.joint, evidence.joint.values
-    wanted = [holds != "nominal" and (name in _IDS or holds == "corrected") for name in joint.names]
+    wanted = [holds != "nominal" and (name in _IDS or holds in ("corrected", "predictive")) for name in joint.names]
     kept = np.flatnonzero(np.array(wanted, np.bool_) & (values != 0.0))
     names = [_IDS.get(joint.names[index], joint.names[index].replace(" ", ".")) for index in kept]
     matrix = joint.covariance[np.ix_(kept, kept)] / np.outer(values[kept], values[kept])

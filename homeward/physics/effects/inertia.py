@@ -16,7 +16,7 @@ EFFECT = Effect(
     id="inertia",
     kind="force",
     function=inertia,
-    parameters=(Parameter("mass_factor", "1", 0.0, 3.0, "accelerated over moving mass; above 1 for rotating parts"),),
+    parameters=(Parameter("mass_factor", "1", 0.0, 10.0, "accelerated over moving mass; above 1 for rotating parts"),),
     sentence="Accelerating consumes energy, which the robot uses when it slows down.",
     equation="F = mass_factor (m + dm) dv/dt while moving, dm the payload",
     source="Newton's second law; the paper neglects it",

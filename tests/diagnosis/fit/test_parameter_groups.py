@@ -125,7 +125,7 @@ def test_a_group_is_known_whatever_losses_the_file_assumes(motor_loss: float, hu
 def test_groups_of_current_do_not_depend_on_a_thrust_that_no_file_gives(husky: Robot, short_runs: Runs) -> None:
     unknown = dataclasses.replace(husky, traction_n_per_a=0.0)
     given = of_current(short_runs)
-    runs = dataclasses.replace(given, observed=predict(given, husky, rest_current_a=0.5))
+    runs = dataclasses.replace(given, observed=predict(given, dataclasses.replace(husky, rest_current_a=0.5)))
     found = {}
     for robot in (husky, unknown):
         fit = refit(runs, robot)

@@ -79,7 +79,7 @@ def test_a_recorded_load_is_carried(levels: tuple[float, ...], husky: Robot) -> 
 
 def test_motor_current_is_thrust_over_the_thrust_of_an_ampere_and_none_at_rest(husky: Robot) -> None:
     steady = run(husky, speed_mps=np.where(TIME_S < 60.0, 0.0, 0.5))
-    found = current_a(steady, husky, rest_current_a=0.3)
+    found = current_a(steady, dataclasses.replace(husky, rest_current_a=0.3))
     force_n = float(rolling_force(husky)) + husky.drag_ns2_per_m2 * 0.5**2
     assert found[:500] == pytest.approx(0.3)
     assert found[700:] == pytest.approx(0.3 + force_n / thrust_n_per_a(husky))

@@ -88,7 +88,7 @@ def test_outputs_can_be_read_back(turning: Analysis, tmp_path: Path) -> None:
 def test_changed_lines_say_what_they_were(off: Analysis) -> None:
     text = corrected_toml(off)
     (line,) = re.findall(r"^rolling_resistance = .*", text, re.MULTILINE)
-    assert "it was 0.14" in line and "losses kept as assumed" in line
+    assert "it was 0.14" in line and "proven: C_rr m / Gamma = " in line
     assert "fitted" not in re.findall(r"^motor_loss = .*", text, re.MULTILINE)[0]
 
 

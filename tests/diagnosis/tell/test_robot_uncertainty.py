@@ -105,8 +105,10 @@ def test_of_motor_currents_it_is_of_charge(drive: Drive, husky: Robot) -> None:
         amps = 4.0 + 0.1 * one.channels["power_w"]
         channels = {name: values for name, values in one.channels.items() if name != "power_w"}
         recordings.append(replace(one, channels={**channels, "motor_left_a": 0.5 * amps, "motor_right_a": 0.5 * amps}))
-    sure = uncertainty_of(analyse(recordings, husky))
-    assert sure is not None and sure.of == "charge" and sure.rest_current_a > 1.0 and not sure.instruments
+    analysis = analyse(recordings, husky)
+    sure = uncertainty_of(analysis)
+    assert sure is not None and sure.of == "charge" and not sure.instruments
+    assert analysis.corrected.rest_current_a > 1.0
 
 
 def test_what_nothing_explains_is_what_the_file_leaves_of_held_out_windows(off: Analysis) -> None:

@@ -1,0 +1,347 @@
+"""The file that a diagnosis writes, on later drives of real vehicles, beside two regressions.
+
+`HOMEWARD_DATA=FOLDER python -m benchmarks.real_drives --sets bmw v9 leaf eco husky f1tenth`
+
+A part of each set is diagnosed, and the file as written is replayed on the other drives, which nothing has seen. Beside
+it stand the given file and two regressions that are fitted to the same drives: a ridge on features of the motion, and
+least squares on a formula with no negative coefficient, so that a robot file could say the same. All are compared in
+the same windows: the energy of a drive (charge, where motor current was recorded), and the power.
+
+What was concealed is a label: BMW and Leaf were recorded with the power of their heaters, which no recording contains.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import tyro
+from joblib import Parallel, delayed
+from rich.console import Console
+from rich.table import Table
+from scipy.optimize import least_squares
+from sklearn.linear_model import RidgeCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from homeward.datasets import DatasetError, fetch
+from homeward.diagnosis import Recording, analyse, read_recording
+from homeward.diagnosis import rules as thresholds
+from homeward.diagnosis.fit.replay import Runs, average, predict
+from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.tell.report import corrected_toml
+from homeward.logs.channels import Array
+from homeward.physics import Robot, load_robot
+from homeward.physics.model import GRAVITY_MPS2
+
+Set = Literal["bmw", "v9", "leaf", "eco", "husky", "f1tenth"]
+GROUNDS = ("ASPHALT", "FLOORING", "ICE", "SNOW")
+BLOCKS = 4
+"""Of the car's one drive: each in turn is held out."""
+FEW_DRIVES = 6
+"""Below so many, one drive in turn is held out instead of every second one."""
+TURN_MPS = 0.57
+"""Difference of wheel speeds by a turn of 1 rad/s, m/s: the track of a Husky; only scales a feature."""
+KELVIN_C = 16.0, 22.0
+"""Below and above which the ridge may know heating and cooling, as in the published regressions of car energy."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to run."""
+
+    sets: tuple[Set, ...] = ("bmw", "v9", "leaf", "eco", "husky", "f1tenth")
+    """Vehicles; those whose recordings are not at hand are named and left out."""
+    jobs: int = 2
+    """Processes."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """A set divided into drives that are diagnosed and later ones."""
+
+    vehicle: str
+    part: str
+    robot: str
+    diagnosed: Sequence[Recording]
+    later: Sequence[Recording]
+
+
+def splits(vehicle: Set) -> list[Split]:
+    """Divisions of a vehicle's drives: odd and even positions of the sorted names, both ways, or one in turn.
+
+    Raises:
+        DatasetError: Its recordings are not at hand.
+    """
+    if vehicle == "husky":
+        found = []
+        for ground in GROUNDS:
+            drives = [read_recording(path, "husky_borealtc") for path in sorted(fetch("husky_borealtc", ground))]
+            found += _halves(vehicle, "husky", drives, f"{ground.lower()}, ")
+        return found
+    if vehicle == "f1tenth":
+        whole = read_recording(fetch("f1tenth_frictionmaps", "")[0], "f1tenth_frictionmaps")
+        return _one_in_turn(vehicle, "f1tenth", _blocks(whole))
+    folder = Path(os.environ.get("HOMEWARD_DATA", "")) / _FOLDERS[vehicle]
+    if not os.environ.get("HOMEWARD_DATA") or not folder.is_dir():
+        raise DatasetError(f"{vehicle}: no folder {_FOLDERS[vehicle]} in HOMEWARD_DATA; its recordings are not public")
+    robot = str(folder.parent / "robots" / f"{_ROBOTS[vehicle]}.toml")
+    drives = [read_recording(path) for path in sorted(folder.glob("*.csv"))]
+    if len(drives) < FEW_DRIVES:
+        return _one_in_turn(vehicle, robot, drives)
+    found = _halves(vehicle, robot, drives, "")
+    if vehicle == "bmw":
+        summer, winter = ([drive for drive in drives if f"Trip{letter}" in drive.name] for letter in "AB")
+        found += [
+            Split(vehicle, "winter to summer", robot, winter, summer),
+            Split(vehicle, "summer to winter", robot, summer, winter),
+            *_halves(vehicle, robot, winter, "winter, "),
+        ]
+    return found
+
+
+_FOLDERS = {"bmw": "bmw_i3", "v9": "euc_v9", "leaf": "leaf_ved", "eco": "tamu_track"}
+_ROBOTS = {"bmw": "bmw_i3", "v9": "v9", "leaf": "leaf", "eco": "tamu"}
+
+
+def _halves(vehicle: str, robot: str, drives: Sequence[Recording], of: str) -> list[Split]:
+    odd, even = drives[::2], drives[1::2]
+    return [
+        Split(vehicle, f"{of}odd to even", robot, odd, even),
+        Split(vehicle, f"{of}even to odd", robot, even, odd),
+    ]
+
+
+def _one_in_turn(vehicle: str, robot: str, drives: Sequence[Recording]) -> list[Split]:
+    return [
+        Split(vehicle, f"without {number}", robot, [one for one in drives if one is not drive], [drive])
+        for number, drive in enumerate(drives)
+    ]
+
+
+def _blocks(whole: Recording) -> list[Recording]:
+    block = np.arange(len(whole)) * BLOCKS // len(whole)
+    return [
+        replace(
+            whole, name=f"block {number}", sha256=f"{whole.sha256}{number}",
+            channels={name: values[block == number] for name, values in whole.channels.items()},
+        )
+        for number in range(BLOCKS)
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors on later drives: of all energy, of a drive's on average (each at most a half), and R2 of power."""
+
+    total_pct: float
+    drive_pct: float
+    r2: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one split."""
+
+    split: str
+    vehicle: str
+    verdict: str
+    named: tuple[str, ...]
+    holds: str
+    errors: dict[str, Errors]
+    missed: dict[str, list[float]]  # by model: share by which the energy of each later drive is off, at most a half
+    heater_w: list[tuple[float, float]]  # of later drives with a label: by the file, by the label
+
+
+def run(split: Split) -> Outcome:
+    """Diagnose, write the file, and replay it on the later drives."""
+    analysis = analyse(list(split.diagnosed), split.robot)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "corrected.toml"
+        path.write_text(corrected_toml(analysis))
+        corrected = load_robot(path)
+    given = load_robot(split.robot)
+    before, later = _windows(split.diagnosed, given), _windows(split.later, given)
+    predicted = {
+        "given": predict(later, given),
+        "file": predict(later, corrected),
+        "ridge": ridge(before, later),
+        "least squares": formula(before, later),
+    }
+    errors = {name: errors_of(values, later) for name, values in predicted.items()}
+    missed = {name: missed_of(values, later).tolist() for name, values in predicted.items()}
+    diagnosis = analysis.diagnosis
+    named = tuple(effect.effect for effect in diagnosis.missing_physics)
+    holds = "nominal" if diagnosis.file is None else diagnosis.file.holds
+    heater = labelled_heater(split, later, corrected)
+    return Outcome(
+        f"{split.vehicle}, {split.part}", split.vehicle, diagnosis.verdict, named, holds, errors, missed, heater
+    )
+
+
+def _windows(drives: Sequence[Recording], robot: Robot) -> Runs:
+    usable, _ = usable_runs(drives, robot)
+    return average(usable, thresholds.SAMPLES_A_WINDOW)
+
+
+def missed_of(predicted: Array, runs: Runs) -> Array:
+    """Share by which the energy or charge of each drive is off, at most a half, shape (drives,)."""
+    off, drawn = (
+        np.abs(np.bincount(runs.run, values * runs.duration_s)) for values in (predicted - runs.observed, runs.observed)
+    )
+    return np.minimum(off / drawn, thresholds.MOST_TRIP_ERROR)
+
+
+def errors_of(predicted: Array, runs: Runs) -> Errors:
+    """Errors of a prediction of later drives."""
+    off_j = np.abs(np.bincount(runs.run, (predicted - runs.observed) * runs.duration_s))
+    drawn_j = np.abs(np.bincount(runs.run, runs.observed * runs.duration_s))
+    left = np.sum((predicted - runs.observed) ** 2)
+    r2 = 1.0 - left / np.sum((runs.observed - runs.observed.mean()) ** 2)
+    return Errors(100.0 * off_j.sum() / drawn_j.sum(), 100.0 * float(missed_of(predicted, runs).mean()), float(r2))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the regressions know of a window: speed, acceleration, slope, turning and temperature, (windows,) each."""
+
+    speed_mps: Array
+    accel_mps2: Array
+    slope: Array
+    turn_mps: Array
+    warm_c: Array
+
+
+def motion_of(runs: Runs) -> Motion:
+    """Motion in the windows of runs."""
+
+    def channel(name: str, otherwise: float) -> Array:
+        values = runs.context.get(name, np.full(len(runs.run), np.nan))
+        return np.nan_to_num(values, nan=otherwise)
+
+    return Motion(
+        np.abs(channel("speed_mps", 0.0)),
+        channel("accel_mps2", 0.0),
+        channel("grade_rad", 0.0),
+        TURN_MPS * np.abs(channel("yaw_rate_radps", 0.0)),
+        channel("temperature_c", 20.0),
+    )
+
+
+def ridge(before: Runs, later: Runs) -> Array:
+    """Ridge on standardised features, its penalty by cross-validation; prediction for the later windows."""
+    known = motion_of(before)
+    turns, warms = float(np.ptp(known.turn_mps)) > 0.0, float(np.std(known.warm_c)) > 0.5
+
+    def features(motion: Motion) -> Array:
+        speed, accel, slope = motion.speed_mps, motion.accel_mps2, motion.slope
+        force = accel + GRAVITY_MPS2 * slope
+        columns = [
+            speed, speed**2, speed**3, np.maximum(force, 0.0) * speed, np.minimum(force, 0.0) * speed,
+            force**2 * speed, speed * slope, speed * accel, speed > 0.1,
+        ]  # fmt: skip
+        if turns:
+            columns += [motion.turn_mps, np.sqrt(motion.turn_mps), motion.turn_mps * speed]
+        if warms:
+            columns += [np.maximum(KELVIN_C[0] - motion.warm_c, 0.0), np.maximum(motion.warm_c - KELVIN_C[1], 0.0)]
+        return np.column_stack([np.asarray(column, np.float64) for column in columns])
+
+    model = make_pipeline(StandardScaler(), RidgeCV(np.logspace(-3.0, 4.0, 15)))
+    model.fit(features(known), before.observed)
+    return np.asarray(model.predict(features(motion_of(later))))
+
+
+def formula(before: Runs, later: Runs) -> Array:
+    """P0 + max(F, 0) v + r min(F, 0) v + h max(T0 - T, 0), F = c0 + c2 v^2 + M a + W slope, no coefficient negative.
+
+    Motor current follows the force: P0 and max(F, 0) while moving, and two terms of turning.
+    """
+    known, current = motion_of(before), before.unit == "A"
+    spread, mean_mps = float(np.std(before.observed)), max(float(known.speed_mps.mean()), 0.1)
+
+    def predicted(numbers: Array, motion: Motion) -> Array:
+        idle, rolling, drag, mass, weight, back, heater, below_c, root = numbers
+        speed, turn = motion.speed_mps, motion.turn_mps
+        force = rolling + drag * speed**2 + mass * motion.accel_mps2 + weight * GRAVITY_MPS2 * motion.slope
+        if current:
+            moving = np.minimum((speed + 0.5 * turn) / 0.05, 1.0)
+            return np.asarray(moving * (idle + np.maximum(force, 0.0)) + below_c * turn + root * np.sqrt(turn))
+        heated = heater * np.maximum(below_c - motion.warm_c, 0.0)
+        return np.asarray(idle + (np.maximum(force, 0.0) + back * np.minimum(force, 0.0)) * speed + heated)
+
+    force_size = spread if current else spread / mean_mps
+    scale = np.array([
+        float(np.mean(np.abs(before.observed))), force_size, force_size / mean_mps**2, force_size, force_size, 1.0,
+        spread / 20.0, spread if current else 20.0, spread,
+    ])  # fmt: skip
+    start = np.array([0.1, 0.2, 0.1, 0.5, 0.5, 0.5, 0.01, 0.8, 0.01])
+    high = np.array([*[np.inf] * 5, 1.0, np.inf, np.inf if current else 1.5, np.inf])
+
+    def off(numbers: Array) -> Array:
+        return np.asarray((predicted(numbers * scale, known) - before.observed) / spread)
+
+    fitted = least_squares(off, start, bounds=(np.zeros(len(start)), high), max_nfev=300)
+    return predicted(fitted.x * scale, motion_of(later))
+
+
+def labelled_heater(split: Split, later: Runs, robot: Robot) -> list[tuple[float, float]]:
+    """Mean power of the heater in later drives by the file, and by the label that no recording contains, W."""
+    file = Path(split.later[0].name).parent / "labels.json"
+    if split.vehicle not in ("bmw", "leaf") or not file.is_file():
+        return []
+    labels = json.loads(file.read_text())
+    without = replace(robot, effects={name: own for name, own in robot.effects.items() if name != "heater"})
+    heated_w = predict(later, robot) - predict(later, without)
+    found = []
+    for number, name in enumerate(later.names):
+        label = labels.get(Path(name).stem, {}).get("heater_w", np.nan)
+        if np.isfinite(label):
+            found.append((float(heated_w[later.run == number].mean()), float(label)))
+    return found
+
+
+def main(args: Args) -> None:
+    """Run the sets and print two tables."""
+    work: list[Split] = []
+    for vehicle in args.sets:
+        try:
+            work += splits(vehicle)
+        except DatasetError as error:
+            print(f"left out: {error}", file=sys.stderr)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        outcomes = list(Parallel(args.jobs)(delayed(run)(split) for split in work))
+    show(outcomes)
+
+
+def show(outcomes: Sequence[Outcome]) -> None:
+    """Print the errors of each split and, by vehicle, of all."""
+    console = Console(width=170)
+    table = Table(title="Later drives, energy off by: all of it / a drive on average, %; R2 of power")
+    for name in ("drives", "given file", "corrected.toml", "ridge", "least squares", "holds", "named"):
+        table.add_column(name)
+    for outcome in outcomes:
+        cells = [
+            f"{errors.total_pct:.1f} / {errors.drive_pct:.1f}  {errors.r2:.2f}" for errors in outcome.errors.values()
+        ]
+        table.add_row(outcome.split, *cells, outcome.holds, ", ".join(outcome.named) or outcome.verdict)
+    console.print(table)
+    for outcome in outcomes:
+        if outcome.heater_w:
+            by_file, by_label = np.sum(outcome.heater_w, axis=0)
+            off = 100.0 * (by_file / by_label - 1.0) if by_label > 0.0 else np.nan
+            console.print(
+                f"{outcome.split}: heater, {len(outcome.heater_w)} labelled drives, off by {off:+.0f} % in all"
+            )
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Args, description=__doc__))
