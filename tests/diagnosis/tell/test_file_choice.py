@@ -17,6 +17,7 @@ from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.corrected import file_content, replayed
 from homeward.diagnosis.tell.file_choice import determined, expressible, worse_than
+from homeward.diagnosis.tell.report import corrected_toml
 from homeward.physics import ancillary_power, replay
 
 Drive = Callable[..., list[Recording]]
@@ -68,13 +69,13 @@ def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(short_drive: Drive, 
     analysis = analyse(recordings, husky)
     (found,) = analysis.diagnosis.missing_physics
     assert {"standby", "sensor_offset"} <= {found.effect, *found.confused_with}
-    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "predictive"
     assert "is confounded with a fault of the meter" in analysis.diagnosis.file.why
-    assert not analysis.corrected.active_effects
+    assert not {"standby", "intermittent_load"} & set(analysis.corrected.active_effects)
 
 
 def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(short_drive: Drive, husky: Robot) -> None:
-    """A robot that draws more is sooner home empty: the refit is safer than the file, but measures nothing."""
+    """A robot that draws more is sooner home empty: a fit is safer than the file, but measures nothing."""
     recordings = []
     for run in short_drive(husky, controller_w=1.5 * husky.controller_w):
         speed = run.channels["speed_mps"]  # and chatters in a band of speeds
@@ -82,7 +83,7 @@ def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(shor
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
     analysis = analyse(recordings, husky)
     assert analysis.diagnosis.verdict == "unknown_physics"
-    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
+    assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "predictive"
     assert "no measurement" in analysis.diagnosis.file.why
     assert analysis.diagnosis.parameters == ()
 
@@ -134,3 +135,23 @@ def test_a_form_that_a_file_lacks_is_replaced_by_the_nearest_that_it_has(short_d
     assert [*analysis.corrected.active_effects] == ["compute"]
     arms = analysis.diagnosis.fit.arms
     assert arms["file"].rmse < arms["refit"].rmse
+
+
+def test_a_file_of_what_nothing_proves_says_so_and_is_no_worse_than_the_given_one(
+    short_drive: Drive, husky: Robot
+) -> None:
+    """Runs of another load each, which no channel shows: a fit of four runs predicts, and hardly a number is proven."""
+    recordings = []
+    for number, run in enumerate(short_drive(husky, rolling_resistance=1.3 * husky.rolling_resistance)):
+        power_w = run.channels["power_w"] * (1.0 + 0.05 * (-1) ** number)
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
+    analysis = analyse(recordings, husky)
+    file, fit = analysis.diagnosis.file, analysis.diagnosis.fit
+    assert file is not None and fit is not None
+    nominal, by_file = fit.arms["nominal"].energy_error_pct, fit.arms["file"].energy_error_pct
+    assert nominal is not None and by_file is not None and by_file < nominal
+    text = corrected_toml(analysis)
+    for fitted in file.numbers:
+        low, high = fitted.ci95
+        assert low <= fitted.value <= high
+    assert ("fitted, not proven" in text) == (not all(fitted.proven for fitted in file.numbers))
