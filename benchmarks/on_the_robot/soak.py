@@ -57,7 +57,7 @@ def main(args: Args) -> None:
         raise CompanionError("give --minutes and --hz above 0")
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
     installed.needed("ros2", "cyclonedds", "rosbags")
-    from homeward.watch.ros2.node import PERIOD_S, Node
+    from homeward.watch.online.node import PERIOD_S, Node
 
     node = Node(Companion("husky", home="here"), DOMAIN)
     robot = ["--robot", "husky", "--domain", str(DOMAIN), "--hz", str(args.hz), "--out-s", "300"]

@@ -120,7 +120,7 @@ def _join(args: Args) -> list[Watched]:
     if args.namespace and not args.namespace.startswith("/"):
         raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
     try:
-        from homeward.watch.ros2.session import Session  # only now: it needs further packages
+        from homeward.watch.online.session import Session  # only now: it needs further packages
     except ModuleNotFoundError as error:
         raise CompanionError(f"--ros2 needs {error.name}: {installed.advice('ros2', 'cyclonedds rosbags')}") from None
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # the state is saved then, too

@@ -13,7 +13,9 @@ from homeward.diagnosis import RecordingError
 @pytest.mark.parametrize("package", ["cyclonedds", "rosbags"])
 def test_without_the_extra_a_line_names_it(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [
-        one for one in sys.modules if one.startswith(("homeward.watch.ros2", f"{package}.", "homeward.logs.bags."))
+        one
+        for one in sys.modules
+        if one.startswith(("homeward.watch.ros2", "homeward.watch.online", f"{package}.", "homeward.logs.bags."))
     ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, package, None)

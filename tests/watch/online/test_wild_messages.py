@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
 from homeward.companion import Companion
+from homeward.watch.online.node import Node
 from homeward.watch.ros2.idl import message
 from homeward.watch.ros2.network import Network
-from homeward.watch.ros2.node import Node
 from tests.companion.test_wild import check
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S
 

@@ -16,7 +16,7 @@ from homeward.companion import Companion, CompanionError
 from homeward.logs.bags.topics import load_topics
 from homeward.physics import Robot
 from homeward.watch.live import LiveView, kind_of
-from homeward.watch.ros2.node import PERIOD_S, Node
+from homeward.watch.online.node import PERIOD_S, Node
 
 _SAVED_S = 60.0  # between saved states; chosen: a crash loses a minute at most
 _PRINTED_S = 60.0

@@ -13,9 +13,9 @@ pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 from homeward.cli import Terminal
 from homeward.companion import Companion
 from homeward.physics import load_robot
-from homeward.watch.ros2 import session as session_module
-from homeward.watch.ros2.node import Node
-from homeward.watch.ros2.session import Session, _Printer
+from homeward.watch.online import session as session_module
+from homeward.watch.online.node import Node
+from homeward.watch.online.session import Session, _Printer
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
 
 pytestmark = pytest.mark.usefixtures("loopback")

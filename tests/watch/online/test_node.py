@@ -13,8 +13,8 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from homeward.companion import Companion
+from homeward.watch.online.node import PERIOD_S, Node
 from homeward.watch.ros2.idl import struct_of
-from homeward.watch.ros2.node import PERIOD_S, Node
 from tests.companion.robots import HUSKY
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
 

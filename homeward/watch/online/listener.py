@@ -33,11 +33,11 @@ from homeward.logs.bags.topics import (
 )
 from homeward.logs.channels import CHANNELS, POWER
 from homeward.watch import rules
-from homeward.watch.ros2.batteries import Batteries
-from homeward.watch.ros2.charge import Charge
-from homeward.watch.ros2.odometry import Odometry
-from homeward.watch.ros2.stamps import Stamps
-from homeward.watch.ros2.values import POSE, Value, acceleration, east_m, field_value, heading, heading_of, slope
+from homeward.watch.online.batteries import Batteries
+from homeward.watch.online.charge import Charge
+from homeward.watch.online.odometry import Odometry
+from homeward.watch.online.stamps import Stamps
+from homeward.watch.online.values import POSE, Value, acceleration, east_m, field_value, heading, heading_of, slope
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 

@@ -14,8 +14,8 @@ from homeward.companion.saved import DAMAGE, check_sealed, put_values, sealed, v
 from homeward.files import read_json, write_whole
 from homeward.logs.bags.topics import Topics
 from homeward.watch import rules
+from homeward.watch.online.listener import Heard, Listener
 from homeward.watch.ros2 import advice_messages
-from homeward.watch.ros2.listener import Heard, Listener
 from homeward.watch.ros2.network import Network
 
 PERIOD_S = 0.1
