@@ -58,8 +58,9 @@ def main(args: Args) -> None:
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
     installed.needed("ros2", "cyclonedds", "rosbags")
     from homeward.watch.online.node import PERIOD_S, Node
+    from homeward.watch.ros2.network import Network
 
-    node = Node(Companion("husky", home="here"), DOMAIN)
+    node = Node(Companion("husky", home="here"), Network(DOMAIN))
     robot = ["--robot", "husky", "--domain", str(DOMAIN), "--hz", str(args.hz), "--out-s", "300"]
     duration_s = 60.0 * args.minutes
     took_s: list[float] = []

@@ -15,6 +15,7 @@ from cyclonedds.topic import Topic
 from homeward.companion import Companion
 from homeward.watch.online.node import PERIOD_S, Node
 from homeward.watch.ros2.idl import struct_of
+from homeward.watch.ros2.network import Network
 from tests.companion.robots import HUSKY
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
 
@@ -56,7 +57,7 @@ class Others:
 
 
 def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_a_restart() -> None:
-    node, others = Node(Companion(HUSKY, home="here"), DOMAIN), Others()
+    node, others = Node(Companion(HUSKY, home="here"), Network(DOMAIN)), Others()
     with robot("--x", "500", "--lost", "0.3", "--speed", "1", "--jump-at-s", "4", "--jump-s", "3600"):
         until(node, lambda: node.advice is not None and node.advice.way_home_m > 1.0 and others.heard())
         advice = node.advice

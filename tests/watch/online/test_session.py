@@ -16,8 +16,10 @@ from homeward.physics import load_robot
 from homeward.watch.online import session as session_module
 from homeward.watch.online.node import Node
 from homeward.watch.online.session import Session, _Printer
+from homeward.watch.ros2.network import Network
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
 
+WHERE = f"husky on domain {DOMAIN}"
 pytestmark = pytest.mark.usefixtures("loopback")
 
 
@@ -27,7 +29,7 @@ def test_a_session_goes_on_from_its_state(tmp_path: Path, capsys: pytest.Capture
 
     def drive(least_m: float) -> None:
         """A session until home is so far away."""
-        one = Session(load_robot("husky"), DOMAIN, state=state)
+        one = Session(load_robot("husky"), Network(DOMAIN), WHERE, state=state)
         end_s = time.monotonic() + LONGEST_S
 
         def done() -> bool:
@@ -43,7 +45,7 @@ def test_a_session_goes_on_from_its_state(tmp_path: Path, capsys: pytest.Capture
         capsys.readouterr()
         drive(way_m[0])
         printed = capsys.readouterr().out
-        other = Session(load_robot("husky"), DOMAIN, namespace="/robot2")
+        other = Session(load_robot("husky"), Network(DOMAIN, "/robot2"), WHERE)
         end_s = time.monotonic() + 1.5
         other.run(Terminal(), quiet=False, done=lambda: time.monotonic() > end_s)
     assert way_m[1] > way_m[0]  # at once: it did not begin anew
@@ -60,7 +62,7 @@ def test_a_state_that_cannot_be_used_is_said_and_left_out(
 ) -> None:
     state = tmp_path / "state.json"
     state.write_text(content)
-    session = Session(load_robot("husky"), DOMAIN, state=state)
+    session = Session(load_robot("husky"), Network(DOMAIN), WHERE, state=state)
     session.node.step()
     (said,) = session.node.warnings
     assert said.startswith("begun without the state: the state in ") and "home is where the robot is now" in said
@@ -75,7 +77,7 @@ def test_a_disk_that_cannot_be_written_ends_nothing_and_is_said(
     monkeypatch.setattr(session_module, "_PRINTED_S", 0.1)
     (tmp_path / "folder").mkdir()
     state = tmp_path / "folder" / "state.json"
-    session = Session(load_robot("husky"), DOMAIN, state=state)
+    session = Session(load_robot("husky"), Network(DOMAIN), WHERE, state=state)
     (tmp_path / "folder").rmdir()
     (tmp_path / "folder").touch()  # a folder that no file can be made in, also by root
     node, end_s, said = session.node, time.monotonic() + LONGEST_S, set[str]()

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
 from homeward.companion import CompanionError
-from homeward.watch.ros2.idl import message, struct_of
+from homeward.watch.ros2.idl import struct_of
 from homeward.watch.ros2.network import Network
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S
 
@@ -37,7 +37,7 @@ def test_bytes_that_do_not_fit_their_type_are_left_out() -> None:
 
 def test_what_one_publishes_another_finds_and_reads_in_order() -> None:
     one, other = Network(DOMAIN), Network(DOMAIN)
-    one.publish("/first/level", FLOAT, message(FLOAT, data=0.0))
+    one.publish("/first/level", FLOAT, {"data": 0.0})
     until(lambda: "/first/level" in other.found())
     assert other.found() == {"/first/level": FLOAT} and one.found() == {}  # none of its own
     other.subscribe(other.found())
@@ -45,7 +45,7 @@ def test_what_one_publishes_another_finds_and_reads_in_order() -> None:
     read: list[Any] = []
 
     def published() -> bool:
-        one.publish("/first/level", FLOAT, message(FLOAT, data=1.0 + len(read)))
+        one.publish("/first/level", FLOAT, {"data": 1.0 + len(read)})
         read.extend(other.take())
         return len(read) >= 3
 
