@@ -84,6 +84,11 @@ class Vehicle:
                 self._connection: Any = mavutil.mavlink_connection(
                     address, baud=_BAUD, source_component=_ONBOARD_COMPUTER, autoreconnect=True
                 )
+        except ModuleNotFoundError:
+            raise CompanionError(
+                f"cannot open the MAVLink address {address!r}: a serial port needs pyserial (pip install pyserial); "
+                "other addresses are udpin:HOST:PORT, udpout:HOST:PORT and tcp:HOST:PORT"
+            ) from None
         except Exception as error:  # pymavlink raises anything, from OSError to SerialException
             why = " ".join(str(error).split()) or type(error).__name__
             raise CompanionError(
