@@ -19,6 +19,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -48,7 +49,7 @@ class Args:
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Recordings (.csv, .csv.gz, .tsv, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a ROS 2 bag), one
-    run each; none for a live robot (--ros2, --mavlink)."""
+    run each; none for a live robot (--ros2, --mavlink, --stdin)."""
     robot: str
     """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
     columns: str | None = None
@@ -70,12 +71,15 @@ class Args:
     domain: int | None = None
     """With --ros2: number of its domain; by default ROS_DOMAIN_ID, or 0."""
     namespace: str = ""
-    """With --ros2: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
+    """With --ros2 or --stdin: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
     home: tuple[float, float] | None = None
-    """With --ros2: home in the frame of the odometry, m; by default the first position received."""
+    """With --ros2 or --stdin: home in the frame of the odometry, m; by default the first position received."""
     mavlink: str | None = None
     """Advise a vehicle on MAVLink instead of replaying: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or a serial
     port; needs the extra logs."""
+    stdin: bool = False
+    """Read a robot's messages as JSON lines, and write the advice so, as the node of ROS 2 in ros2/ does; needs the
+    extra logs."""
     state: Path | None = None
     """Of a live robot: file of the state: read if it exists, and written every minute and at the end."""
 
@@ -87,24 +91,31 @@ def main(args: Args) -> list[Watched]:
         RobotError, RecordingError, CompanionError: The input cannot be used.
         OSError: The output folder cannot be written to.
     """
-    live = [name for name, given in (("--ros2", args.ros2), ("--mavlink", args.mavlink is not None)) if given]
+    ways = {"--ros2": args.ros2, "--mavlink": args.mavlink is not None, "--stdin": args.stdin}
+    live = [name for name, given in ways.items() if given]
     if len(live) > 1:
         raise CompanionError(f"{' and '.join(live)} do not go together; give one of them")
-    if not args.ros2 and (args.namespace or args.domain is not None or args.home is not None):
-        raise CompanionError("--domain, --namespace and --home are for --ros2")
+    if not args.ros2 and args.domain is not None:
+        raise CompanionError("--domain is for --ros2")
+    if not (args.ros2 or args.stdin) and (args.namespace or args.home is not None):
+        raise CompanionError("--namespace and --home are for --ros2 and --stdin")
     if not live and args.state is not None:
-        raise CompanionError("--state is for a live robot: --ros2 or --mavlink")
+        raise CompanionError("--state is for a live robot: --ros2, --mavlink or --stdin")
+    if args.namespace and not args.namespace.startswith("/"):
+        raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
     if live:
         if args.runs:
             raise RecordingError(f"{live[0]} accepts no recordings: it receives a robot's messages")
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # the state is saved then, too
         if args.mavlink is not None:
             _advise_vehicle(args, args.mavlink)
+        elif args.stdin:
+            _advise_by_lines(args)
         else:
             _join(args)
         return []
     if not args.runs:
-        raise RecordingError("no recording is given; name at least one file, or --ros2 or --mavlink")
+        raise RecordingError("no recording is given; name at least one file, or --ros2, --mavlink or --stdin")
     robot = load_robot(args.robot)
     read = [read_recording(path, args.columns) for path in args.runs]
     recordings = [within_top_speed(one, robot.max_speed_mps) for one in read]
@@ -133,8 +144,6 @@ def main(args: Args) -> list[Watched]:
 def _join(args: Args) -> None:
     """Advise a robot on its ROS 2 network until it is interrupted."""
     domain = _domain(args.domain)
-    if args.namespace and not args.namespace.startswith("/"):
-        raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
     try:
         from homeward.watch.online.session import Session  # only now: they need further packages
         from homeward.watch.ros2.network import Network
@@ -162,6 +171,21 @@ def _advise_vehicle(args: Args, address: str) -> None:
         robot, vehicle, f"{robot.name} on {address}", args.columns or "any_robot", met.home, args.state,
         forecast_mps=met.wind_mps, soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
     ).run(cli.Terminal(), args.quiet)  # fmt: skip
+
+
+def _advise_by_lines(args: Args) -> None:
+    """Advise a robot whose messages another process writes, until that closes its end."""
+    try:
+        from homeward.watch.online.lines import Lines  # only now: they need further packages
+        from homeward.watch.online.session import Session
+    except ModuleNotFoundError as error:
+        raise CompanionError(f"--stdin needs {error.name}: {installed.advice('logs', 'rosbags')}") from None
+    lines = Lines(sys.stdin.fileno(), sys.stdout.fileno(), args.namespace.rstrip("/"))
+    robot = load_robot(args.robot)
+    Session(
+        robot, lines, f"{robot.name} by standard input", args.columns, args.home, args.state,
+        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+    ).run(cli.Terminal(stderr=True), args.quiet, lambda: lines.ended)  # fmt: skip
 
 
 def _domain(given: int | None) -> int:

@@ -131,7 +131,7 @@ class Vehicle:
         """Messages received so far that are readings, with the types that they are translated to."""
         return dict(self._found)
 
-    def subscribe(self, topics: dict[str, str]) -> None:
+    def subscribe(self, topics: dict[str, str], fields: dict[str, list[str]]) -> None:
         """Nothing: what an autopilot sends is its own setting."""
 
     def take(self) -> list[Message]:

@@ -51,8 +51,13 @@ class Link(Protocol):
     def found(self) -> dict[str, str]:
         """Topics that there are, with the types of their messages."""
 
-    def subscribe(self, topics: dict[str, str]) -> None:
-        """Receive these topics from now on."""
+    def subscribe(self, topics: dict[str, str], fields: dict[str, list[str]]) -> None:
+        """Receive these topics from now on.
+
+        Args:
+            topics: Types of their messages by name.
+            fields: Paths of the fields that are read, by the name of the topic.
+        """
 
     def take(self) -> list[Message]:
         """Messages since the last call, in order for each topic."""

@@ -72,7 +72,7 @@ class Node:
         if found != self._found:
             self._found = found
             self.listener.offer(found)
-            self._link.subscribe(self.listener.wanted)
+            self._link.subscribe(self.listener.wanted, self.listener.fields)
         now_s = time.monotonic()
         for one in self._link.take():
             self.messages += 1

@@ -71,7 +71,7 @@ class Network:
                     self._found[name] = kind
         return dict(self._found)
 
-    def subscribe(self, topics: dict[str, str]) -> None:
+    def subscribe(self, topics: dict[str, str], fields: dict[str, list[str]]) -> None:
         """Subscribe to topics, by name and type, that are not subscribed yet: best effort, as sensors publish."""
         for name, kind in topics.items():
             if name not in self._readers:

@@ -270,7 +270,7 @@ def test_an_address_that_cannot_be_opened_takes_one_line(address: str) -> None:
 def test_what_does_not_go_together() -> None:
     with pytest.raises(CompanionError, match="--ros2 and --mavlink do not go together"):
         main(Args((), "husky", ros2=True, mavlink="udpin:127.0.0.1:14550"))
-    with pytest.raises(CompanionError, match="are for --ros2"):
+    with pytest.raises(CompanionError, match="are for --ros2 and --stdin"):
         main(Args((), "husky", mavlink="udpin:127.0.0.1:14550", home=(0.0, 0.0)))
 
 

@@ -1,4 +1,4 @@
-"""A session of `homeward watch --ros2`: what is printed, and that it goes on from its state."""
+"""A session on live messages: what is printed, and states that cannot be used; tests/ros2 goes on from one."""
 
 import contextlib
 import time
@@ -21,37 +21,6 @@ from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
 
 WHERE = f"husky on domain {DOMAIN}"
 pytestmark = pytest.mark.usefixtures("loopback")
-
-
-def test_a_session_goes_on_from_its_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    state = tmp_path / "state.json"
-    way_m: list[float] = []
-
-    def drive(least_m: float) -> None:
-        """A session until home is so far away."""
-        one = Session(load_robot("husky"), Network(DOMAIN), WHERE, state=state)
-        end_s = time.monotonic() + LONGEST_S
-
-        def done() -> bool:
-            assert time.monotonic() < end_s, one.node.warnings
-            return one.node.advice is not None and one.node.advice.way_home_m > least_m
-
-        one.run(Terminal(), quiet=False, done=done)
-        assert one.node.advice is not None
-        way_m.append(one.node.advice.way_home_m)
-
-    with robot("--speed", "1"):
-        drive(0.5)
-        capsys.readouterr()
-        drive(way_m[0])
-        printed = capsys.readouterr().out
-        other = Session(load_robot("husky"), Network(DOMAIN, "/robot2"), WHERE)
-        end_s = time.monotonic() + 1.5
-        other.run(Terminal(), quiet=False, done=lambda: time.monotonic() > end_s)
-    assert way_m[1] > way_m[0]  # at once: it did not begin anew
-    assert "topic mapping any_robot: " in printed and "from /odom" in printed and "turn within" in printed
-    assert other.node.advice is None and other.node.messages == 0
-    assert "waiting for motion; subscribed by the topic mapping : none; 0 other topics" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

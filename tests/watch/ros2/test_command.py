@@ -35,7 +35,7 @@ def test_what_does_not_go_together() -> None:
         main(Args((Path("run.csv"),), "husky", ros2=True))
     with pytest.raises(CompanionError, match="with a leading slash"):
         main(Args((), "husky", ros2=True, namespace="robot1"))
-    with pytest.raises(CompanionError, match="are for --ros2"):
+    with pytest.raises(CompanionError, match="--domain is for --ros2"):
         main(Args((Path("run.csv"),), "husky", domain=3))
 
 

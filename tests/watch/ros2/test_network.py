@@ -36,12 +36,14 @@ def test_bytes_that_do_not_fit_their_type_are_left_out() -> None:
 
 
 def test_what_one_publishes_another_finds_and_reads_in_order() -> None:
-    one, other = Network(DOMAIN), Network(DOMAIN)
+    one, other, elsewhere = Network(DOMAIN), Network(DOMAIN), Network(DOMAIN, "/robot2")
+    one.publish("/robot2/level", FLOAT, {"data": 0.0})
+    until(lambda: elsewhere.found())
     one.publish("/first/level", FLOAT, {"data": 0.0})
-    until(lambda: "/first/level" in other.found())
-    assert other.found() == {"/first/level": FLOAT} and one.found() == {}  # none of its own
-    other.subscribe(other.found())
-    other.subscribe({"/first/level": FLOAT})  # a second time changes nothing
+    until(lambda: {"/first/level", "/robot2/level"} <= other.found().keys())
+    assert elsewhere.found() == {"/robot2/level": FLOAT} and one.found() == {}  # none of its own
+    other.subscribe(other.found(), {})
+    other.subscribe({"/first/level": FLOAT}, {})  # a second time changes nothing
     read: list[Any] = []
 
     def published() -> bool:
