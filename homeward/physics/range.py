@@ -181,9 +181,9 @@ def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.
     """Energy that a leg from A to B consumes, with its 90 % interval.
 
     The robot drives the route's slopes and bends at a steady speed, with a charged battery, in calm air, by the
-    compiled model with its effects; a bend is spread over its place. The interval is that of the file's table `[uncertainty]`: of its parameters as they
-    count on this leg, of what differs between runs, and of unexplained power over its length. A file without the table
-    (or with one of motor charge) has generic ranges, `homeward.physics.rules`.
+    compiled model with its effects; a bend is spread over its place. The interval is that of the file's table
+    `[uncertainty]`: of its parameters as they count on this leg, of what differs between runs, and of unexplained power
+    over its length. A file without it (or with one of motor charge) has generic ranges, `homeward.physics.rules`.
 
     Args:
         robot: The robot.
