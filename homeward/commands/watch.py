@@ -22,7 +22,7 @@ import signal
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import pandas as pd
 import tyro
@@ -36,11 +36,11 @@ from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.logs.plausible import within_top_speed
 from homeward.physics import RobotError, load_robot
-from homeward.watch.coverage import Row, rows_of
 from homeward.watch.live import LiveView
-from homeward.watch.page import verdict, watch_html
-from homeward.watch.predictions import Watched
-from homeward.watch.replay import run_all
+
+if TYPE_CHECKING:  # the replay needs the diagnosis, with its libraries; a robot as it drives does not
+    from homeward.watch.coverage import Row
+    from homeward.watch.predictions import Watched
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,15 @@ def main(args: Args) -> list[Watched]:
         return []
     if not args.runs:
         raise RecordingError("no recording is given; name at least one file, or --ros2, --mavlink or --stdin")
+    return _replay(args)
+
+
+def _replay(args: Args) -> list[Watched]:
+    """Replay, print the table and write the page."""
+    from homeward.watch.coverage import rows_of
+    from homeward.watch.page import verdict, watch_html
+    from homeward.watch.replay import run_all
+
     robot = load_robot(args.robot)
     read = [read_recording(path, args.columns) for path in args.runs]
     recordings = [within_top_speed(one, robot.max_speed_mps) for one in read]

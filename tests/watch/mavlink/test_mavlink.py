@@ -87,6 +87,14 @@ def rover_log(path: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def advice() -> Advice:
+    """Of a robot with a full battery, 100 m from home."""
+    companion = Companion("husky")
+    companion.update(0.0, position=100.0)
+    return companion.update(1.0, position=100.0)
+
+
 @pytest.fixture
 def port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -107,6 +115,7 @@ def heard(tmp_path: Path, port: int) -> Iterator[Path]:
             player.kill()
 
 
+@pytest.mark.usefixtures("advice")  # which compiles: the log does not wait for it
 def test_a_rover_is_advised_and_told(
     heard: Path, port: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -231,14 +240,6 @@ def test_a_wind_is_towards_where_it_comes_from() -> None:
     assert len(translator.winds_mps) == 2
     for wind_mps in translator.winds_mps:
         assert wind_mps == pytest.approx((-2.0, 0.0), abs=1e-6)
-
-
-@pytest.fixture(scope="module")
-def advice() -> Advice:
-    """Of a robot with a full battery, 100 m from home."""
-    companion = Companion("husky")
-    companion.update(0.0, position=100.0)
-    return companion.update(1.0, position=100.0)
 
 
 def test_a_text_is_sent_when_it_is_new_and_an_order_again(advice: Advice) -> None:
