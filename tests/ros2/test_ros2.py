@@ -24,6 +24,7 @@ pytest.importorskip("rosbags", reason="needs the extra logs")
 
 from ruamel.yaml import YAML  # rosbags brings it
 
+from homeward.companion import Companion
 from homeward.logs.bags.messages import getter
 from homeward.logs.bags.topics import load_topics, shipped_topics
 from tests.ros2.stand_in import Graph, Node, class_of
@@ -144,6 +145,8 @@ def quick(root: Path, tmp_path: Path) -> str:
 
 @pytest.fixture
 def bench(package: Any, graph: Graph, quick: str) -> Iterator[Bench]:
+    # Compiled here, so that no kernel is waited for there: a few minutes on a slow machine.
+    Companion("husky", home="here").update(0.0, position=(0.0, 0.0), speed_mps=0.0)
     made = Bench(package, graph, quick, restart_s=0.1, silent_s=2.0)
     try:
         yield made
