@@ -155,7 +155,7 @@ def bench(package: Any, graph: Graph, quick: str) -> Iterator[Bench]:
 
 
 def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_restarts(bench: Bench, graph: Graph) -> None:
-    """As `tests/watch/online/test_node.py` has them, and homeward killed in the end."""
+    """As `tests/watch/online/test_node.py` has them by DDS, and homeward killed in the end."""
     robot, rng = Robot(graph, 500.0), random.Random(0)
 
     def publish_some() -> None:
@@ -169,6 +169,7 @@ def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_restarts(bench: B
     assert math.isnan(bench.last["/homeward/battery"].voltage)
     robot.jump_s = 3600.0
     bench.until(lambda: "was set forward by 1 h 00 min" in bench.values()["warnings"], robot.publish)
+    assert "no reading" not in bench.values()["warnings"]
     way_m = bench.way_m()
     robot.die()
     bench.until(lambda: "nothing on /odom" in bench.values()["warnings"])

@@ -78,11 +78,10 @@ class Vehicle:
     SAVED: ClassVar[tuple[str, ...]] = ("translator",)
 
     def __init__(self, address: str) -> None:
-        said = io.StringIO()
         try:
-            with contextlib.redirect_stdout(said):  # pymavlink prints that it tries again
+            with _quiet():
                 self._connection: Any = mavutil.mavlink_connection(
-                    address, baud=_BAUD, source_component=_ONBOARD_COMPUTER, autoreconnect=True
+                    address, baud=_BAUD, source_component=_ONBOARD_COMPUTER, autoreconnect=True, retries=1
                 )
         except ModuleNotFoundError:
             raise CompanionError(
@@ -98,6 +97,7 @@ class Vehicle:
         self.translator = Translator()
         self._vehicle: tuple[int, int] | None = None  # numbers of system and component
         self._others: set[int] = set()
+        self._broken = ""
         self._found: dict[str, str] = {}
         self._texts, self._text_id, self._beaten_s = Texts(), 0, -math.inf
 
@@ -115,7 +115,8 @@ class Vehicle:
             if not said and placed_s == math.inf and time.monotonic() - began_s > _WAITS_S:
                 waiting(f"waiting for a position; received: {', '.join(sorted(self._found)) or self._nothing()}")
                 said = True
-            self._send_heartbeat()
+            with contextlib.suppress(OSError):  # which `faults` says later
+                self._send_heartbeat()
             time.sleep(_POLL_S)
         winds = self.translator.winds_mps
         wind_mps = None
@@ -138,7 +139,13 @@ class Vehicle:
         """Translated messages since the last call."""
         taken = []
         for _ in range(_MOST):
-            message = self._connection.recv_msg()
+            try:
+                with _quiet():
+                    message = self._connection.recv_msg()
+            except OSError as error:  # the other end is gone; the next call connects anew
+                self._broken = f"the link is broken: {error.strerror or error}"
+                break
+            self._broken = ""
             if message is None:
                 break
             if self._is_vehicle(message):
@@ -167,7 +174,7 @@ class Vehicle:
 
     def faults(self) -> list[str]:
         """Other vehicles on the link, and a home that has moved."""
-        said = []
+        said = [self._broken] if self._broken else []
         if self._others:
             others = ", ".join(map(str, sorted(self._others)))
             said.append(f"vehicle {others} is on the link too and left out: {self._number()} is advised")
@@ -214,3 +221,8 @@ class Vehicle:
     def close(self) -> None:
         """Close the link."""
         self._connection.close()
+
+
+def _quiet() -> contextlib.AbstractContextManager[object]:
+    """Keep what pymavlink prints, as that it connects anew, from the output."""
+    return contextlib.redirect_stdout(io.StringIO())

@@ -268,6 +268,19 @@ def test_an_address_that_cannot_be_opened_takes_one_line(address: str) -> None:
         Vehicle(address)
 
 
+def test_a_link_that_breaks_is_said_until_it_is_there_again(capfd: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = server.getsockname()
+        vehicle = Vehicle(f"tcp:127.0.0.1:{address[1]}")
+        server.accept()[0].close()
+    assert vehicle.take() == [] and vehicle.faults() == ["the link is broken: Connection refused"]
+    with socket.create_server(address) as server:
+        assert vehicle.take() == [] and vehicle.faults() == []
+        server.accept()[0].close()
+    vehicle.close()
+    assert capfd.readouterr().out == ""
+
+
 def test_what_does_not_go_together() -> None:
     with pytest.raises(CompanionError, match="--ros2 and --mavlink do not go together"):
         main(Args((), "husky", ros2=True, mavlink="udpin:127.0.0.1:14550"))
