@@ -65,6 +65,7 @@ class Translator:
         self.origin_deg: tuple[float, float] | None = None
         self.winds_mps: list[tuple[float, float]] = []
         self._home_local_m = 0.0, 0.0  # north and east in the frame of LOCAL_POSITION_NED
+        self._is_fixed, self._by_satellites = False, False
         self._clock_s = 0.0
         self._turned: Rotation | None = None  # by the last attitude
         self._tells_batteries = False
@@ -80,6 +81,10 @@ class Translator:
         kind = message.get_type()
         content = self._translators[kind](message) if kind in self._translators else None
         return None if content is None else Translated(kind, content)
+
+    def fix_frame(self) -> None:
+        """Keep the frame of the positions from now on, whatever is received: their message, and where home is."""
+        self._is_fixed = True
 
     def _see_clock(self, message: Any) -> None:
         """Notice a start of the autopilot: messages overtake each other by less."""
@@ -117,6 +122,9 @@ class Translator:
     def _global_position_int(self, message: Any) -> SimpleNamespace | None:
         if message.lat == 0 and message.lon == 0:  # as autopilots send it without a fix
             return None
+        if self._is_fixed and not self._by_satellites:  # first found on the way: another frame than the one in use
+            return None
+        self._by_satellites = True
         place_deg = _DEGREE * message.lat, _DEGREE * message.lon
         if self.origin_deg is None:
             self.origin_deg = place_deg
@@ -129,7 +137,7 @@ class Translator:
         return _odometry(message, (east_m, north_m, _M * message.alt), velocity_mps, turned)
 
     def _local_position_ned(self, message: Any) -> SimpleNamespace | None:
-        if not all(map(math.isfinite, (message.x, message.y, message.vx, message.vy))):
+        if self._by_satellites or not all(map(math.isfinite, (message.x, message.y, message.vx, message.vy))):
             return None
         north_m, east_m = self._home_local_m
         place_m = message.y - east_m, message.x - north_m, -message.z
@@ -139,7 +147,7 @@ class Translator:
         if message.latitude == 0 and message.longitude == 0:
             return
         home_deg = _DEGREE * message.latitude, _DEGREE * message.longitude
-        if self.home_deg is None:
+        if self.home_deg is None and not self._is_fixed:
             self.origin_deg = home_deg
             if math.isfinite(message.x) and math.isfinite(message.y):
                 self._home_local_m = message.x, message.y

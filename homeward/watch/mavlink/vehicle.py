@@ -118,6 +118,7 @@ class Vehicle:
             with contextlib.suppress(OSError):  # which `faults` says later
                 self._send_heartbeat()
             time.sleep(_POLL_S)
+        self.translator.fix_frame()
         winds = self.translator.winds_mps
         wind_mps = None
         if winds:
@@ -173,7 +174,7 @@ class Vehicle:
         self._connection.mav.command_long_send(*self._vehicle, ask, 0, _HOME_POSITION, 0, 0, 0, 0, 0, 0)
 
     def faults(self) -> list[str]:
-        """Other vehicles on the link, and a home that has moved."""
+        """A broken link, other vehicles on it, and a home that is not the one in use."""
         said = [self._broken] if self._broken else []
         if self._others:
             others = ", ".join(map(str, sorted(self._others)))
@@ -183,7 +184,7 @@ class Vehicle:
             moved_m = math.hypot(*metres_from(origin_deg, home_deg))
             if moved_m > shared.POSITION_M:
                 said.append(
-                    f"the autopilot's home is {moved_m:.0f} m from where it was: start without --state to use it"
+                    f"the autopilot's home is {moved_m:.0f} m from the home in use: start without a state to use it"
                 )
         return said
 

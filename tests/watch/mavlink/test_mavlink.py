@@ -222,6 +222,33 @@ def test_without_satellites_the_local_position_is_used() -> None:
     assert reading["position"] == pytest.approx((4.0, 3.0)) and bench.listener.sources["speed_mps"] == local.get_type()
 
 
+def test_a_home_that_comes_or_moves_later_moves_no_frame() -> None:
+    translator = Translator()
+    translator.see(position(0, 300.0))
+    translator.see(home())
+    for _ in range(2):
+        (place,) = (one.content.pose.pose.position for one in [translator.see(position(0, 300.0))] if one is not None)
+        assert (place.x, place.y) == pytest.approx((300.0, 0.0), abs=0.1)
+        translator.fix_frame()
+        translator.see(home(LAT_DEG + 100.0 * METRE_DEG))
+    late = Translator()
+    late.see(position(0, 300.0))
+    late.fix_frame()
+    late.see(home())
+    (place,) = (one.content.pose.pose.position for one in [late.see(position(0, 310.0))] if one is not None)
+    assert place.x == pytest.approx(10.0, abs=0.1)
+
+
+def test_satellites_found_on_the_way_change_no_frame() -> None:
+    translator = Translator()
+    local = MAV.MAVLink_local_position_ned_message(0, 3.0, 4.0, 0.0, 0.0, 1.0, 0.0)
+    assert translator.see(local) is not None
+    translator.fix_frame()
+    assert translator.see(position(0, 300.0)) is None and translator.see(local) is not None
+    other = Translator()
+    assert other.see(position(0, 300.0)) is not None and other.see(local) is None
+
+
 def test_an_autopilot_that_starts_again_is_another_publisher() -> None:
     translator = Translator()
     for time_ms in (90_000, 89_900, 90_100, 1_000, 1_100):

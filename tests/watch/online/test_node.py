@@ -70,6 +70,7 @@ def test_lost_messages_a_dead_publisher_and_a_restart() -> None:
         assert 0.5 < others.last["/homeward/battery"].percentage < 1.0
 
     before = node.advice
+    assert before is not None
     others.last.clear()
     until(node, lambda: any("nothing on /odom" in text for text in node.warnings) and others.heard())
     others.last.clear()
