@@ -190,7 +190,7 @@ def _odometry(
 ) -> SimpleNamespace:
     """A pose with the speed along the heading, which is negative in reverse; without a heading its size."""
     north_mps, east_mps = velocity_mps
-    speed_mps, rate_radps = math.hypot(north_mps, east_mps), 0.0
+    speed_mps = math.hypot(north_mps, east_mps)
     orientation = _vector(0.0, 0.0, 0.0, 0.0)  # which is no rotation
     if turned is not None:
         forward_east, forward_north, _ = turned.apply((1.0, 0.0, 0.0))
@@ -198,7 +198,7 @@ def _odometry(
         speed_mps = (forward_east * east_mps + forward_north * north_mps) / level if level else speed_mps
         orientation = _quaternion(turned)
     pose = SimpleNamespace(position=_vector(*place_m), orientation=orientation)
-    twist = SimpleNamespace(linear=_vector(speed_mps, 0.0, 0.0), angular=_vector(0.0, 0.0, rate_radps))
+    twist = SimpleNamespace(linear=_vector(speed_mps, 0.0, 0.0), angular=_vector(0.0, 0.0, 0.0))
     return SimpleNamespace(header=_header(message), pose=SimpleNamespace(pose=pose), twist=SimpleNamespace(twist=twist))
 
 
