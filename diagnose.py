@@ -26,6 +26,7 @@ from homeward import cli
 from homeward.datasets import DATASETS, DatasetError, fetch, shipped_recording
 from homeward.diagnosis import Analysis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.chain import STAGES
+from homeward.diagnosis.result import Verdict
 from homeward.diagnosis.tell import terminal
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.diagnosis.tell.series import MCAP
@@ -43,6 +44,10 @@ from homeward.physics import RobotError, load_robot
 ASSUMED = "husky"
 """Robot that is assumed for recordings without --robot."""
 SHIPPED_ROBOT = "husky"
+EXIT_CODES: dict[Verdict, int] = {
+    "missing_physics": 10, "unknown_physics": 11, "parameters_off": 12, "no_mismatch": 13, "not_testable": 14,
+}  # fmt: skip
+"""Exit codes by verdict with --exit-code, in the order of precedence."""
 """Robot of the shipped recording."""
 
 
@@ -70,6 +75,9 @@ class Args:
     groups.html."""
     seed: int = 0
     """Seed of the bootstrap draws."""
+    exit_code: bool = False
+    """Exit with a code for the verdict: 10 missing_physics, 11 unknown_physics, 12 parameters_off, 13 no_mismatch, 14
+    not_testable."""
 
 
 def main(args: Args) -> Analysis | Comparison:
@@ -96,6 +104,8 @@ def main(args: Args) -> Analysis | Comparison:
 
 
 def _compare(args: Args) -> Comparison:
+    if args.exit_code:
+        raise RecordingError("--exit-code is for one verdict, and --group compares several; give one of them")
     if args.runs or args.dataset:
         raise RecordingError("give either --group or RUN and --dataset, not both; --group takes NAME=DATASET/GROUP")
     groups = grouped_runs(args.group, args.columns)
@@ -189,8 +199,17 @@ def _print(analysis: Analysis, recordings: list[Recording], written: list[Path])
 
 
 def run() -> int:
-    """Run from the command line: 0 for any verdict, 3 if a download fails, otherwise see `homeward.cli.run`."""
-    return cli.run(main, Args, __doc__, (RecordingError, RobotError, DatasetError))
+    """Run from the command line: 0 for any verdict, or its code of `EXIT_CODES` if asked for; 3 if a download fails,
+    otherwise see `homeward.cli.run`."""
+    codes: list[int] = []
+
+    def noting_the_verdict(args: Args) -> None:
+        result = main(args)
+        if args.exit_code and isinstance(result, Analysis):
+            codes.append(EXIT_CODES[result.diagnosis.verdict])
+
+    code = cli.run(noting_the_verdict, Args, __doc__, (RecordingError, RobotError, DatasetError))
+    return codes[0] if code == 0 and codes else code
 
 
 if __name__ == "__main__":

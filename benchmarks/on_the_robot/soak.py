@@ -57,9 +57,10 @@ def main(args: Args) -> None:
         raise CompanionError("give --minutes and --hz above 0")
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
     installed.needed("ros2", "cyclonedds", "rosbags")
-    from homeward.watch.ros2.node import PERIOD_S, Node
+    from homeward.watch.online.node import PERIOD_S, Node
+    from homeward.watch.ros2.network import Network
 
-    node = Node(Companion("husky", home="here"), DOMAIN)
+    node = Node(Companion("husky", home="here"), Network(DOMAIN))
     robot = ["--robot", "husky", "--domain", str(DOMAIN), "--hz", str(args.hz), "--out-s", "300"]
     duration_s = 60.0 * args.minutes
     took_s: list[float] = []

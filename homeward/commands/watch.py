@@ -9,6 +9,9 @@ alone the charge is predicted, with the corrected.toml of such recordings. A ter
 `homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and advises live. It
 subscribes to battery state, odometry and IMU, by the mappings for bags, and publishes whether the robot can reach home,
 whether it must turn now, and the energy of the way home.
+
+`homeward watch --mavlink udpin:127.0.0.1:14550 --robot corrected.toml` does the same for a vehicle with an autopilot
+(ArduPilot, PX4): it sends texts (STATUSTEXT) and numbers (NAMED_VALUE_FLOAT).
 """
 
 from __future__ import annotations
@@ -16,9 +19,10 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import pandas as pd
 import tyro
@@ -32,11 +36,11 @@ from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.logs.plausible import within_top_speed
 from homeward.physics import RobotError, load_robot
-from homeward.watch.coverage import Row, rows_of
 from homeward.watch.live import LiveView
-from homeward.watch.page import verdict, watch_html
-from homeward.watch.predictions import Watched
-from homeward.watch.replay import run_all
+
+if TYPE_CHECKING:  # the replay needs the diagnosis, with its libraries; a robot as it drives does not
+    from homeward.watch.coverage import Row
+    from homeward.watch.predictions import Watched
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class Args:
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Recordings (.csv, .csv.gz, .tsv, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a ROS 2 bag), one
-    run each; none with --ros2."""
+    run each; none for a live robot (--ros2, --mavlink, --stdin)."""
     robot: str
     """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
     columns: str | None = None
@@ -67,11 +71,17 @@ class Args:
     domain: int | None = None
     """With --ros2: number of its domain; by default ROS_DOMAIN_ID, or 0."""
     namespace: str = ""
-    """With --ros2: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
+    """With --ros2 or --stdin: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
     home: tuple[float, float] | None = None
-    """With --ros2: home in the frame of the odometry, m; by default the first position received."""
+    """With --ros2 or --stdin: home in the frame of the odometry, m; by default the first position received."""
+    mavlink: str | None = None
+    """Advise a vehicle on MAVLink instead of replaying: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or a serial
+    port; needs the extra logs."""
+    stdin: bool = False
+    """Read a robot's messages as JSON lines, and write the advice so, as the node of ROS 2 in ros2/ does; needs the
+    extra logs."""
     state: Path | None = None
-    """With --ros2: file of the state: read if it exists, and written every minute and at the end."""
+    """Of a live robot: file of the state: read if it exists, and written every minute and at the end."""
 
 
 def main(args: Args) -> list[Watched]:
@@ -81,12 +91,40 @@ def main(args: Args) -> list[Watched]:
         RobotError, RecordingError, CompanionError: The input cannot be used.
         OSError: The output folder cannot be written to.
     """
-    if args.ros2:
-        return _join(args)
-    if args.namespace or any(one is not None for one in (args.domain, args.home, args.state)):
-        raise CompanionError("--domain, --namespace, --home and --state are for --ros2")
+    ways = {"--ros2": args.ros2, "--mavlink": args.mavlink is not None, "--stdin": args.stdin}
+    live = [name for name, given in ways.items() if given]
+    if len(live) > 1:
+        raise CompanionError(f"{' and '.join(live)} do not go together; give one of them")
+    if not args.ros2 and args.domain is not None:
+        raise CompanionError("--domain is for --ros2")
+    if not (args.ros2 or args.stdin) and (args.namespace or args.home is not None):
+        raise CompanionError("--namespace and --home are for --ros2 and --stdin")
+    if not live and args.state is not None:
+        raise CompanionError("--state is for a live robot: --ros2, --mavlink or --stdin")
+    if args.namespace and not args.namespace.startswith("/"):
+        raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
+    if live:
+        if args.runs:
+            raise RecordingError(f"{live[0]} accepts no recordings: it receives a robot's messages")
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # the state is saved then, too
+        if args.mavlink is not None:
+            _advise_vehicle(args, args.mavlink)
+        elif args.stdin:
+            _advise_by_lines(args)
+        else:
+            _join(args)
+        return []
     if not args.runs:
-        raise RecordingError("no recording is given; name at least one file, or --ros2")
+        raise RecordingError("no recording is given; name at least one file, or --ros2, --mavlink or --stdin")
+    return _replay(args)
+
+
+def _replay(args: Args) -> list[Watched]:
+    """Replay, print the table and write the page."""
+    from homeward.watch.coverage import rows_of
+    from homeward.watch.page import verdict, watch_html
+    from homeward.watch.replay import run_all
+
     robot = load_robot(args.robot)
     read = [read_recording(path, args.columns) for path in args.runs]
     recordings = [within_top_speed(one, robot.max_speed_mps) for one in read]
@@ -112,23 +150,51 @@ def main(args: Args) -> list[Watched]:
     return runs
 
 
-def _join(args: Args) -> list[Watched]:
-    """Advise a robot on its network until it is interrupted; nothing to return."""
-    if args.runs:
-        raise RecordingError("--ros2 accepts no recordings: it subscribes to a robot's topics")
+def _join(args: Args) -> None:
+    """Advise a robot on its ROS 2 network until it is interrupted."""
     domain = _domain(args.domain)
-    if args.namespace and not args.namespace.startswith("/"):
-        raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
     try:
-        from homeward.watch.ros2.session import Session  # only now: it needs further packages
+        from homeward.watch.online.session import Session  # only now: they need further packages
+        from homeward.watch.ros2.network import Network
     except ModuleNotFoundError as error:
         raise CompanionError(f"--ros2 needs {error.name}: {installed.advice('ros2', 'cyclonedds rosbags')}") from None
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the state is saved then, too
+    robot, network = load_robot(args.robot), Network(domain, args.namespace.rstrip("/"))
     Session(
-        load_robot(args.robot), domain, args.columns, args.namespace.rstrip("/"), args.home, args.state,
+        robot, network, f"{robot.name} on domain {domain}", args.columns, args.home, args.state,
         soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
     ).run(cli.Terminal(), args.quiet)  # fmt: skip
-    return []
+
+
+def _advise_vehicle(args: Args, address: str) -> None:
+    """Advise a vehicle with an autopilot until it is interrupted."""
+    try:
+        from homeward.watch.mavlink.vehicle import Vehicle  # only now: they need further packages
+        from homeward.watch.online.session import Session
+    except ModuleNotFoundError as error:
+        raise CompanionError(f"--mavlink needs {error.name}: {installed.advice('logs', 'pymavlink rosbags')}") from None
+    robot, vehicle = load_robot(args.robot), Vehicle(address)
+    met = vehicle.meet(lambda text: cli.remark(address, text))
+    for text in met.said():
+        cli.remark(address, text)
+    Session(
+        robot, vehicle, f"{robot.name} on {address}", args.columns or "any_robot", met.home, args.state,
+        forecast_mps=met.wind_mps, soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+    ).run(cli.Terminal(), args.quiet)  # fmt: skip
+
+
+def _advise_by_lines(args: Args) -> None:
+    """Advise a robot whose messages another process writes, until that closes its end."""
+    try:
+        from homeward.watch.online.lines import Lines  # only now: they need further packages
+        from homeward.watch.online.session import Session
+    except ModuleNotFoundError as error:
+        raise CompanionError(f"--stdin needs {error.name}: {installed.advice('logs', 'rosbags')}") from None
+    lines = Lines(sys.stdin.fileno(), sys.stdout.fileno(), args.namespace.rstrip("/"))
+    robot = load_robot(args.robot)
+    Session(
+        robot, lines, f"{robot.name} by standard input", args.columns, args.home, args.state,
+        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+    ).run(cli.Terminal(stderr=True), args.quiet, lambda: lines.ended)  # fmt: skip
 
 
 def _domain(given: int | None) -> int:

@@ -292,11 +292,13 @@ class HomeEstimator:
 
     @contextmanager
     def with_open(self, window: Window, position_m: float) -> Iterator[None]:
-        """Temporarily include a window that is not over yet."""
+        """Temporarily include a window that is not over yet, also one without length, of the first reading."""
         kept = self._estimator.state.copy()
         try:
             if window.time_s > 0.0:
                 self._update(window, position_m)
+            else:
+                self._estimator.relocate(position_m)
             yield
         finally:
             self._estimator.state[:] = kept

@@ -5,6 +5,7 @@ by themselves and stand beside their code. Limits that other packages have too a
 """
 
 from homeward.estimation import rules as estimation_rules
+from homeward.physics import rules as physics_rules
 
 # --- Advice -----------------------------------------------------------------------------------------------------------
 
@@ -215,16 +216,9 @@ LEAST_MODEL_ERROR = estimation_rules.MODEL_ERRORS[0]
 """Error of the model, a share, for a file that states its unexplained power: as of the environments' agents where
 nothing is hidden."""
 
-OMITTED = 0.04
-"""What the model omits of the energy of a way, a share, for a file that does not state its unexplained power: spread of
-the ratio between the second and the first half of drives, over the root of two, for a model fitted to all of them. An
-electric unicycle 0.04, a Leaf 0.04 to 0.06, a BMW i3 on the road 0.10 (data sets of `homeward.datasets`). Chosen: the
-lower end, as the way home crosses the ground of the way out."""
-
-BETWEEN_RUNS = 0.1
-"""Relative standard deviation of the energy between runs for a file that does not state it. Chosen: files from several
-runs of rovers, batteries, a car and a Husky state 0.001 to 0.9, and 0.07 in the median
-(benchmarks/on_the_robot/range_coverage.py, seed 0)."""
+OMITTED, BETWEEN_RUNS = physics_rules.OMITTED, physics_rules.BETWEEN_RUNS
+"""What the model omits of the energy of a way, and the spread of the energy between runs, for a file that states
+neither."""
 
 LEAST_CAPACITY_SD = 1e-3
 """Least relative standard deviation of the capacity, whatever a file says. Chosen: below any measured one, and above

@@ -100,7 +100,8 @@ class Way:
             moved_m = self.position_m - before_m
             if moved_m:
                 self._sign = math.copysign(1.0, moved_m)
-            return Step(self.position_m, abs(moved_m), reading.heading_rad, 0.0)
+            way_m = abs(moved_m) if reading.dt_s > 0.0 else 0.0  # nobody drives in no time: it starts there
+            return Step(self.position_m, way_m, reading.heading_rad, 0.0)
         heading = reading.heading_rad
         if reading.position is not None:
             moved = self._move_to(reading.position, driven_m, speed, heading)

@@ -26,6 +26,7 @@ from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import Finding, usable_runs
+from homeward.diagnosis.made_by import made_by
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
 from homeward.diagnosis.tell.file_choice import choose_file, determined
 from homeward.diagnosis.tell.missing import missing_physics
@@ -96,7 +97,7 @@ def analyse(
         if one.name in used
     )
     if not usable:
-        untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings))
+        untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings), made_by=made_by(seed))
         return Analysis(untestable, robot, robot, tuple(findings), None)
     rng = np.random.default_rng(seed)
     with threadpool_limits(1):
@@ -135,6 +136,7 @@ def analyse(
         file=choice.file,
         gauge=gauge,
         next_experiment=next_experiment(evidence),
+        made_by=made_by(seed),
     )  # fmt: skip
     return Analysis(diagnosis, robot, choice.robot, tuple(findings), evidence)
 

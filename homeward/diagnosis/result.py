@@ -173,6 +173,15 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class MadeBy:
+    """What made the verdict beside the recordings; see `homeward.diagnosis.made_by`."""
+
+    version: str  # of homeward
+    seed: int
+    thresholds: dict[str, Any]  # by package and name, such as diagnosis.FALSE_ALARM_RATE
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The verdict on a robot file and its recordings; the fields are those of `diagnosis.json`."""
 
@@ -192,6 +201,7 @@ class Diagnosis:
     file: CorrectedFile | None = None
     gauge: Gauge | None = None  # None without a state of charge that falls
     next_experiment: str | None = None
+    made_by: MadeBy | None = None  # None in a file of before it was written
     schema: int = SCHEMA
 
     def to_json(self) -> str:

@@ -22,7 +22,7 @@ WORDS = frozenset({
 
 VALUES: Mapping[str, tuple[float, ...]] = MappingProxyType({
     "voltage_v": (65.535, 65535.0, -1.0, -0.001),
-    "current_a": (655.35, 327.67, -327.68),
+    "current_a": (655.35, 327.67, -327.68, -0.01),
     "power_w": (65535.0,),
     "speed_mps": (655.35, 65535.0),
     "soc": (-0.01, -1.0, 2.55, 255.0),
@@ -30,8 +30,9 @@ VALUES: Mapping[str, tuple[float, ...]] = MappingProxyType({
     "temperature_c": (327.67, -327.68, -273.15),
     "elevation_m": (-32768.0, 32767.0, -9999.0, -999.0, -99999.0),
 })  # fmt: skip
-"""Values by channel, SI. Sources: MAVLink, common.xml: UINT16_MAX mV, cm/s, cdeg and -1 % are "not provided", INT16_MAX
-cdegC; MAVROS gives them as 65.535 V and -0.01; heights of SRTM and GeoTIFF are -32768 and -9999 where unknown."""
+"""Values by channel, SI. Sources: MAVLink, common.xml: UINT16_MAX mV, cm/s, cdeg, -1 % and -1 cA are "not provided",
+INT16_MAX cdegC; MAVROS gives them as 65.535 V and -0.01; heights of SRTM and GeoTIFF are -32768 and -9999 where
+unknown."""
 
 _EQUAL = 1e-6  # relative; of numbers that were single precision
 

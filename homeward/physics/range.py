@@ -1,8 +1,11 @@
-"""Range on one battery charge: the paper's Eqs. 4, 7 and 8, and the kernel's range where effects are active."""
+"""Range on one battery charge: the paper's Eqs. 4, 7 and 8, and the kernel's range where effects are active; and what
+a leg of a route consumes."""
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+import math
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +14,50 @@ from homeward.physics import model, rules
 from homeward.physics.intervals import FINITE, NOT_NEGATIVE, Bounds, checked
 from homeward.physics.jit import announce_compilation, compiled
 from homeward.physics.kernel import Conditions, advance, demand, full_charge
+from homeward.physics.log_replay import Recorded, conditions
 from homeward.physics.robot import Robot
 
 _SPEED_GRID = 201  # chosen: a step is half a per cent of the span of speeds, and the optimum is flat
 _SPEEDS = Bounds(0.0, np.inf, open_low=True, open_high=True)
 _DUTIES = Bounds(0.0, 1.0, open_low=True)
+_HALF_90 = 1.645  # standard deviations from the mean to either end of a normal distribution's central 90 %
+_STEP = 1e-3  # relative change of a parameter for a derivative; chosen: small, and far above rounding
+_IDLE = "sensing_idle_w", "communication_w", "controller_w"
+_SAMPLE = "sensing_j_per_sample", "computer_j_per_sample"
+
+
+class RouteLike(Protocol):
+    """A way cut into places of equal length, such as `homeward.envs.routes.Route`; arrays of shape (places,)."""
+
+    @property
+    def place_m(self) -> float:
+        """Length of a place, m."""
+
+    @property
+    def grade_rad(self) -> NDArray[np.float64]:
+        """Slope angle along the way, rad."""
+
+    @property
+    def heading_rad(self) -> NDArray[np.float64]:
+        """Direction of the way, rad counter-clockwise from east."""
+
+
+class Leg(NamedTuple):
+    """What a leg consumes.
+
+    Attributes:
+        mean_j: Energy out of the battery by the robot's file, J.
+        sd_j: Its standard deviation, J.
+        low_j: Lower end of the central 90 % interval, J, at least 0.
+        high_j: Upper end, J.
+        time_s: Time that it takes, s.
+    """
+
+    mean_j: float
+    sd_j: float
+    low_j: float
+    high_j: float
+    time_s: float
 
 
 def manoeuvring_energy(force_n: Any, distance_m: Any) -> Any:
@@ -133,6 +175,113 @@ def d_max(
     per_metre = _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
     with np.errstate(divide="ignore"):  # a descent without consumption has an infinite range
         return np.divide(energy_j, np.where(energy_j, per_metre, 1.0))
+
+
+def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.0) -> Leg:
+    """Energy that a leg from A to B consumes, with its 90 % interval.
+
+    The robot drives the route's slopes and bends at a steady speed, with a charged battery, in calm air, by the
+    compiled model with its effects; a bend is spread over its place. The interval is that of the file's table
+    `[uncertainty]`: of its parameters as they count on this leg, of what differs between runs, and of unexplained power
+    over its length. A file without it (or with one of motor charge) has generic ranges, `homeward.physics.rules`.
+
+    Args:
+        robot: The robot.
+        route: The leg, such as `homeward.envs.routes.load_route` returns.
+        speed_mps: Speed, m/s, above 0.
+        sensing_hz: Sensing rate, Hz.
+
+    Raises:
+        ValueError: A value is outside its bounds, or the file's uncertainty names a parameter that it does not have.
+
+    A kilometre uphill at 5 %, then one downhill, by a robot whose file states no uncertainty:
+
+    >>> import homeward
+    >>> from homeward.envs.routes import Route
+    >>> flat, slope = np.zeros(40), np.repeat((0.05, -0.05), 20)
+    >>> hill = Route(place_m=50.0, grade_rad=slope, roughness=flat, interest=flat, heading_rad=flat)
+    >>> there = leg(homeward.load_robot("husky"), hill, speed_mps=0.8)
+    >>> [round(joules / 1000.0) for joules in (there.low_j, there.mean_j, there.high_j)]
+    [281, 348, 414]
+    """
+    speed_mps = float(checked("speed_mps", speed_mps, _SPEEDS))
+    sensing_hz = float(checked("sensing_hz", sensing_hz, NOT_NEGATIVE))
+    length_m, driven = _driven(route, speed_mps, sensing_hz)
+    mean_j = _consumed(robot, driven)
+    variance = _variance(robot, driven, mean_j, length_m)
+    sd_j = math.sqrt(variance)
+    low_j, high_j = max(mean_j - _HALF_90 * sd_j, 0.0), mean_j + _HALF_90 * sd_j
+    return Leg(mean_j, sd_j, low_j, high_j, length_m / speed_mps)
+
+
+def _driven(route: RouteLike, speed_mps: float, sensing_hz: float) -> tuple[float, Recorded]:
+    """Length of a route, m, and its steady drive."""
+    grade_rad = np.asarray(checked("grade_rad", route.grade_rad, model.GRADES), np.float64)
+    heading_rad = np.unwrap(np.asarray(checked("heading_rad", route.heading_rad, FINITE), np.float64))
+    place_m = float(checked("place_m", route.place_m, _SPEEDS))
+    length_m = place_m * len(grade_rad)
+    if len(grade_rad) == 1:  # of one place: two halves, because a drive has two samples
+        grade_rad, heading_rad, place_m = np.repeat(grade_rad, 2), np.repeat(heading_rad, 2), 0.5 * place_m
+    place_s = place_m / speed_mps
+    time_s = place_s * np.arange(len(grade_rad), dtype=np.float64)
+    turned_rad = np.append(np.diff(heading_rad), 0.0)
+    driven = conditions(
+        time_s, np.full(len(time_s), speed_mps), grade_rad=grade_rad, yaw_rate_radps=turned_rad / place_s,
+        accel_mps2=0.0, headwind_mps=0.0, roughness=None, temperature_c=20.0, sensing_hz=sensing_hz,
+        base_distance_m=0.0, direction=1.0,
+    )  # fmt: skip
+    return length_m, driven
+
+
+def _consumed(robot: Robot, driven: Recorded) -> float:
+    return sum(driven.replay(robot).energy_j.values())
+
+
+def _variance(robot: Robot, driven: Recorded, mean_j: float, length_m: float) -> float:
+    """Variance of the energy of a leg, J^2."""
+    given = robot.uncertainty
+
+    def per_share(name: str) -> float:
+        """Change of the energy by the relative change of a parameter, J; downwards, so that a share stays one."""
+        return (mean_j - _consumed(_changed(robot, name, 1.0 - _STEP), driven)) / _STEP
+
+    if given is None or given.of != "energy":
+        rolling_j = rules.GENERIC_ROLLING_SD * per_share("rolling")
+        payload_j = rules.GENERIC_PAYLOAD_SD * per_share("payload")
+        return rolling_j**2 + payload_j**2 + (rules.OMITTED * mean_j) ** 2
+    slopes_j = np.array([per_share(name) for name in given.fitted])
+    own = float(slopes_j @ np.array(given.covariance).reshape(len(slopes_j), -1) @ slopes_j) if len(slopes_j) else 0.0
+    between_runs = rules.BETWEEN_RUNS if given.between_runs is None else given.between_runs
+    # The spread between runs, where it was measured, includes the file's own error.
+    runs = (between_runs * mean_j) ** 2
+    runs = runs + own if given.between_runs is None else max(runs, own)
+    return runs + (given.unexplained_over(length_m) * mean_j) ** 2
+
+
+def _changed(robot: Robot, name: str, factor: float) -> Robot:
+    """The robot with a parameter of its uncertainty multiplied.
+
+    Rolling resistance counts as C_rr m, so that mass alone acts on slopes, as in a diagnosis.
+    """
+    if name == "capacity":  # of which the consumption is independent
+        return robot
+    if name == "rolling":
+        return dataclasses.replace(robot, rolling_resistance=robot.rolling_resistance * factor)
+    if name == "mass":
+        held = robot.rolling_resistance / factor
+        return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor, rolling_resistance=min(held, 1.0))
+    if name == "payload":
+        return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor)
+    fields = {"drag": ("drag_ns2_per_m2",), "idle_power": _IDLE, "sample_energy": _SAMPLE}.get(name, ())
+    if fields:
+        return dataclasses.replace(robot, **{field: getattr(robot, field) * factor for field in fields})
+    effect, _, parameter = name.partition(".")
+    if parameter == "track_m":
+        return dataclasses.replace(robot, track_m=robot.track_m * factor)
+    if parameter not in robot.effects.get(effect, {}):
+        raise ValueError(f"uncertainty.fitted names {name!r}, which robot {robot.name!r} does not have")
+    numbers = {**robot.effects[effect], parameter: robot.effects[effect][parameter] * factor}
+    return dataclasses.replace(robot, effects={**robot.effects, effect: numbers})
 
 
 def _energy_per_metre(robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any) -> Any:

@@ -44,6 +44,15 @@ def test_it_learns_what_home_takes_and_what_is_left(rolling: float, health: floa
     assert not advice.turn_now and advice.chance_home > 0.9999
 
 
+@pytest.mark.parametrize(("home", "place"), [((0.0, 0.0), (500.0, 0.0)), (None, 500.0)])
+def test_a_robot_that_starts_away_from_home_has_that_way_to_go_and_has_not_driven_it(home: Any, place: Any) -> None:
+    companion = Companion(HUSKY, home=home, soc=0.05)
+    first, second = (companion.update(at_s, position=place, speed_mps=0.0) for at_s in (0.0, 0.1))
+    assert first.energy_home_j.mean == pytest.approx(second.energy_home_j.mean, rel=0.01)
+    assert first.energy_left_j.mean == pytest.approx(second.energy_left_j.mean, rel=0.01)
+    assert 0.1 < first.chance_home < 0.9
+
+
 def test_who_turns_when_it_says_so_comes_home_with_little_left() -> None:
     one, robot = companion(), Driven(rolling=1.2, health=0.85, every_s=5.0)
     advice = robot.drive(one, 0.0, 60.0)

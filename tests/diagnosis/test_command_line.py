@@ -8,10 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import diagnose
 from homeward import load_robot
 from homeward.datasets import shipped_recording
-from homeward.diagnosis import Diagnosis, analyse, read_recording
+from homeward.diagnosis import Analysis, Diagnosis, analyse, read_recording
 from homeward.diagnosis import diagnose as diagnose_runs
+from homeward.diagnosis.made_by import made_by
+from homeward.diagnosis.result import VERDICTS, Verdict
 from tests.command_line import diagnosed
 
 
@@ -29,10 +32,30 @@ def test_shipped_recording_without_data_or_network(
     assert diagnosed(monkeypatch, "--out", tmp_path / "out") == 0
     diagnosis = Diagnosis.from_json((tmp_path / "out" / "diagnosis.json").read_text())
     assert diagnosis.verdict == "missing_physics" and "turning" in diagnosis.where[0].condition
+    assert diagnosis.made_by == made_by(0)
     printed = " ".join(capsys.readouterr().out.split())
     assert diagnosis.verdict in printed and diagnosis.summary in printed
     load_robot(tmp_path / "out" / "corrected.toml")
     assert shipped_recording().stat().st_size < 100_000
+
+
+@pytest.mark.parametrize(("verdict", "code"), sorted(diagnose.EXIT_CODES.items()))
+def test_each_verdict_has_its_exit_code_if_asked_for(
+    verdict: Verdict, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    analysis = Analysis(Diagnosis("husky", (), verdict, ""), load_robot("husky"), load_robot("husky"), (), None)
+    monkeypatch.setattr(diagnose, "main", lambda args: analysis)
+    assert diagnosed(monkeypatch, "run.csv") == 0
+    assert diagnosed(monkeypatch, "run.csv", "--exit-code") == code
+
+
+def test_exit_codes_are_in_the_order_of_precedence_and_no_others(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert list(diagnose.EXIT_CODES.values()) == list(range(10, 15))
+    assert set(diagnose.EXIT_CODES) == set(VERDICTS)
+    assert "no such file" in refused(monkeypatch, capsys, "none.csv", "--exit-code")  # 2, whatever is asked for
+    assert "one verdict" in refused(monkeypatch, capsys, "--group", "a=x.csv", "--group", "b=y.csv", "--exit-code")
 
 
 def test_unusable_input(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

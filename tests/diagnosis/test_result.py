@@ -18,6 +18,7 @@ from homeward.diagnosis.result import (
     FileNumber,
     Fit,
     FittedGroup,
+    MadeBy,
     MissingPhysics,
     Place,
     Product,
@@ -72,6 +73,7 @@ diagnosis = st.builds(
         st.lists(st.builds(FileNumber, text, number, pair, text, st.booleans()), max_size=2).map(tuple),
     ),
     next_experiment=st.none() | text,
+    made_by=st.none() | st.builds(MadeBy, text, st.integers(), st.dictionaries(text, number | st.lists(number))),
     schema=st.sampled_from([2, 3]),
 )
 
@@ -86,8 +88,14 @@ def test_keys_are_those_of_the_format() -> None:
     assert keys == {
         "schema", "robot", "recordings", "verdict", "summary", "parameters", "parameters_off", "missing_physics",
         "where", "fit", "what_this_log_can_show", "products", "range", "range_change_m", "file", "gauge",
-        "next_experiment",
+        "next_experiment", "made_by",
     }  # fmt: skip
+
+
+def test_a_file_of_before_what_made_it_was_written_is_read() -> None:
+    data = json.loads(Diagnosis("husky", (), "no_mismatch", "").to_json())
+    del data["made_by"]
+    assert Diagnosis.from_json(json.dumps(data)) == Diagnosis("husky", (), "no_mismatch", "")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

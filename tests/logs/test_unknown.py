@@ -58,7 +58,7 @@ def test_a_battery_that_knows_nothing_yet(tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
     pytest.importorskip("cyclonedds", reason="the live listener is of the extra ros2")
     from tests.logs.bag_writer import Stream, write_bag
-    from tests.watch.ros2.test_listener import BATTERY, ODOMETRY, Bench, battery, drive
+    from tests.watch.online.test_listener import BATTERY, ODOMETRY, Bench, battery, drive
 
     time_s = np.arange(0.0, 60.0, 0.2)
     silent = np.isin(np.arange(300), [*range(10), 150])

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from homeward import Robot, load_robot
-from homeward.physics import d_max, ideal_range, manoeuvring_energy, mission_energy, optimal_speed
+from homeward.estimation import Prior
+from homeward.physics import d_max, ideal_range, leg, manoeuvring_energy, mission_energy, optimal_speed, rules
 from homeward.physics.battery import FLAT
+from homeward.physics.model import GRAVITY_MPS2
 from homeward.physics.range import _range_by_kernel
+from homeward.physics.uncertainty import Uncertainty
 from tests.physics.drives import FALLING, PLAIN, STEADY, drive, quantities, robots, with_effect
 
 
@@ -187,3 +192,78 @@ def test_a_duty_cycle_with_a_load_ends_within_a_cycle_of_eq_8() -> None:
 def test_an_empty_battery_goes_nowhere() -> None:
     assert d_max(PLAIN, 1.0, energy_j=0.0) == 0.0
     assert d_max(with_effect(PLAIN, "standby", power_w=2.0), 1.0, energy_j=0.0) == 0.0
+
+
+class Way(NamedTuple):
+    place_m: float
+    grade_rad: NDArray[np.float64]
+    heading_rad: NDArray[np.float64]
+
+
+HILL = Way(50.0, np.array([0.0, 0.08, 0.02, -0.3, 0.0]), np.array([0.0, 0.5, 0.5, 3.0, -3.0]))
+"""With a descent that is driven without power, and a turn through the west."""
+
+
+def test_a_leg_of_a_robot_without_effects_is_eq_7_place_by_place() -> None:
+    by_hand = sum(float(mission_energy(PLAIN, 50.0, 2.0, grade, sensing_hz=10.0)) for grade in HILL.grade_rad)
+    there = leg(PLAIN, HILL, 2.0, sensing_hz=10.0)
+    assert there.mean_j == pytest.approx(by_hand) and there.time_s == 125.0
+    single = leg(PLAIN, Way(80.0, np.array([0.05]), np.zeros(1)), 2.0)
+    assert single.mean_j == pytest.approx(float(mission_energy(PLAIN, 80.0, 2.0, 0.05))) and single.time_s == 40.0
+
+
+def test_bends_of_a_leg_count_for_a_robot_that_scrubs() -> None:
+    scrubs = with_effect(PLAIN, "turning", scrub=0.5)
+    bends = HILL._replace(grade_rad=np.zeros(5))
+    straight = bends._replace(heading_rad=np.zeros(5))
+    assert leg(scrubs, straight, 2.0).mean_j == pytest.approx(leg(PLAIN, bends, 2.0).mean_j)
+    # Wheels differ by track times the change of heading in the 25 s of a place; that through the west is short.
+    turn_mps = 0.5 * np.array([0.5, 0.0, 2.5, math.tau - 6.0, 0.0]) / 25.0
+    force_n = 0.5 * 10.0 * GRAVITY_MPS2 * np.sqrt(turn_mps / (turn_mps + 4.0))
+    more_j = leg(scrubs, bends, 2.0).mean_j - leg(scrubs, straight, 2.0).mean_j
+    assert more_j == pytest.approx(force_n.sum() * 50.0 / 0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [("rolling", 0.0), ("mass", 1.0), ("drag", 0.0), ("idle_power", 0.0), ("sample_energy", 0.0), ("capacity", 0.0)],
+)
+def test_the_interval_of_a_leg_is_that_of_its_parameters_as_they_count_there(name: str, share: float) -> None:
+    level, climb = (Way(100.0, np.full(2, grade), np.zeros(2)) for grade in (0.0, 0.1))
+    of_parameter = {
+        "rolling": 0.1 * 10.0 * GRAVITY_MPS2 * 200.0 / 0.5, "mass": 0.0, "drag": 0.5 * 4.0 * 200.0 / 0.5,
+        "idle_power": 1.5 * 100.0, "sample_energy": 0.03 * 20.0 * 100.0, "capacity": 0.0,
+    }[name]  # fmt: skip
+    given = Uncertainty(fitted=(name,), covariance=((0.01,),), between_runs=0.0)
+    robot = dataclasses.replace(PLAIN, uncertainty=given)
+    there = leg(robot, level, 2.0, sensing_hz=20.0)
+    assert there.sd_j == pytest.approx(0.1 * of_parameter, rel=2e-3, abs=1e-6)
+    assert (there.mean_j - there.low_j, there.high_j - there.mean_j) == pytest.approx([1.645 * there.sd_j] * 2)
+    if share:
+        weight_j = 10.0 * GRAVITY_MPS2 * math.sin(0.1) * 200.0 / 0.5
+        assert leg(robot, climb, 2.0).sd_j == pytest.approx(0.1 * weight_j, rel=2e-3)
+
+
+def test_the_interval_of_a_leg_has_what_differs_between_runs_and_what_is_unexplained() -> None:
+    level = Way(100.0, np.zeros(2), np.zeros(2))
+    given = Uncertainty(
+        fitted=("rolling",), covariance=((1e-6,),), between_runs=0.1, unexplained=0.3, unexplained_m=5.0
+    )
+    there = leg(dataclasses.replace(PLAIN, uncertainty=given), level, 2.0)
+    assert there.sd_j / there.mean_j == pytest.approx(math.hypot(0.1, given.unexplained_over(200.0)))
+    unknown = Uncertainty(fitted=("turning.scrub",), covariance=((0.01,),))
+    with pytest.raises(ValueError, match=r"names 'turning\.scrub', which robot 'plain' does not have"):
+        leg(dataclasses.replace(PLAIN, uncertainty=unknown), level, 2.0)
+    with pytest.raises(ValueError, match="speed_mps"):
+        leg(PLAIN, level, 0.0)
+
+
+def test_generic_ranges_are_those_of_uncertain_missions() -> None:
+    prior = Prior()
+    assert pytest.approx(math.hypot(prior.rolling_sd, prior.rolling - 1.0), abs=1e-3) == rules.GENERIC_ROLLING_SD
+    assert pytest.approx(math.hypot(prior.mass_sd, prior.mass - 1.0), abs=1e-3) == rules.GENERIC_PAYLOAD_SD
+    level = Way(100.0, np.zeros(2), np.zeros(2))
+    there = leg(PLAIN, level, 2.0)
+    rolling_j = 0.1 * 10.0 * GRAVITY_MPS2 * 200.0 / 0.5
+    both = math.hypot(rules.GENERIC_ROLLING_SD, rules.GENERIC_PAYLOAD_SD) * rolling_j
+    assert there.sd_j == pytest.approx(math.hypot(both, rules.OMITTED * there.mean_j), rel=2e-3)

@@ -2,7 +2,7 @@
 
 from homeward.companion import rules as companion_rules
 from homeward.watch import rules
-from homeward.watch.ros2.node import PERIOD_S
+from homeward.watch.online.node import PERIOD_S
 
 
 def test_limits_of_one_thing_are_in_order() -> None:

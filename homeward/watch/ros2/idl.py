@@ -73,13 +73,29 @@ def _type_of(definition: Any) -> Any:
 
 
 def message(kind: str, **values: Any) -> IdlStruct:
-    """A message; fields that are left out are 0 or empty.
+    """A message; fields that are left out are 0 or empty, and dictionaries are messages in it.
 
     >>> message("std_msgs/msg/Bool", data=True)
     Bool_(data=True)
+    >>> message("std_msgs/msg/Header", stamp={"sec": 3}).stamp
+    Time_(sec=3, nanosec=0)
     """
-    empty = {field: _empty(definition) for field, definition in _store().fielddefs[kind][1] if field not in values}
-    return struct_of(kind)(**empty, **values)
+    fields = _store().fielddefs[kind][1]
+    contents = {
+        field: _filled(definition, values[field]) if field in values else _empty(definition)
+        for field, definition in fields
+    }
+    return struct_of(kind)(**contents)
+
+
+def _filled(definition: Any, value: Any) -> Any:
+    node, content = definition
+    if isinstance(value, dict):
+        return message(content, **value)
+    if node == Nodetype.SEQUENCE and isinstance(value, list):
+        inner, _ = content
+        return [_filled(inner, part) for part in value]
+    return value
 
 
 def _empty(definition: Any) -> Any:

@@ -2,37 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.core import DDSException, InstanceState, Policy, Qos
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from homeward.companion import CompanionError
-from homeward.watch.ros2.idl import kind_of, struct_of
+from homeward.watch.online.link import Message, News
+from homeward.watch.ros2.advice_messages import Content, messages
+from homeward.watch.ros2.idl import kind_of, message, struct_of
+from homeward.watch.ros2.interface import PUBLICATIONS, SUBSCRIPTIONS, Quality, is_meant
 
 _PREFIX = "rt"  # of topics, before their name with its slash (design.ros2.org)
-_KEPT = 100
-"""Messages of a topic that are kept until they are read: a fifth of a second of an IMU at 500 Hz, twice the
-period of the node. Chosen."""
 _MOST = 1000  # news of publishers read at a time; chosen: more than a robot has topics
 _REPRESENTATION = Policy.DataRepresentation(use_cdrv0_representation=True)  # the one that every ROS 2 has
-_SENSOR = Qos(
-    Policy.Reliability.BestEffort, Policy.Durability.Volatile, Policy.History.KeepLast(_KEPT), _REPRESENTATION
-)
-_STATE = Qos(Policy.Reliability.Reliable(0), Policy.Durability.Volatile, Policy.History.KeepLast(1), _REPRESENTATION)
+_RELIABILITY = {"best_effort": Policy.Reliability.BestEffort, "reliable": Policy.Reliability.Reliable(0)}
+_DURABILITY = {"volatile": Policy.Durability.Volatile}
 
 
-class Message(NamedTuple):
-    """A message and its publisher."""
-
-    topic: str
-    content: Any
-    publisher: int
+def _qos(quality: Quality) -> Qos:
+    return Qos(
+        _RELIABILITY[quality.reliability], _DURABILITY[quality.durability], Policy.History.KeepLast(quality.depth),
+        _REPRESENTATION,
+    )  # fmt: skip
 
 
 class Network:
@@ -40,6 +36,7 @@ class Network:
 
     Args:
         domain: Its number, ROS_DOMAIN_ID in ROS 2.
+        namespace: Topics of others are found, and advice is published, below it; "" for all.
 
     Attributes:
         unreadable: Number of messages of each topic that could not be read.
@@ -48,7 +45,9 @@ class Network:
         CompanionError: It cannot be joined.
     """
 
-    def __init__(self, domain: int) -> None:
+    SAVED: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, domain: int, namespace: str = "") -> None:
         try:
             self._participant = DomainParticipant(domain)
         except DDSException as error:
@@ -56,6 +55,7 @@ class Network:
                 f"cannot join domain {domain}: {error}; check CYCLONEDDS_URI and the network interface that it names"
             ) from None
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        self._namespace = namespace
         self.unreadable: dict[str, int] = {}
         self._found: dict[str, str] = {}
         self._readers: dict[str, DataReader[Any]] = {}
@@ -66,24 +66,24 @@ class Network:
         for one in self._publications.take(_MOST):
             alive = one.sample_info.instance_state == InstanceState.Alive
             if alive and one.topic_name.startswith(f"{_PREFIX}/") and one.participant_key != self._participant.guid:
-                kind = kind_of(one.type_name)
-                if kind is not None:
-                    self._found[one.topic_name.removeprefix(_PREFIX)] = kind
-        return self._found
+                kind, name = kind_of(one.type_name), one.topic_name.removeprefix(_PREFIX)
+                if kind is not None and is_meant(name, self._namespace):
+                    self._found[name] = kind
+        return dict(self._found)
 
-    def subscribe(self, topics: dict[str, str]) -> None:
+    def subscribe(self, topics: dict[str, str], fields: dict[str, list[str]]) -> None:
         """Subscribe to topics, by name and type, that are not subscribed yet: best effort, as sensors publish."""
         for name, kind in topics.items():
             if name not in self._readers:
                 topic = Topic(self._participant, f"{_PREFIX}{name}", struct_of(kind))
-                self._readers[name] = DataReader(self._participant, topic, qos=_SENSOR)
+                self._readers[name] = DataReader(self._participant, topic, qos=_qos(SUBSCRIPTIONS))
 
     def take(self) -> list[Message]:
         """Messages since the last call, in order for each topic."""
         messages = []
         for name, reader in self._readers.items():
             try:
-                samples = reader.take(_KEPT)
+                samples = reader.take(SUBSCRIPTIONS.depth)
             except Exception:  # bytes that do not fit the type raise anything, from struct.error to UnicodeDecodeError
                 self.unreadable[name] = self.unreadable.get(name, 0) + 1
                 continue
@@ -92,9 +92,25 @@ class Network:
             ]
         return messages
 
-    def publish(self, name: str, kind: str, content: IdlStruct) -> None:
+    def faults(self) -> list[str]:
+        """Messages that could not be read."""
+        return [f"messages of {name} do not fit their type and are left out" for name in self.unreadable]
+
+    def tell(self, news: News) -> None:
+        """Publish an advice.
+
+        Raises:
+            CompanionError: It cannot be published now.
+        """
+        try:
+            for name, kind, content in messages(*news, self._namespace):
+                self.publish(name, kind, content)
+        except DDSException as error:
+            raise CompanionError(str(error)) from None
+
+    def publish(self, name: str, kind: str, content: Content) -> None:
         """Publish a message, reliably for subscribers that request that."""
         if name not in self._writers:
             topic = Topic(self._participant, f"{_PREFIX}{name}", struct_of(kind))
-            self._writers[name] = DataWriter(self._participant, topic, qos=_STATE)
-        self._writers[name].write(content)
+            self._writers[name] = DataWriter(self._participant, topic, qos=_qos(PUBLICATIONS))
+        self._writers[name].write(message(kind, **content))

@@ -9,7 +9,9 @@ import pytest
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
 from homeward.companion import Advice, Companion
-from homeward.watch.ros2.advice_messages import can_reach_home, messages, reserve
+from homeward.watch.online.link import can_reach_home, reserve
+from homeward.watch.ros2.advice_messages import messages
+from homeward.watch.ros2.idl import message
 
 FULL_J = 1.7e6
 
@@ -23,7 +25,13 @@ def advice() -> Advice:
 
 
 def published(advice: Advice | None, warnings: list[str] | None = None, silent: bool = False) -> dict[str, Any]:
-    return {name: one for name, _, one in messages(advice, FULL_J, "husky", warnings or [], silent, "")}
+    return filled(advice, warnings or [], silent, "")
+
+
+def filled(advice: Advice | None, warnings: list[str], silent: bool, namespace: str) -> dict[str, Any]:
+    """Messages with the fields that are left out, by their topics."""
+    contents = messages(advice, FULL_J, "husky", warnings, silent, namespace)
+    return {name: message(kind, **content) for name, kind, content in contents}
 
 
 def test_what_is_published_when_it_must_turn() -> None:
@@ -31,7 +39,7 @@ def test_what_is_published_when_it_must_turn() -> None:
     companion.update(0.0, position=900.0)
     advice = companion.update(10.0, position=900.0, speed_mps=0.0)
     assert advice.turn_now and advice.chance_home < 0.5
-    said: dict[str, Any] = {name: one for name, _, one in messages(advice, 1.7e6, "husky", ["dark"], False, "/r1")}
+    said = filled(advice, ["dark"], False, "/r1")
     assert not said["/r1/homeward/can_reach_home"].data and said["/r1/homeward/turn_now"].data
     assert said["/r1/homeward/battery"].percentage == 0.0 and math.isnan(said["/r1/homeward/battery"].current)
     assert said["/r1/homeward/energy_to_home"].data == advice.energy_home_j.mean > 0.0
@@ -40,22 +48,12 @@ def test_what_is_published_when_it_must_turn() -> None:
     assert ("warning", "dark") in {(pair.key, pair.value) for pair in status.values}
 
 
-@pytest.mark.parametrize(("chance", "reached"), [(1.0, True), (0.98, True), (0.9799, False), (0.0, False)])
-def test_home_is_reached_at_the_accepted_risk(advice: Advice, chance: float, reached: bool) -> None:
-    given = dataclasses.replace(advice, chance_home=chance, risk=0.02)
-    assert can_reach_home(given) == reached == published(given)["/homeward/can_reach_home"].data
-
-
-def test_the_battery_is_the_share_that_the_way_home_leaves_at_the_risk(advice: Advice) -> None:
-    margin = advice.margin_j
-    for risk in (0.001, 0.05):
-        given = dataclasses.replace(advice, risk=risk, turn_now=False)
-        expected = margin.quantile(risk) / FULL_J
-        assert 0.0 < expected < 1.0 and reserve(given, FULL_J) == pytest.approx(expected)
-        assert published(given)["/homeward/battery"].percentage == pytest.approx(expected)
-    assert reserve(dataclasses.replace(advice, turn_now=True), FULL_J) == 0.0
-    assert reserve(dataclasses.replace(advice, margin_j=margin._replace(mean=-1.0)), FULL_J) == 0.0
-    assert reserve(dataclasses.replace(advice, margin_j=margin._replace(mean=9e9)), FULL_J) == 1.0
+def test_reach_and_reserve_are_those_of_every_link(advice: Advice) -> None:
+    for chance in (1.0, 0.5):
+        given = dataclasses.replace(advice, chance_home=chance)
+        said = published(given)
+        assert said["/homeward/can_reach_home"].data == can_reach_home(given)
+        assert said["/homeward/battery"].percentage == pytest.approx(reserve(given, FULL_J))
 
 
 @pytest.mark.parametrize(

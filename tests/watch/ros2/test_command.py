@@ -13,7 +13,9 @@ from homeward.diagnosis import RecordingError
 @pytest.mark.parametrize("package", ["cyclonedds", "rosbags"])
 def test_without_the_extra_a_line_names_it(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [
-        one for one in sys.modules if one.startswith(("homeward.watch.ros2", f"{package}.", "homeward.logs.bags."))
+        one
+        for one in sys.modules
+        if one.startswith(("homeward.watch.ros2", "homeward.watch.online", f"{package}.", "homeward.logs.bags."))
     ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, package, None)
@@ -33,7 +35,7 @@ def test_what_does_not_go_together() -> None:
         main(Args((Path("run.csv"),), "husky", ros2=True))
     with pytest.raises(CompanionError, match="with a leading slash"):
         main(Args((), "husky", ros2=True, namespace="robot1"))
-    with pytest.raises(CompanionError, match="are for --ros2"):
+    with pytest.raises(CompanionError, match="--domain is for --ros2"):
         main(Args((Path("run.csv"),), "husky", domain=3))
 
 

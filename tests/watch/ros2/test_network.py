@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
 from homeward.companion import CompanionError
-from homeward.watch.ros2.idl import message, struct_of
+from homeward.watch.ros2.idl import struct_of
 from homeward.watch.ros2.network import Network
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S
 
@@ -36,16 +36,18 @@ def test_bytes_that_do_not_fit_their_type_are_left_out() -> None:
 
 
 def test_what_one_publishes_another_finds_and_reads_in_order() -> None:
-    one, other = Network(DOMAIN), Network(DOMAIN)
-    one.publish("/first/level", FLOAT, message(FLOAT, data=0.0))
-    until(lambda: "/first/level" in other.found())
-    assert other.found() == {"/first/level": FLOAT} and one.found() == {}  # none of its own
-    other.subscribe(other.found())
-    other.subscribe({"/first/level": FLOAT})  # a second time changes nothing
+    one, other, elsewhere = Network(DOMAIN), Network(DOMAIN), Network(DOMAIN, "/robot2")
+    one.publish("/robot2/level", FLOAT, {"data": 0.0})
+    until(lambda: elsewhere.found())
+    one.publish("/first/level", FLOAT, {"data": 0.0})
+    until(lambda: {"/first/level", "/robot2/level"} <= other.found().keys())
+    assert elsewhere.found() == {"/robot2/level": FLOAT} and one.found() == {}  # none of its own
+    other.subscribe(other.found(), {})
+    other.subscribe({"/first/level": FLOAT}, {})  # a second time changes nothing
     read: list[Any] = []
 
     def published() -> bool:
-        one.publish("/first/level", FLOAT, message(FLOAT, data=1.0 + len(read)))
+        one.publish("/first/level", FLOAT, {"data": 1.0 + len(read)})
         read.extend(other.take())
         return len(read) >= 3
 

@@ -10,7 +10,7 @@ pytest.importorskip("rosbags", reason="needs the extra logs")
 
 from homeward.diagnosis import RecordingError
 from homeward.logs.bags.topics import Topics, load_topics
-from homeward.watch.ros2.listener import Heard, Listener
+from homeward.watch.online.listener import Heard, Listener
 
 BATTERY, ODOMETRY, IMU = "sensor_msgs/msg/BatteryState", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 TWIST = "geometry_msgs/msg/TwistStamped"

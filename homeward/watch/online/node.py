@@ -1,4 +1,4 @@
-"""The node: messages of the network go to the companion, and its advice is published."""
+"""The node: messages of a robot go to the companion, and its advice goes back."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from cyclonedds.core import DDSException
-
 from homeward.companion import Advice, Companion, CompanionError
 from homeward.companion.saved import DAMAGE, check_sealed, put_values, sealed, values_of
 from homeward.files import read_json, write_whole
 from homeward.logs.bags.topics import Topics
 from homeward.watch import rules
-from homeward.watch.ros2 import advice_messages
-from homeward.watch.ros2.listener import Heard, Listener
-from homeward.watch.ros2.network import Network
+from homeward.watch.online.link import Link, News, can_reach_home
+from homeward.watch.online.listener import Heard, Listener
 
 PERIOD_S = 0.1
 """Time over which messages are combined. Chosen: ten updates a second, of 1.5 ms each
@@ -26,32 +23,25 @@ _PUBLISH_S = 1.0
 
 
 class Node:
-    """A participant that subscribes, advises and publishes; call `step` regularly.
+    """Subscribes, advises and publishes; call `step` regularly.
 
     Args:
         companion: Companion of the robot.
-        domain: Number of the ROS 2 domain.
+        link: What carries the messages.
         mapping: Fields of topics for each channel.
-        namespace: Subscriptions and publications are restricted to topics below it; "" for all.
 
     Attributes:
         advice: The last advice, None before the first.
         warnings: Present warnings, a line each.
         messages: Number of messages received.
-
-    Raises:
-        CompanionError: The domain cannot be joined.
     """
 
-    def __init__(
-        self, companion: Companion, domain: int = 0, mapping: Topics | None = None, namespace: str = ""
-    ) -> None:
-        self.companion, self._namespace = companion, namespace
+    def __init__(self, companion: Companion, link: Link, mapping: Topics | None = None) -> None:
+        self.companion, self._link = companion, link
         self.listener = Listener(mapping, companion.robot.max_speed_mps)
         self.advice: Advice | None = None
         self.warnings: list[str] = []
         self.messages = 0
-        self._network = Network(domain)
         self._found: dict[str, str] = {}
         self._failures: dict[str, str] = {}  # by what was attempted
         self._heard_s = self._published_s = -1e9
@@ -59,7 +49,7 @@ class Node:
 
     @property
     def found(self) -> dict[str, str]:
-        """Topics of the network that may be subscribed, with the types of their messages."""
+        """Topics that may be subscribed, with the types of their messages."""
         return self._found
 
     @property
@@ -78,13 +68,13 @@ class Node:
         Raises:
             RecordingError: The mapping names a field that a message does not have.
         """
-        found = {name: kind for name, kind in self._network.found().items() if self._meant(name)}
+        found = self._link.found()
         if found != self._found:
             self._found = found
             self.listener.offer(found)
-            self._network.subscribe(self.listener.wanted)
+            self._link.subscribe(self.listener.wanted, self.listener.fields)
         now_s = time.monotonic()
-        for one in self._network.take():
+        for one in self._link.take():
             self.messages += 1
             if one.topic in self.listener.wanted:
                 self.listener.hear(one.topic, one.content, one.publisher, now_s)
@@ -95,9 +85,8 @@ class Node:
             heard = self.listener.silence(now_s)
         if heard is not None:
             self.attempt("advising", lambda: self._advise(heard))
-        unreadable = [f"messages of {name} do not fit their type and are left out" for name in self._network.unreadable]
         advised = self.advice.warnings if self.advice else ()
-        self.warnings = [*self.failures, *unreadable, *self.listener.warnings(now_s), *advised]
+        self.warnings = [*self.failures, *self._link.faults(), *self.listener.warnings(now_s), *advised]
         self.attempt("publishing", lambda: self._publish(now_s))
         return heard is not None
 
@@ -110,7 +99,7 @@ class Node:
         """
         try:
             act()
-        except (OSError, DDSException, CompanionError) as error:
+        except (OSError, CompanionError) as error:
             self._failures[what] = f"{what} failed: {' '.join(str(error).split())}"
         else:
             self._failures.pop(what, None)
@@ -120,19 +109,13 @@ class Node:
             self.companion.swap_battery(min(max(heard.charged, 0.0), 1.0))
         self.advice = self.companion.update(heard.time_s, **heard.reading)
 
-    def _meant(self, name: str) -> bool:
-        return name.startswith(f"{self._namespace}/") and f"/{advice_messages.OWN}/" not in name
-
     def _publish(self, now_s: float) -> None:
-        matters = None if self.advice is None else (advice_messages.can_reach_home(self.advice), self.advice.turn_now)
+        matters = None if self.advice is None else (can_reach_home(self.advice), self.advice.turn_now)
         if now_s - self._published_s < _PUBLISH_S and matters == self._published:
             return
         self._published_s, self._published = now_s, matters
         robot = self.companion.robot
-        for message in advice_messages.messages(
-            self.advice, robot.usable_energy_j, robot.name, self.warnings, self.silent, self._namespace
-        ):
-            self._network.publish(*message)
+        self._link.tell(News(self.advice, robot.usable_energy_j, robot.name, self.warnings, self.silent))
 
     def save(self, path: Path) -> None:
         """Write the state for a restart.
@@ -141,7 +124,7 @@ class Node:
             OSError: It cannot be written.
         """
         state = sealed({
-            "companion": self.companion.state(), "listener": values_of(self.listener),
+            "companion": self.companion.state(), "listener": values_of(self.listener), "link": values_of(self._link),
             "time_s": self.listener.stamps.without(time.monotonic()), "unix_s": time.time(),
         })  # fmt: skip
         write_whole(path, json.dumps(state) + "\n")
@@ -156,8 +139,10 @@ class Node:
         try:
             state = read_json(path)
             check_sealed(state)
+            of_link = state["link"]  # before anything changes
             self.companion.restore(state["companion"])
             put_values(self.listener, state["listener"])
+            put_values(self._link, of_link)
             self.listener.stamps.time_s = state["time_s"] + max(time.time() - state["unix_s"], 0.0)
         except DAMAGE as error:
             raise CompanionError(f"the state in {path} cannot be used: {error}") from None

@@ -10,9 +10,8 @@ import pytest
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
 from homeward.companion import Companion
-from homeward.watch.ros2.idl import message
+from homeward.watch.online.node import Node
 from homeward.watch.ros2.network import Network
-from homeward.watch.ros2.node import Node
 from tests.companion.test_wild import check
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S
 
@@ -22,36 +21,30 @@ WILD = (math.nan, math.inf, -math.inf, 1e308, -1e300, 1e19, 1e12, 5e-324, -1.0, 
 LEAST_ADVICE = 150
 
 
-def stamped(now_s: float) -> Any:
+def stamped(now_s: float) -> dict[str, Any]:
     """A header with this time."""
-    stamp = message("builtin_interfaces/msg/Time", sec=int(now_s), nanosec=int(now_s % 1.0 * 1e9))
-    return message("std_msgs/msg/Header", stamp=stamp, frame_id="odom")
+    return {"stamp": {"sec": int(now_s), "nanosec": int(now_s % 1.0 * 1e9)}, "frame_id": "odom"}
 
 
-def battery(now_s: float, voltage_v: float, current_a: float, soc: float) -> tuple[str, str, Any]:
-    kind = "sensor_msgs/msg/BatteryState"
-    header = stamped(now_s)
-    return "/battery_state", kind, message(kind, header=header, voltage=voltage_v, current=current_a, percentage=soc)
+def battery(now_s: float, voltage_v: float, current_a: float, soc: float) -> tuple[str, str, dict[str, Any]]:
+    content = {"header": stamped(now_s), "voltage": voltage_v, "current": current_a, "percentage": soc}
+    return "/battery_state", "sensor_msgs/msg/BatteryState", content
 
 
-def odometry(now_s: float, east_m: float, north_m: float, speed_mps: float, turn: float) -> tuple[str, str, Any]:
-    kind = "nav_msgs/msg/Odometry"
-    pose = message(
-        "geometry_msgs/msg/Pose", position=message("geometry_msgs/msg/Point", x=east_m, y=north_m, z=0.0),
-        orientation=message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=turn, w=1.0),
-    )  # fmt: skip
-    linear, angular = (message("geometry_msgs/msg/Vector3", x=x, y=0.0, z=0.0) for x in (speed_mps, 0.0))
-    twist = message("geometry_msgs/msg/Twist", linear=linear, angular=angular)
-    return "/odom", kind, message(
-        kind, header=stamped(now_s), pose=message("geometry_msgs/msg/PoseWithCovariance", pose=pose),
-        twist=message("geometry_msgs/msg/TwistWithCovariance", twist=twist),
-    )  # fmt: skip
+def odometry(
+    now_s: float, east_m: float, north_m: float, speed_mps: float, turn: float
+) -> tuple[str, str, dict[str, Any]]:
+    pose = {"position": {"x": east_m, "y": north_m}, "orientation": {"z": turn, "w": 1.0}}
+    content = {
+        "header": stamped(now_s), "pose": {"pose": pose}, "twist": {"twist": {"linear": {"x": speed_mps}}},
+    }  # fmt: skip
+    return "/odom", "nav_msgs/msg/Odometry", content
 
 
 def test_no_message_ends_the_session_or_corrupts_its_advice() -> None:
     rng = np.random.default_rng(0)
     companion = Companion("husky", home="here")
-    node, robot = Node(companion, DOMAIN), Network(DOMAIN)
+    node, robot = Node(companion, Network(DOMAIN)), Network(DOMAIN)
 
     def read(sane: float, wild_share: float) -> float:
         return float(rng.choice(WILD)) if rng.random() < wild_share else sane

@@ -33,11 +33,11 @@ from homeward.logs.bags.topics import (
 )
 from homeward.logs.channels import CHANNELS, POWER
 from homeward.watch import rules
-from homeward.watch.ros2.batteries import Batteries
-from homeward.watch.ros2.charge import Charge
-from homeward.watch.ros2.odometry import Odometry
-from homeward.watch.ros2.stamps import Stamps
-from homeward.watch.ros2.values import POSE, Value, acceleration, east_m, field_value, heading, heading_of, slope
+from homeward.watch.online.batteries import Batteries
+from homeward.watch.online.charge import Charge
+from homeward.watch.online.odometry import Odometry
+from homeward.watch.online.stamps import Stamps
+from homeward.watch.online.values import POSE, Value, acceleration, east_m, field_value, heading, heading_of, slope
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 
@@ -98,6 +98,7 @@ class Listener:
 
     Attributes:
         wanted: Discovered topics that the mapping names, with the types of their messages.
+        fields: Paths of the fields that are read of each.
         sources: Topic of each channel.
         mapping_name: Name of the mapping.
         odometry: The frame of the positions.
@@ -110,6 +111,7 @@ class Listener:
     def __init__(self, mapping: Topics | None, max_speed_mps: float) -> None:
         self._mapping = mapping
         self.wanted: dict[str, str] = {}
+        self.fields: dict[str, list[str]] = {}
         self.sources: dict[str, str] = {}
         self.mapping_name = "" if mapping is None else mapping.name
         self.odometry = Odometry(max_speed_mps)
@@ -156,6 +158,7 @@ class Listener:
                 self._getters.setdefault(one.found.topic, {}).update({path: getter(path) for path in paths})
                 self._options.setdefault(one.found.topic, {})[channel] = ways
         self.wanted = {one.topic: one.msgtype for one in offered if one.topic in self._getters}
+        self.fields = {name: list(paths) for name, paths in self._getters.items()}
 
     def hear(self, name: str, message: Any, publisher: int, now_s: float) -> None:
         """Process a message.

@@ -2,7 +2,7 @@
 
 import pytest
 
-from homeward.watch.ros2.stamps import Stamps
+from homeward.watch.online.stamps import Stamps
 
 
 def fed(pairs: list[tuple[float | None, float]]) -> tuple[Stamps, list[float | None]]:

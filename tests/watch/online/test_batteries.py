@@ -13,7 +13,7 @@ pytest.importorskip("rosbags", reason="needs the extra logs")
 from homeward.diagnosis import RecordingError, read_recording
 from tests.logs.bag_writer import Stream, write_bag
 from tests.logs.flight_writer import write_dataflash
-from tests.watch.ros2.test_listener import BATTERY, ODOMETRY, Bench, battery, drive
+from tests.watch.online.test_listener import BATTERY, ODOMETRY, Bench, battery, drive
 
 TIME_S = np.arange(0.0, 20.0, 0.2)
 DRAWN_A = 4.0 + np.sin(TIME_S)

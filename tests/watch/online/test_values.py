@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("rosbags", reason="needs the extra logs")
 
 from homeward.logs.bags.topics import Topic, load_topics
-from homeward.watch.ros2.values import POSE, acceleration, east_m, field_value, heading, heading_of, slope
+from homeward.watch.online.values import POSE, acceleration, east_m, field_value, heading, heading_of, slope
 
 
 @pytest.fixture

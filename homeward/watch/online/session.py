@@ -1,4 +1,4 @@
-"""A session of `homeward watch --ros2`: join, subscribe, show, until it is interrupted."""
+"""A session of `homeward watch` on live messages: subscribe, advise, show and save, until it is interrupted."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from homeward.companion import Companion, CompanionError
 from homeward.logs.bags.topics import load_topics
 from homeward.physics import Robot
 from homeward.watch.live import LiveView, kind_of
-from homeward.watch.ros2.node import PERIOD_S, Node
+from homeward.watch.online.link import Link
+from homeward.watch.online.node import PERIOD_S, Node
 
 _SAVED_S = 60.0  # between saved states; chosen: a crash loses a minute at most
 _PRINTED_S = 60.0
@@ -28,31 +29,31 @@ _NAMED = 8
 
 
 class Session:
-    """Advises a robot on its network.
+    """Advises a robot as it drives.
 
     Args:
         robot: The robot.
-        domain: Number of the ROS 2 domain.
+        link: What carries its messages.
+        where: Name of the robot and the link, for the terminal.
         mapping: Mapping of topics, shipped name or TOML file; by default the shipped one that covers most.
-        namespace: See `Node`.
-        home: Home in the frame of the odometry, m; by default the first position received.
+        home: Home in the frame of the positions, m; by default the first position received.
         state: File of the state: read if it exists, and written every minute and at the end. One that cannot be used
             is left out with a warning.
         keywords: Arguments of the companion.
 
     Raises:
-        CompanionError: An argument is invalid, or the domain cannot be joined.
+        CompanionError: An argument is invalid.
         RecordingError: The mapping is invalid.
     """
 
     def __init__(
-        self, robot: Robot, domain: int, mapping: str | Path | None = None, namespace: str = "",
+        self, robot: Robot, link: Link, where: str, mapping: str | Path | None = None,
         home: tuple[float, float] | None = None, state: Path | None = None, **keywords: Any,
     ) -> None:  # fmt: skip
         topics = None if mapping is None else load_topics(mapping)
         companion = Companion(robot, home="here" if home is None else home, **keywords)
-        self.node = Node(companion, domain, topics, namespace)
-        self._where = f"{robot.name} on domain {domain}"
+        self.node = Node(companion, link, topics)
+        self._where = where
         self._state = state
         if state is not None:
             self._load(state)

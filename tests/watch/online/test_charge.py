@@ -1,6 +1,6 @@
 """A battery that was charged is told from one that recovers while the robot rests."""
 
-from homeward.watch.ros2.charge import Charge
+from homeward.watch.online.charge import Charge
 
 
 def test_a_charge_is_told_from_a_battery_that_recovers() -> None:

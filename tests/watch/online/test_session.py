@@ -1,4 +1,4 @@
-"""A session of `homeward watch --ros2`: what is printed, and that it goes on from its state."""
+"""A session on live messages: what is printed, and states that cannot be used; tests/ros2 goes on from one."""
 
 import contextlib
 import time
@@ -13,43 +13,14 @@ pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 from homeward.cli import Terminal
 from homeward.companion import Companion
 from homeward.physics import load_robot
-from homeward.watch.ros2 import session as session_module
-from homeward.watch.ros2.node import Node
-from homeward.watch.ros2.session import Session, _Printer
+from homeward.watch.online import session as session_module
+from homeward.watch.online.node import Node
+from homeward.watch.online.session import Session, _Printer
+from homeward.watch.ros2.network import Network
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
 
+WHERE = f"husky on domain {DOMAIN}"
 pytestmark = pytest.mark.usefixtures("loopback")
-
-
-def test_a_session_goes_on_from_its_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    state = tmp_path / "state.json"
-    way_m: list[float] = []
-
-    def drive(least_m: float) -> None:
-        """A session until home is so far away."""
-        one = Session(load_robot("husky"), DOMAIN, state=state)
-        end_s = time.monotonic() + LONGEST_S
-
-        def done() -> bool:
-            assert time.monotonic() < end_s, one.node.warnings
-            return one.node.advice is not None and one.node.advice.way_home_m > least_m
-
-        one.run(Terminal(), quiet=False, done=done)
-        assert one.node.advice is not None
-        way_m.append(one.node.advice.way_home_m)
-
-    with robot("--speed", "1"):
-        drive(0.5)
-        capsys.readouterr()
-        drive(way_m[0])
-        printed = capsys.readouterr().out
-        other = Session(load_robot("husky"), DOMAIN, namespace="/robot2")
-        end_s = time.monotonic() + 1.5
-        other.run(Terminal(), quiet=False, done=lambda: time.monotonic() > end_s)
-    assert way_m[1] > way_m[0]  # at once: it did not begin anew
-    assert "topic mapping any_robot: " in printed and "from /odom" in printed and "turn within" in printed
-    assert other.node.advice is None and other.node.messages == 0
-    assert "waiting for motion; subscribed by the topic mapping : none; 0 other topics" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -60,7 +31,7 @@ def test_a_state_that_cannot_be_used_is_said_and_left_out(
 ) -> None:
     state = tmp_path / "state.json"
     state.write_text(content)
-    session = Session(load_robot("husky"), DOMAIN, state=state)
+    session = Session(load_robot("husky"), Network(DOMAIN), WHERE, state=state)
     session.node.step()
     (said,) = session.node.warnings
     assert said.startswith("begun without the state: the state in ") and "home is where the robot is now" in said
@@ -75,7 +46,7 @@ def test_a_disk_that_cannot_be_written_ends_nothing_and_is_said(
     monkeypatch.setattr(session_module, "_PRINTED_S", 0.1)
     (tmp_path / "folder").mkdir()
     state = tmp_path / "folder" / "state.json"
-    session = Session(load_robot("husky"), DOMAIN, state=state)
+    session = Session(load_robot("husky"), Network(DOMAIN), WHERE, state=state)
     (tmp_path / "folder").rmdir()
     (tmp_path / "folder").touch()  # a folder that no file can be made in, also by root
     node, end_s, said = session.node, time.monotonic() + LONGEST_S, set[str]()

@@ -1,4 +1,4 @@
-"""A robot on the network, in a second process, on the loopback interface alone."""
+"""A robot on the network, in a second process, on the loopback interface alone; tests/ros2 has a clock that jumps."""
 
 import time
 from collections.abc import Callable
@@ -13,8 +13,9 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from homeward.companion import Companion
+from homeward.watch.online.node import PERIOD_S, Node
 from homeward.watch.ros2.idl import struct_of
-from homeward.watch.ros2.node import PERIOD_S, Node
+from homeward.watch.ros2.network import Network
 from tests.companion.robots import HUSKY
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
 
@@ -55,9 +56,9 @@ class Others:
         return self.last.keys() == self._readers.keys()
 
 
-def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_a_restart() -> None:
-    node, others = Node(Companion(HUSKY, home="here"), DOMAIN), Others()
-    with robot("--x", "500", "--lost", "0.3", "--speed", "1", "--jump-at-s", "4", "--jump-s", "3600"):
+def test_lost_messages_a_dead_publisher_and_a_restart() -> None:
+    node, others = Node(Companion(HUSKY, home="here"), Network(DOMAIN)), Others()
+    with robot("--x", "500", "--lost", "0.3", "--speed", "1"):
         until(node, lambda: node.advice is not None and node.advice.way_home_m > 1.0 and others.heard())
         advice = node.advice
         assert advice is not None
@@ -67,11 +68,9 @@ def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_a_restart() -> No
         assert others.last["/homeward/can_reach_home"].data and not others.last["/homeward/turn_now"].data
         assert others.last["/homeward/energy_to_home"].data >= 0.0
         assert 0.5 < others.last["/homeward/battery"].percentage < 1.0
-        until(node, lambda: any("was set forward by 1 h 00 min" in text for text in node.warnings))
-        assert node.advice is not None and node.advice.time_s < LONGEST_S
-        assert not any("no reading" in text for text in node.warnings)
 
     before = node.advice
+    assert before is not None
     others.last.clear()
     until(node, lambda: any("nothing on /odom" in text for text in node.warnings) and others.heard())
     others.last.clear()

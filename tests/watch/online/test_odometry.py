@@ -5,7 +5,7 @@ import math
 import pytest
 
 from homeward.companion.saved import put_values, values_of
-from homeward.watch.ros2.odometry import Odometry
+from homeward.watch.online.odometry import Odometry
 
 
 def test_poses_are_as_published() -> None:
