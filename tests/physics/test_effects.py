@@ -63,6 +63,7 @@ BY_HAND: dict[str, tuple[dict[str, float], float]] = {
     "compute": ({"power_w": 6.0, "base_share": 0.25}, 6.0 * (0.25 + 0.75 * 0.5)),
     "radio": ({"w_per_km2": 0.25}, 0.25 * 2.0**2),
     "heater": ({"w_per_k": 0.4, "on_below_c": 10.0}, 0.4 * 15.0),
+    "cooler": ({"w_per_k": 0.4, "on_above_c": -15.0}, 0.4 * 10.0),
     "intermittent_load": ({"power_w": 8.0, "period_s": 60.0, "duty": 0.2}, 8.0 * 7.0 / STEP_S),
     "internal_resistance": ({"ohm": 0.1}, 0.1 * CURRENT_A**2),
     "rate_capacity": ({"excess": 0.1, "reference_w": 20.0}, LOAD_W * ((LOAD_W / 20.0) ** 0.1 - 1.0)),
@@ -171,7 +172,7 @@ def test_the_catalogue_is_the_vocabulary() -> None:
     vocabulary = """
         turning inertia breakaway viscous wind surface payload hidden_grade slip regeneration copper_loss no_load
         motor_heating internal_resistance rate_capacity ageing cold_battery standby compute radio heater
-        intermittent_load
+        cooler intermittent_load
     """
     assert sorted(effect.id for effect in EFFECTS) == sorted(vocabulary.split())
 

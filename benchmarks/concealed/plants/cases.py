@@ -30,7 +30,8 @@ Kind = TypeVar("Kind")
 Fit = Callable[[Plant, list[Motion], Generator], tuple[Plant, list[Motion]]]
 """Changes a vehicle's battery to suit its drives, and the weather of the drives."""
 
-COLD_C = {"heater": (-8.0, 3.0), "cold_battery": (-14.0, 2.0)}  # mean temperatures of the day, where it must be cold
+DAY_C = {"heater": (-8.0, 3.0), "cold_battery": (-14.0, 2.0), "cooler": (28.0, 38.0)}
+"""Mean temperatures of the day, where it must be cold or hot."""
 BATTERY_LAWS = ("internal_resistance", "rate_capacity", "cold_battery")  # at the terminals: in voltage and charge
 NEEDS_CHARGE = ("ageing", "rate_capacity")
 VISIBLE_SHARE = 0.03  # of the mean power, which the best refit must miss for an effect to count as visible
@@ -202,7 +203,7 @@ def _go_together(first: str, second: str) -> bool:
 def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Plant:
     """A vehicle that can show the effects: weather needs outdoor vehicles, recuperation slopes that need braking."""
     fit = list(VEHICLES)
-    if set(effects) & {"wind", "heater", "cold_battery"}:
+    if set(effects) & {"wind", "heater", "cooler", "cold_battery"}:
         fit = [vehicle for vehicle in fit if vehicle.outdoor]
     if "regeneration" in effects:
         fit = [vehicle for vehicle in fit if vehicle.steepest_grade_rad > 1.5 * vehicle.robot.rolling_resistance]
@@ -216,7 +217,7 @@ def _drives(
     routes = [_route(vehicle, effects, rng) for _ in range(int(rng.integers(1, 3)))]
     mean_c = rng.uniform(4.0, 24.0) if vehicle.outdoor else rng.uniform(17.0, 23.0)
     for effect in effects:
-        mean_c = rng.uniform(*COLD_C[effect]) if effect in COLD_C else mean_c
+        mean_c = rng.uniform(*DAY_C[effect]) if effect in DAY_C else mean_c
     count = 2 if short else int(rng.integers(3, 7))
     return routes, mean_c, make_drives(vehicle, routes, rng, count, mean_c, short)
 

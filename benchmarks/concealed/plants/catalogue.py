@@ -41,6 +41,9 @@ TRUTHS: dict[str, Truth] = {
     "heater": lambda vehicle, rng: {
         "w_per_k": rng.uniform(0.03, 0.08) * typical_power_w(vehicle), "on_below_c": rng.uniform(2.0, 8.0)
     },
+    "cooler": lambda vehicle, rng: {
+        "w_per_k": rng.uniform(0.03, 0.08) * typical_power_w(vehicle), "on_above_c": rng.uniform(24.0, 30.0)
+    },
     "intermittent_load": lambda vehicle, rng: {
         "power_w": rng.uniform(0.25, 0.5) * typical_power_w(vehicle), "period_s": rng.uniform(30.0, 80.0),
         "duty": rng.uniform(0.3, 0.6),

@@ -378,9 +378,24 @@ def radio(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def heater(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A thermostat with hysteresis on a box with thermal mass (Incropera, Fundamentals of Heat Transfer, ch. 5)."""
+    """A thermostat with hysteresis that heats a box with thermal mass."""
+    return Mechanism("heater", "load", _thermostat(vehicle, rng, (5.0, 12.0), 1.0))
+
+
+def cooler(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
+    """The same that cools it: a compressor, on and off."""
+    return Mechanism("cooler", "load", _thermostat(vehicle, rng, (18.0, 25.0), -1.0))
+
+
+def _thermostat(
+    vehicle: Plant, rng: Generator, set_points_c: tuple[float, float], sign: float
+) -> Callable[[Work, Generator], None]:
+    """Power of a thermostat on a box with thermal mass (Incropera, Fundamentals of Heat Transfer, ch. 5).
+
+    It heats the box (sign 1) or cools it (-1).
+    """
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
-    set_c, band_k = rng.uniform(5.0, 12.0), rng.uniform(1.0, 2.0)
+    set_c, band_k = rng.uniform(*set_points_c), rng.uniform(1.0, 2.0)
     box_s = rng.uniform(200.0, 500.0)
     full_rise_k = rng.uniform(20.0, 35.0)  # of the box with the heater always on
 
@@ -388,12 +403,12 @@ def heater(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
         on, box_c = False, float(work.run.temperature_c[0]) + 2.0
         keep = float(np.exp(-work.run.dt_s / box_s))
         for i, air_c in enumerate(work.run.temperature_c):
-            on = box_c < set_c + (band_k if on else -band_k)
-            target_c = air_c + (full_rise_k if on else 0.0)
+            on = sign * box_c < sign * set_c + (band_k if on else -band_k)
+            target_c = air_c + (sign * full_rise_k if on else 0.0)
             box_c = target_c + (box_c - target_c) * keep
             work.ancillary_w[i] += size_w if on else 0.0
 
-    return Mechanism("heater", "load", change)
+    return change
 
 
 def intermittent_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
@@ -463,7 +478,7 @@ EFFECTS: dict[str, Draw] = {
     for draw in (
         turning, inertia, breakaway, viscous, wind, surface, payload, hidden_grade, slip, regeneration, copper_loss,
         no_load, motor_heating, internal_resistance, rate_capacity, ageing, cold_battery, standby, compute, radio,
-        heater, intermittent_load, sensor_offset, sensor_gain, clock_lag, odometry_scale,
+        heater, intermittent_load, sensor_offset, sensor_gain, clock_lag, odometry_scale, cooler,
     )
 }  # fmt: skip
 """Every effect id, with the function that draws its mechanism."""

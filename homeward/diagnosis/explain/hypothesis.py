@@ -215,7 +215,7 @@ def everywhere(one: Hypothesis, setting: Setting) -> Array:
 
 
 def temperatures(of: Parameter) -> Callable[[Setting], Iterator[Numbers]]:
-    """Values tried for a temperature: quantiles of the recorded ones, one above them, and 20 degC."""
+    """Values tried for a temperature: quantiles of the recorded ones, one beyond them, and 20 degC."""
 
     def shapes(setting: Setting) -> Iterator[Numbers]:
         temperature_c = setting.runs.context["temperature_c"]

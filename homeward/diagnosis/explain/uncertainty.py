@@ -147,7 +147,7 @@ class Open:
             for number in term.hypothesis.entry.parameters:
                 if number.name in term.shape:
                     step = (number.high - number.low) / (_TRIED - 1)
-                    shapes = [one.model.terms[index].shape[number.name] for one in alike]
+                    shapes = [one.model.terms[index].shape.get(number.name, number.default) for one in alike]
                     low, high = max(min(shapes) - step, number.low), min(max(shapes) + step, number.high)
                     spans[term.effect, number.name] = (low, high)
             for name in {*numbers[0]} - {*term.shape}:

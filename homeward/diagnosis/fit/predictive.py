@@ -22,7 +22,7 @@ from homeward.diagnosis.fit.parameter_groups import parameters, with_ancillary, 
 from homeward.diagnosis.fit.replay import Runs, thrust_n_per_a
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
-from homeward.physics.effects import EFFECTS, heater, inertia, regeneration, turning
+from homeward.physics.effects import EFFECTS, cooler, heater, inertia, regeneration, turning
 
 Replay = Callable[[Robot], Array]
 """Prediction for the windows by a robot."""
@@ -33,6 +33,7 @@ REGENERATION = f"{regeneration.EFFECT.id}.{regeneration.EFFECT.switch.name}"
 TURNING = f"{turning.EFFECT.id}.{turning.EFFECT.switch.name}"
 HEATER = f"{heater.EFFECT.id}.{heater.EFFECT.switch.name}"
 SET_POINT = f"{heater.EFFECT.id}.{heater.EFFECT.parameters[1].name}"
+COOLER = f"{cooler.EFFECT.id}.{cooler.EFFECT.switch.name}"
 
 _SWITCHES = {effect.id: effect.switch for effect in EFFECTS}
 
@@ -69,10 +70,11 @@ class Scales:
     """A share between none, which is expected where no drive shows it, and all."""
     turning: float = 0.3
     """Scrub over weight: rubber on hard ground rubs with 0.3 to 0.8, and a part of it is dragged sideways. Chosen."""
-    heater_of_power: float = 0.02
-    """Per kelvin: 20 K of cold add about 40 % of the mean power, as in winter trials of electric cars (AAA, 2019)."""
+    climate_of_power: float = 0.02
+    """Per kelvin of a heater or cooler: 20 K add about 40 % of the mean power, as in winter trials of electric cars
+    (AAA, 2019)."""
     set_point_k: float = 3.0
-    """About the base of heating degree days: between 15 and 21 C (Eurostat)."""
+    """About the base of degree days: between 15 and 21 C of heating, 21 and 27 C of cooling (Eurostat)."""
 
     def times(self, factor: float) -> Scales:
         """All of them wider or narrower by a factor."""
@@ -81,7 +83,7 @@ class Scales:
 
 SCALES = Scales()
 _FACTOR = 1.0  # of inertia over mass: Newton's second law without rotating parts
-_SET_POINT_C = 18.0  # base of heating degree days (Eurostat; ASHRAE: 65 F)
+_SET_POINTS_C = {heater.EFFECT: 18.0, cooler.EFFECT: 24.0}  # bases of degree days (Eurostat; ASHRAE: 65 F of heating)
 
 
 @dataclass(frozen=True)
@@ -163,13 +165,17 @@ def _of_effects(runs: Runs, robot: Robot, mean: float, per: float, scales: Scale
         scrub = turning.EFFECT.switch
         centre = given(turning.EFFECT.id, scrub.name, 0.0)
         found.append(Entry(TURNING, scrub.unit, centre, scales.turning, 0.0, scrub.high))
-    # In one temperature a heater and idle power are the same.
+    # In one temperature a heater, a cooler and idle power are the same.
     if runs.unit == "W" and runs.has("temperature_c") and np.ptp(runs.context["temperature_c"]) > scales.set_point_k:
-        size, below = heater.EFFECT.parameters
-        centre = given(heater.EFFECT.id, size.name, 0.0)
-        found.append(Entry(HEATER, size.unit, centre, scales.heater_of_power * mean, size.low, size.high))
-        centre = given(heater.EFFECT.id, below.name, _SET_POINT_C)
-        found.append(Entry(SET_POINT, below.unit, centre, scales.set_point_k, below.low, below.high))
+        for effect, set_point_c in _SET_POINTS_C.items():
+            size, limit = effect.parameters
+            centre = given(effect.id, size.name, 0.0)
+            wide = scales.climate_of_power * mean
+            found.append(Entry(f"{effect.id}.{size.name}", size.unit, centre, wide, size.low, size.high))
+            centre = given(effect.id, limit.name, set_point_c)
+            found.append(
+                Entry(f"{effect.id}.{limit.name}", limit.unit, centre, scales.set_point_k, limit.low, limit.high)
+            )
     return found
 
 

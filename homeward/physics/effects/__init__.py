@@ -23,6 +23,7 @@ _IDS = (
     "compute",
     "radio",
     "heater",
+    "cooler",
     "intermittent_load",
     "internal_resistance",
     "rate_capacity",

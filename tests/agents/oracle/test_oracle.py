@@ -209,6 +209,7 @@ EXTRA = {effect.id: {effect.switch.name: 0.2} for effect in EFFECTS} | {
     "rate_capacity": {"excess": 0.1, "reference_w": 5.0},
     "radio": {"w_per_km2": 0.5},
     "heater": {"w_per_k": 0.05, "on_below_c": 20.0},
+    "cooler": {"w_per_k": 0.05, "on_above_c": 10.0},
     "cold_battery": {"per_k": 0.005, "warm_c": 25.0},
     "intermittent_load": {"power_w": 2.0, "period_s": 400.0, "duty": 0.3},
     "motor_heating": {"per_k": 0.005, "rise_k_per_w": 3.0, "time_constant_s": 600.0},

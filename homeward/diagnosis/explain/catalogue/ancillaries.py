@@ -8,9 +8,10 @@ from homeward.diagnosis.explain.change_points import Schedule
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Numbers, Setting, Spread, everywhere, temperatures
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array
-from homeward.physics.effects import compute, heater, intermittent_load, radio, standby
+from homeward.physics.effects import compute, cooler, heater, intermittent_load, radio, standby
 
 _ON_BELOW_C = heater.EFFECT.parameters[1]
+_ON_ABOVE_C = cooler.EFFECT.parameters[1]
 _OFF_ABOVE_C = 15.0  # thermostats of outdoor enclosures switch on at 5 and off at 15 degC (Stego KTO 011, data sheet)
 
 
@@ -74,6 +75,13 @@ HYPOTHESES = (
         changes="in the cold",
         load=_while_cold,
         searched=(_ON_BELOW_C,),
+    ),
+    # Proportional to the heat above a set point, or any rising function of it.
+    Hypothesis(
+        cooler.EFFECT,
+        shapes=temperatures(_ON_ABOVE_C),
+        rises_with="temperature_c",
+        searched=(_ON_ABOVE_C,),
     ),
     Hypothesis(
         intermittent_load.EFFECT,

@@ -307,6 +307,13 @@ def test_a_heater_heats_where_it_is_cold_and_switches(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_a_cooler_cools_where_it_is_hot_and_switches(seed: int) -> None:
+    assert not extra_w("cooler", motion(seconds=600.0, temperature_c=10.0), seed).any()
+    cooling_w = extra_w("cooler", motion(seconds=3000.0, temperature_c=35.0), seed)
+    assert 0.0 < (cooling_w > 0.0).mean() < 1.0
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_compressor_runs_for_its_duty_cycle_with_an_inrush(seed: int) -> None:
     load_w = extra_w("intermittent_load", motion(seconds=3000.0), seed)
     assert 0.22 < (load_w > 0.0).mean() < 0.56
@@ -368,6 +375,7 @@ def test_every_effect_of_the_catalogue_has_a_plant() -> None:
 def test_effects_are_drawn_anew_with_another_seed() -> None:
     changes = {"yaw_rate_radps": 0.3, "accel_mps2": 0.2, "sensing_hz": 10.0, "temperature_c": -5.0}
     runs = [later(motion(1.2, 120.0, grade_rad=grade, **changes), 3) for grade in (0.1, -0.1)]
+    runs.append(later(motion(1.2, 120.0, temperature_c=35.0), 3))  # for a cooler
     for name in set(EFFECTS) - set(INSTRUMENTS) - {"ageing"}:
         assert any(
             (drawn(name, run, seed=0, runs=3).chemical_w != drawn(name, run, seed=1, runs=3).chemical_w).any()
