@@ -1,6 +1,7 @@
 """The file that a diagnosis writes, on later drives of real vehicles, beside two regressions.
 
-`HOMEWARD_DATA=FOLDER python -m benchmarks.real_drives --sets bmw v9 leaf eco husky f1tenth`
+`HOMEWARD_DATA=FOLDER python -m benchmarks.real_drives --sets bmw v9 leaf eco husky f1tenth`; with `--scales`, what the
+priors of the fit made to predict are worth.
 
 A part of each set is diagnosed, and the file as written is replayed on the other drives, which nothing has seen. Beside
 it stand the given file and two regressions that are fitted to the same drives: a ridge on features of the motion, and
@@ -12,6 +13,7 @@ What was concealed is a label: BMW and Leaf were recorded with the power of thei
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import sys
@@ -35,6 +37,7 @@ from sklearn.preprocessing import StandardScaler
 from homeward.datasets import DatasetError, fetch
 from homeward.diagnosis import Recording, analyse, read_recording
 from homeward.diagnosis import rules as thresholds
+from homeward.diagnosis.fit.predictive import SCALES, Scales, fit_predictive
 from homeward.diagnosis.fit.replay import Runs, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import corrected_toml
@@ -46,6 +49,7 @@ Set = Literal["bmw", "v9", "leaf", "eco", "husky", "f1tenth"]
 GROUNDS = ("ASPHALT", "FLOORING", "ICE", "SNOW")
 BLOCKS = 4
 """Of the car's one drive: each in turn is held out."""
+WIDTH = 170  # chosen: characters, so that a split stays in a line
 FEW_DRIVES = 6
 """Below so many, one drive in turn is held out instead of every second one."""
 TURN_MPS = 0.57
@@ -62,6 +66,8 @@ class Args:
     """Vehicles; those whose recordings are not at hand are named and left out."""
     jobs: int = 2
     """Processes."""
+    scales: bool = False
+    """Instead: the fit made to predict, without a diagnosis, with each of its priors half and twice as wide."""
 
 
 @dataclass(frozen=True)
@@ -308,8 +314,48 @@ def labelled_heater(split: Split, later: Runs, robot: Robot) -> list[tuple[float
     return found
 
 
+@dataclass(frozen=True)
+class Varied:
+    """Errors of the fit made to predict on later drives of one split, by the prior that was made wider or narrower."""
+
+    vehicle: str
+    errors: dict[str, Errors]
+
+
+def vary(split: Split) -> Varied:
+    """Fit a file that predicts with other priors, and replay it on the later drives."""
+    robot = load_robot(split.robot)
+    before, later = _windows(split.diagnosed, robot), _windows(split.later, robot)
+    tried = {"as they are": SCALES}
+    for scale in dataclasses.fields(Scales):
+        for factor in (0.5, 2.0):
+            wider = replace(SCALES, **{scale.name: factor * getattr(SCALES, scale.name)})
+            tried[f"{scale.name} x {factor:g}"] = wider
+    errors = {}
+    for name, scales in tried.items():
+        fit = fit_predictive(before, robot, robot, lambda changed: predict(before, changed), before.run, scales)
+        errors[name] = errors_of(predict(later, fit.changed), later)
+    return Varied(split.vehicle, errors)
+
+
+def show_varied(outcomes: Sequence[Varied]) -> None:
+    """Print the mean over splits by vehicle, as a table with a row for each prior."""
+    vehicles = list(dict.fromkeys(outcome.vehicle for outcome in outcomes))
+    table = Table(title="The fit made to predict, later drives: energy of a drive off by, %; R2 of power")
+    for name in ("prior", *vehicles):
+        table.add_column(name)
+    for prior in outcomes[0].errors:
+        cells = []
+        for vehicle in vehicles:
+            of_vehicle = [outcome.errors[prior] for outcome in outcomes if outcome.vehicle == vehicle]
+            drive_pct = np.mean([errors.drive_pct for errors in of_vehicle])
+            cells.append(f"{drive_pct:.1f}  {np.mean([errors.r2 for errors in of_vehicle]):.3f}")
+        table.add_row(prior, *cells)
+    Console(width=WIDTH).print(table)
+
+
 def main(args: Args) -> None:
-    """Run the sets and print two tables."""
+    """Run the sets and print their table."""
     work: list[Split] = []
     for vehicle in args.sets:
         try:
@@ -318,21 +364,31 @@ def main(args: Args) -> None:
             print(f"left out: {error}", file=sys.stderr)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        outcomes = list(Parallel(args.jobs)(delayed(run)(split) for split in work))
-    show(outcomes)
+        if args.scales:
+            show_varied(list(Parallel(args.jobs)(delayed(vary)(split) for split in work)))
+        else:
+            show(list(Parallel(args.jobs)(delayed(run)(split) for split in work)))
+
+
+def _cell(errors: Sequence[Errors]) -> str:
+    """Mean of some errors in a cell."""
+    total_pct, drive_pct, r2 = np.mean([dataclasses.astuple(each) for each in errors], axis=0).tolist()
+    return f"{total_pct:.1f} / {drive_pct:.1f}  {r2:.2f}"
 
 
 def show(outcomes: Sequence[Outcome]) -> None:
-    """Print the errors of each split and, by vehicle, of all."""
-    console = Console(width=170)
+    """Print the errors of each split and their mean by vehicle, and the heaters beside their labels."""
+    console = Console(width=WIDTH)
     table = Table(title="Later drives, energy off by: all of it / a drive on average, %; R2 of power")
     for name in ("drives", "given file", "corrected.toml", "ridge", "least squares", "holds", "named"):
         table.add_column(name)
     for outcome in outcomes:
-        cells = [
-            f"{errors.total_pct:.1f} / {errors.drive_pct:.1f}  {errors.r2:.2f}" for errors in outcome.errors.values()
-        ]
+        cells = [_cell([errors]) for errors in outcome.errors.values()]
         table.add_row(outcome.split, *cells, outcome.holds, ", ".join(outcome.named) or outcome.verdict)
+    for vehicle in dict.fromkeys(outcome.vehicle for outcome in outcomes):
+        all_of = [outcome.errors for outcome in outcomes if outcome.vehicle == vehicle]
+        cells = [_cell([errors[model] for errors in all_of]) for model in all_of[0]]
+        table.add_row(f"{vehicle}, mean of {len(all_of)}", *cells, style="bold")
     console.print(table)
     for outcome in outcomes:
         if outcome.heater_w:

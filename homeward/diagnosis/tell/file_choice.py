@@ -155,20 +155,20 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     named = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
     candidates = [FileChoice(robot, nominal, nominal, CorrectedFile("nominal", "")), _refitted(robot, evidence)]
     candidates += [] if named is None else [_named(robot, named, evidence)]
-    best, how = min(candidates, key=lambda one: _error(one, evidence)), "predicts held-out drives best"
+    best, how = min(candidates, key=lambda one: _error(one, evidence)), "the best on held-out drives is"
     # Beyond what the instruments explain, drives are consumed by what nothing proven models.
     if error_parts(best.predicted, runs, trip)[1] > rules.CLEAR * rules.GAIN_ERROR:
         fit = _predictive(robot, named, evidence)
         candidates.append(fit)
         if len(runs.signals) < FEW_RUNS:
-            best, how = fit, "is expected to predict best, as few drives can tell"
+            best, how = fit, "as few drives cannot tell, it is"
         elif _error(fit, evidence) < _error(best, evidence):
             best = fit
     if worse := worse_than(nominal, best.predicted, runs, trip, rng):
         reasons.append(f"with {_WORDS[best.file.holds]}, {worse}")
-        best, how = candidates[0], "is kept"
+        best, how = candidates[0], "what is kept is"
     share = " and ".join(f"{100.0 * part:.3g} %" for part in error_parts(best.predicted, runs, trip))
-    why = f"of {len(candidates)}, {_WORDS[best.file.holds]} {how}: held out, it is off by {share} (power, energy)"
+    why = f"of {len(candidates)} candidates {how} {_WORDS[best.file.holds]}, off by {share} there (power, energy)"
     why = "; ".join([why, *dict.fromkeys(filter(None, reasons))])
     return replace(best, file=replace(best.file, why=why))
 
@@ -180,8 +180,8 @@ def _error(choice: FileChoice, evidence: Evidence) -> float:
 
 _WORDS = {
     "nominal": "the given file",
-    "refit": "its fitted parameters",
-    "corrected": "the named effects",
+    "refit": "that with fitted parameters",
+    "corrected": "that with the named effects",
     "predictive": "the fit made to predict",
 }
 

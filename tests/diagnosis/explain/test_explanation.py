@@ -20,3 +20,24 @@ def test_a_loss_that_remembers_the_fastest_speed_is_no_load_that_switches(
         power_w = run.channels["power_w"] + 80.0 * fastest_mps**2 * speed_mps
         runs.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
     assert diagnose(runs, husky).verdict == "unknown_physics"
+
+
+def test_a_slope_whose_own_replay_explains_nothing_bars_no_turning(husky: Robot) -> None:
+    """Straight on, turns on the spot and stops, without slopes: linearised, a constant slope looks like the turns."""
+    rng, runs = np.random.default_rng(1), []
+    for number in range(6):
+        time_s = np.arange(0.0, 240.0, 0.15)
+        part = np.repeat(rng.integers(0, 3, 40), 40)[: len(time_s)]
+        straight_mps = np.where(part < 2, np.repeat(rng.uniform(0.2, 0.9, 40), 40)[: len(time_s)], 0.0)
+        turn_radps = np.where(part == 2, np.repeat(rng.uniform(0.5, 1.5, 40), 40)[: len(time_s)], 0.0)
+        amps = 7.5 + 14.0 * (turn_radps > 0.0) + rng.normal(0.0, 0.8, len(time_s))
+        wheels_mps = 0.5 * husky.track_m * turn_radps
+        channels = {
+            "time_s": time_s, "wheel_left_mps": straight_mps - wheels_mps, "wheel_right_mps": straight_mps + wheels_mps,
+            "motor_left_a": amps / 2.0, "motor_right_a": amps / 2.0,
+        }  # fmt: skip
+        runs.append(Recording(f"run{number}.csv", str(number), channels))
+    diagnosis = diagnose(runs, husky)
+    assert [effect.effect for effect in diagnosis.missing_physics] == ["turning"]
+    assert not diagnosis.missing_physics[0].confused_with
+    assert diagnosis.fit is not None and (diagnosis.fit.arms["file"].r2 or 0.0) > 0.95
