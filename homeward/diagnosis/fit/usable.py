@@ -12,6 +12,7 @@ from homeward.diagnosis import rules
 from homeward.diagnosis.fit.lags import late_slope, without_drift
 from homeward.diagnosis.fit.replay import average as average_runs
 from homeward.diagnosis.fit.replay import predict
+from homeward.diagnosis.fit.signs import signs_of_power, wrong_slopes
 from homeward.diagnosis.read.even import on_even_clock
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
@@ -66,10 +67,14 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
         mended, error = without_faults(given, robot)
         findings += [Finding(mended.name, note) for note in mended.notes]
         run = signals(mended, robot, known_error=error)
-        if fault := fault_of(run, robot):
+        if fault := _fault_but_for_sign(run, robot):
             findings.append(Finding(given.name, fault, refused=True))
         else:
             kept.append(_Run(given, mended, error, run))
+    signs = signs_of_power([one.read for one in kept], robot)
+    findings += [Finding(kept[number].given.name, sign.text, sign.refused) for number, sign in signs.items()]
+    wrong = {number for number, sign in signs.items() if sign.refused}
+    kept = [run for number, run in enumerate(kept) if number not in wrong]
     if len({one.read.unit for one in kept}) > 1:
         current = [one.given.name for one in kept if one.read.unit == "A"]
         findings += [Finding(name, "has motor current only, while other runs have power", True) for name in current]
@@ -111,6 +116,8 @@ def _corrected(kept: Sequence[_Run], robot: Robot, sloped: bool) -> tuple[list[S
         way = "back" if drift_s > 0.0 else "ahead"
         text = f"the clock of power falls {way} by {abs(drift_s):.2g} s against that of motion: it is corrected"
         notes.append(Finding(name, text))
+    if wrong_sign := wrong_slopes(runs, robot):
+        notes.append(Finding(first, wrong_sign))
     ratio = _over_expected(runs, robot)
     if not 1.0 / rules.RIGHT_ROBOT < ratio < rules.RIGHT_ROBOT:
         text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
@@ -143,6 +150,12 @@ def _lacks(recording: Recording) -> str | None:
 
 def fault_of(run: Signals, robot: Robot) -> str | None:
     """Why a run of a robot cannot be used, such as its length or unit, in a phrase; None where it can."""
+    signs = signs_of_power([run], robot)
+    return _fault_but_for_sign(run, robot) or (signs[0].text if 0 in signs and signs[0].refused else None)
+
+
+def _fault_but_for_sign(run: Signals, robot: Robot) -> str | None:
+    """The same without the sign of its power, which all runs show together."""
     if len(run.time_s) == 0:
         return "holds nothing but charging"
     if len(run.time_s) < rules.FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < rules.SHORTEST_RUN_S:
@@ -151,9 +164,6 @@ def fault_of(run: Signals, robot: Robot) -> str | None:
         return "the recorded power or current is zero throughout; was the sensor connected?"
     if np.ptp(run.observed) == 0.0:
         return f"the recorded power or current never changes ({run.observed[0]:.4g} {run.unit}); did the logger hang?"
-    driving = run.observed[run.speed_mps != 0.0]
-    if run.unit == "W" and len(driving) and float(driving.mean()) < 0.0:
-        return "power is negative while it drives: power drawn must be positive (factor -1 in a mapping file)"
     quick = float(np.quantile(np.abs(run.speed_mps), 0.99))
     if quick > rules.TOO_FAST * robot.max_speed_mps:
         guess = "; km/h?" if quick / 3.6 <= rules.AS_FAST_IN_KMH * robot.max_speed_mps else ""

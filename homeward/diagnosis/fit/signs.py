@@ -1,0 +1,100 @@
+"""Signs of power and of slopes, judged over all runs: by the energy that a descent can give and that a climb takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from homeward.diagnosis import rules
+from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.read.signals import Signals, steps_s
+from homeward.logs.autocorrelation import correlation_windows
+from homeward.physics import Robot
+from homeward.physics.model import GRAVITY_MPS2
+
+
+class Sign(NamedTuple):
+    """What the sign of a run's power comes to; one that is `refused` is wrong."""
+
+    text: str
+    refused: bool
+
+
+def signs_of_power(runs: Sequence[Signals], robot: Robot) -> dict[int, Sign]:
+    """Runs whose power is negative while they drive, by their number: driven downhill, or of the wrong sign.
+
+    A descent gives back no more than the height lost, so a run whose slopes are known shows it alone. Where they are
+    not, the runs decide together: an instrument has one sign in all of them.
+    """
+    drawn_j = np.array([_drawn_j(run) for run in runs])
+    negative = np.flatnonzero(drawn_j < 0.0)
+    of_all = f"in {len(negative)} of {len(runs)} runs, by {-drawn_j[negative].sum() / 1e3:.3g} kJ"
+    signs: dict[int, Sign] = {}
+    for number in map(int, negative):
+        lost_j = _lost_height_j(runs[number], robot)
+        if lost_j is not None and -drawn_j[number] <= lost_j:
+            signs[number] = Sign(
+                f"{-drawn_j[number] / 1e3:.3g} kJ more are recovered than drawn, of {lost_j / 1e3:.3g} kJ that its "
+                "descent gives",
+                refused=False,
+            )
+        elif lost_j is None and drawn_j.sum() > 0.0:
+            signs[number] = Sign(
+                f"power is negative while it drives ({of_all}), and positive over all runs together: assumed to be "
+                "recovered downhill",
+                refused=False,
+            )
+        else:
+            signs[number] = Sign(
+                f"power is negative while it drives ({of_all}): power drawn must be positive "
+                "(factor -1 in a mapping file)",
+                refused=True,
+            )
+    return signs
+
+
+def _drawn_j(run: Signals) -> float:
+    """Energy drawn while driving, less the energy recovered, J; of motor current, which has no sign, 0."""
+    if run.unit != "W":
+        return 0.0
+    driving = run.speed_mps[:-1] != 0.0
+    return float((run.observed[:-1] * steps_s(run.time_s))[driving].sum())
+
+
+def _lost_height_j(run: Signals, robot: Robot) -> float | None:
+    """Potential energy that a run's descents give, less that of its climbs, J; None where slopes are unknown."""
+    if "grade_rad" not in run.context:
+        return None
+    rise_m = run.speed_mps[:-1] * np.sin(run.grade_rad[:-1]) * steps_s(run.time_s)
+    return float(-robot.mass_kg * GRAVITY_MPS2 * rise_m.sum())
+
+
+def wrong_slopes(signals: Sequence[Signals], robot: Robot) -> str | None:
+    """Whether the energy of climbs shows that slopes have the wrong sign, in all runs together; a phrase, or None.
+
+    Climbing takes at least the robot's weight along the slope. Where power falls with the climbing rate by more than
+    half of that, clearly more than its residuals explain, uphill was recorded as negative.
+    """
+    sloped = [run for run in signals if "grade_rad" in run.context and run.unit == "W"]
+    if not sloped:
+        return None
+    runs = average(sloped)
+    pairs = list(zip(runs.signals, runs.windows, strict=True))
+    speed_mps = np.concatenate([cut.means(np.abs(run.speed_mps)) for run, cut in pairs])
+    climb_mps = np.concatenate([cut.means(run.speed_mps * np.sin(run.grade_rad)) for run, cut in pairs])
+    causes = np.stack((np.ones(len(speed_mps)), speed_mps, climb_mps), axis=-1)
+    if np.linalg.matrix_rank(causes) < causes.shape[1] or len(causes) < rules.FEWEST_SAMPLES:
+        return None
+    sizes = np.linalg.lstsq(causes, runs.observed, rcond=None)[0]
+    left = runs.observed - causes @ sizes
+    variance = float(left @ left) / (len(left) - causes.shape[1]) * correlation_windows(left, runs.run)
+    error_n = float(np.sqrt(variance * np.linalg.inv(causes.T @ causes)[2, 2]))
+    force_n, weight_n = float(sizes[2]), robot.mass_kg * GRAVITY_MPS2
+    if force_n > -rules.HALF * weight_n or force_n > -rules.CLEAR_TILT * error_n:
+        return None
+    return (
+        f"climbs draw less than level ground in all runs together ({force_n:.3g} N along the slope, where the weight "
+        f"of {robot.name} asks for at least {weight_n:.3g} N): is uphill positive? (factor -1 in a mapping file)"
+    )
