@@ -23,6 +23,7 @@ from homeward.logs import limits, rules, tables, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
 from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
+from homeward.logs.doubts import doubts
 from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import from_epoch, from_text
 
@@ -50,6 +51,7 @@ _SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of
     ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
     ("speed_mps", "the wheel speeds", {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}),
     ("yaw_rate_radps", "heading_rad", {57.3: "degrees per second"}),
+    ("heading_rad", "yaw_rate_radps", {57.3: "degrees"}),
     ("voltage_v x current_a", "power_w", {1e3: "millivolts or milliamperes", 1e6: "millivolts and milliamperes"}),
 )
 
@@ -352,6 +354,7 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
     notes += leave_out_spikes(channels)
     _refuse_missing(list(channels), f"it gives {', '.join(channels)}")
     _refuse_contradiction(channels)
+    notes += doubts(channels).values()
     return channels
 
 

@@ -96,6 +96,17 @@ COLDEST_K = 150.0
 """A temperature that is always above this, in its own unit, is in K: as degC it is too hot, and as K colder than any
 place on earth."""
 
+HOTTEST_AIR_C = 56.7
+"""Highest air temperature measured, degC: Furnace Creek, 10 July 1913 (World Meteorological Organization)."""
+
+SOC_RISE = 0.05
+"""Rise of a state of charge, while energy is drawn, from which it may be the charge used. Chosen: as far as the schema
+lets one be off; a gauge recovers by less when a load ends."""
+
+COUNTS = 10
+"""Changes of a current or power, all in one direction, from which it may be a counter: those of a measured one have
+random signs, and ten agree once in 500 recordings (2 / 2^10)."""
+
 TYPICAL_SIZES: Mapping[str, float] = MappingProxyType({
     "heading_rad": 7.0, "grade_rad": shared.STEEPEST_RAD, "speed_mps": 30.0, "yaw_rate_radps": 10.0,
     "voltage_v": 1000.0, "wheel_left_mps": 30.0, "wheel_right_mps": 30.0, "current_a": 500.0, "power_w": 2e5,

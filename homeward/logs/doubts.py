@@ -1,0 +1,88 @@
+"""Channels whose values are possible and yet of another unit: what the data show is said, and nothing is changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from homeward.logs import rules
+from homeward.logs.channels import Array
+
+_COUNTED = {
+    "current_a": "charge (Ah)", "motor_left_a": "charge (Ah)", "motor_right_a": "charge (Ah)", "power_w": "energy (Wh)",
+}  # fmt: skip
+"""What a counter in place of a channel counts."""
+
+
+def doubts(channels: Mapping[str, Array]) -> dict[str, str]:
+    """What speaks against the unit or the meaning of channels, a line each, by channel.
+
+    Args:
+        channels: Channels in SI units with `time_s`, shape (n,) each.
+    """
+    lines = {
+        "heading_rad": _in_degrees(channels),
+        "temperature_c": _in_fahrenheit(channels),
+        "soc": _used_for_left(channels),
+        **{name: _counter(name, channels) for name in _COUNTED},
+    }
+    return {name: line for name, line in lines.items() if line is not None}
+
+
+def drawn_w(channels: Mapping[str, Array]) -> Array | None:
+    """Power drawn, W, as recorded or as voltage times current; None where neither is there."""
+    if "power_w" in channels:
+        return channels["power_w"]
+    if "voltage_v" in channels and "current_a" in channels:
+        return np.asarray(channels["voltage_v"] * channels["current_a"])
+    return None
+
+
+def _known(channels: Mapping[str, Array], name: str) -> Array:
+    values = channels.get(name, np.empty(0))
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _in_degrees(channels: Mapping[str, Array]) -> str | None:
+    heading_rad = _known(channels, "heading_rad")
+    if not len(heading_rad) or abs(heading_rad[0]) <= 2.0 * np.pi:
+        return None
+    return (
+        f"heading_rad begins at {heading_rad[0]:.4g}, beyond one turn in rad: is it in degrees? "
+        "(factor 0.0174533 in a mapping file)"
+    )
+
+
+def _in_fahrenheit(channels: Mapping[str, Array]) -> str | None:
+    temperature_c = _known(channels, "temperature_c")
+    if not len(temperature_c) or np.median(temperature_c) <= rules.HOTTEST_AIR_C:
+        return None
+    return (
+        f"temperature_c has a median of {np.median(temperature_c):.3g}, hotter than any air on earth: is it in "
+        "Fahrenheit (factor 0.555556, offset -17.7778 in a mapping file), or that of a motor?"
+    )
+
+
+def _used_for_left(channels: Mapping[str, Array]) -> str | None:
+    soc, power_w = _known(channels, "soc"), drawn_w(channels)
+    if len(soc) < 2 or power_w is None or not np.isfinite(power_w).any() or np.nanmean(power_w) <= 0.0:
+        return None
+    steps = np.diff(soc)
+    mostly_up = (steps > 0.0).sum() > (steps < 0.0).sum()
+    if soc[-1] - soc[0] <= rules.SOC_RISE or not mostly_up:
+        return None
+    energy_j = float(np.nanmean(power_w)) * float(np.ptp(channels["time_s"]))
+    return (
+        f"soc rises from {soc[0]:.3g} to {soc[-1]:.3g} while {energy_j / 1e3:.3g} kJ are drawn: is it the charge used? "
+        "(a negative factor, and offset = 1, in a mapping file)"
+    )
+
+
+def _counter(name: str, channels: Mapping[str, Array]) -> str | None:
+    steps = np.diff(_known(channels, name))
+    rises, falls = int((steps > 0.0).sum()), int((steps < 0.0).sum())
+    if min(rises, falls) > 0 or max(rises, falls) < rules.COUNTS:
+        return None
+    how = f"rises {rises} times and never falls" if rises else f"falls {falls} times and never rises"
+    return f"{name} {how}: is it a counter of {_COUNTED[name]}? A mapping file (--columns) names another column"
