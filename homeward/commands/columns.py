@@ -20,7 +20,8 @@ from homeward import cli
 from homeward.files import write_whole
 from homeward.logs.channels import CHANNELS
 from homeward.logs.columns import Columns, RecordingError, Source
-from homeward.logs.propose import SURE, Proposal, propose
+from homeward.logs.guess import SURE
+from homeward.logs.propose import Proposal, propose
 from homeward.logs.recordings import Recording, read_recording
 
 

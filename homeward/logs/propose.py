@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,13 +13,11 @@ import pandas as pd
 from homeward.logs import rules, tables
 from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
+from homeward.logs.guess import LEAST_SURE, OFFSETS, UNITS, Guess, one_line
 from homeward.logs.times import from_text
-
-SURE = ("certain", "likely", "a guess")
-"""Confidence of a proposal: by name and unit; by name, with fitting values; by a weak name, values or unit alone."""
+from homeward.logs.trial import tried_on_physics
 
 _ROWS = 5000  # that are read; chosen: enough to see units and signs, in a moment
-_DEGREE = np.pi / 180.0
 
 _NAMES: dict[str, tuple[str, str]] = {
     # channel: words of which one names it, all of a group joined by "+"; words that exclude it
@@ -79,61 +76,12 @@ _NOT_MEASURED = {
     "variance", "covariance", "std",
 }  # fmt: skip
 """Words of enumerations, limits, set points, phase currents and errors, which measure no channel."""
+_USED = {"used", "consumed", "drawn", "spent", "verbraucht"}
+"""Words of a charge that is used, not left."""
 _AVERAGED = {"avg", "average", "mean", "rms"}
 
 _COMPOUND = ("spannung", "geschwindigkeit", "leistung", "strom")
 """German words that also name a channel as the end of a longer word: Akkuspannung."""
-
-_LENGTH = {"m": 1.0, "metre": 1.0, "meter": 1.0, "meters": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
-_ANGLE = {"rad": 1.0, "radians": 1.0, "deg": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "°": _DEGREE}
-_SPEED = {
-    "m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704, "cm/s": 1e-2, "mm/s": 1e-3,
-}  # fmt: skip
-_RATE = {
-    "rad/s": 1.0, "radps": 1.0, "rads": 1.0, "deg/s": _DEGREE, "degps": _DEGREE, "dps": _DEGREE, "°/s": _DEGREE,
-}  # fmt: skip
-_CURRENT = {"a": 1.0, "ma": 1e-3, "amp": 1.0, "amps": 1.0}
-_UNITS: dict[str, dict[str, float]] = {
-    "s": {"s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
-    "m/s": _SPEED,
-    "rad/s": _RATE,
-    "rad": _ANGLE | {"%": 1e-2, "percent": 1e-2},
-    "m": _LENGTH,
-    "W": {"w": 1.0, "watt": 1.0, "watts": 1.0, "kw": 1e3, "mw": 1e-3},
-    "V": {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3},
-    "A": _CURRENT,
-    "Hz": {"hz": 1.0, "khz": 1e3, "fps": 1.0},
-    "1": {"%": 1e-2, "percent": 1e-2, "pct": 1e-2, "percentage": 1e-2},
-    "degC": {"c": 1.0, "°c": 1.0, "degc": 1.0, "celsius": 1.0, "k": 1.0, "f": 5 / 9, "°f": 5 / 9},
-    "kg": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237, "lbs": 0.45359237},
-}
-"""Factors to SI by the unit of a channel."""
-_OFFSETS = {"k": -273.15, "f": -160.0 / 9.0, "°f": -160.0 / 9.0}
-
-
-@dataclass(frozen=True)
-class Guess:
-    """The channel proposed for a column, or for a sum of columns."""
-
-    column: str
-    channel: str
-    factor: float
-    offset: float
-    sure: int  # index into SURE
-    why: str
-    and_column: str = ""  # that is added: a time of day to a date
-
-    def entry(self) -> str:
-        """Its line of a mapping file."""
-        name = json.dumps(self.column, ensure_ascii=False)
-        if self.and_column:
-            value = f"{{ columns = [{name}, {json.dumps(self.and_column, ensure_ascii=False)}] }}"
-        elif self.factor == 1.0 and self.offset == 0.0:
-            value = name
-        else:
-            offset = f", offset = {self.offset:.10g}" if self.offset else ""
-            value = f"{{ column = {name}, factor = {_toml_number(self.factor)}{offset} }}"
-        return f"{self.channel} = {value}  # {SURE[self.sure]}: {_one_line(self.why)}"
 
 
 @dataclass(frozen=True)
@@ -152,8 +100,8 @@ class Proposal:
 
     def toml(self) -> str:
         """The mapping file."""
-        head = f"# Proposed for {_one_line(self.path.name)}: check each line, above all signs and guesses."
-        rest = [f"# Not used: {_one_line(', '.join(self.left_over))}"] if self.left_over else []
+        head = f"# Proposed for {one_line(self.path.name)}: check each line, above all signs and guesses."
+        rest = [f"# Not used: {one_line(', '.join(self.left_over))}"] if self.left_over else []
         return "\n".join([head, "", "[columns]", *(one.entry() for one in self.guesses), *rest]) + "\n"
 
 
@@ -185,6 +133,7 @@ def propose(path: str | Path) -> Proposal:
     for guess in sorted(offered, key=_rank):
         if guess.channel not in chosen and guess.column not in {one.column for one in chosen.values()}:
             chosen[guess.channel] = guess
+    chosen = tried_on_physics(chosen, table)
     taken = {name for one in chosen.values() for name in (one.column, one.and_column)}
     left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in taken}
     return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
@@ -280,8 +229,15 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
             if dated is not None and channel == "time_s":
                 found.append(Guess(name, channel, 1.0, 0.0, 0, dated[1]))
             elif dated is None and (guess := _in_unit(name, channel, values, unit_words)) is not None:
-                found.append(guess)
+                found.append(_left_of(guess, words) if channel == "soc" else guess)
     return found
+
+
+def _left_of(guess: Guess, words: set[str]) -> Guess:
+    """The guess for a state of charge, turned where its name is that of the charge used."""
+    if not words & _USED:
+        return guess
+    return replace(guess, factor=-guess.factor, offset=1.0, sure=LEAST_SURE, why=f"{guess.why}; 1 minus what is used")
 
 
 def _in_unit_or_none(name: str, channel: str, values: Array, unit_words: list[str]) -> list[Guess]:
@@ -295,7 +251,7 @@ def _by_letter(name: str, values: Array, unit: str) -> Guess | None:
     channel = _LETTERS.get(parts[1].lower()) if parts else None
     if parts is None or channel is None:
         return None
-    factor = _UNITS[CHANNELS[channel].unit].get(parts[2].lower())
+    factor = UNITS[CHANNELS[channel].unit].get(parts[2].lower())
     if factor is None or not _possible(channel, values * factor):
         return None
     return _signed(Guess(name, channel, factor, 0.0, 2, f"a letter and {parts[2]}"), values)
@@ -312,7 +268,7 @@ def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offe
             continue
         (name,) = having
         unit = columns[name]
-        values, factor = numeric(table[name]).to_numpy(np.float64, na_value=np.nan), _UNITS[of_channel[0]][unit.lower()]
+        values, factor = numeric(table[name]).to_numpy(np.float64, na_value=np.nan), UNITS[of_channel[0]][unit.lower()]
         if np.isfinite(values).any() and _possible(channel, values * factor):
             found.append(_signed(Guess(name, channel, factor, 0.0, 2, f"only its unit, {unit}, says so"), values))
     return found
@@ -325,10 +281,10 @@ def _bracket(name: str) -> str:
 def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> Guess | None:
     """The guess with the unit that the name gives or, failing that, the values; None where neither is possible."""
     about = CHANNELS[channel]
-    units = _UNITS[about.unit]
+    units = UNITS[about.unit]
     for word in unit_words:
         if word in units:
-            factor, offset = units[word], _OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
+            factor, offset = units[word], OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
             if channel == "soc" and np.nanmax(values) <= about.high:
                 return Guess(name, channel, 1.0, 0.0, 1, f"its name says {word}, and its values lie in 0 to 1")
             if _possible(channel, values * factor + offset):
@@ -337,7 +293,11 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
         if _possible(channel, values * factor) and _plausible(channel, values * factor):
             sure = 1 if factor == 1.0 else 2
             why = f"its name says no unit; values fit {word}" if about.unit != "1" else "its values lie in 0 to 1"
-            return _signed(Guess(name, channel, factor, 0.0, sure, why if sure == 1 else f"values fit {word}"), values)
+            why = why if sure == 1 else f"values fit {word}"
+            step = float(np.median(np.diff(values))) if channel == "time_s" and len(values) > 1 else 0.0
+            if factor != 1.0 and rules.SLOW_STEP_S < step < rules.LONGEST_STEP_S:
+                why = f"{why}, or seconds with a sample every {step:.3g} s"
+            return _signed(Guess(name, channel, factor, 0.0, sure, why, by_values=True), values)
     return None
 
 
@@ -361,12 +321,10 @@ def _plausible(channel: str, values: Array) -> bool:
 def _signed(guess: Guess, values: Array) -> Guess:
     """The guess with the sign of battery current or power turned where it is mostly negative."""
     if guess.channel in ("current_a", "power_w") and float(np.nanmedian(values)) < 0.0:
-        return Guess(guess.column, guess.channel, -guess.factor, guess.offset, 2,
-                     f"{guess.why}; mostly negative, so assumed to be negative when discharging")  # fmt: skip
+        why = f"{guess.why}; mostly negative, so assumed to be negative when discharging"
+        return replace(guess, factor=-guess.factor, sure=2, why=why)
     if guess.channel in ("grade_rad", "heading_rad") and "pitch" in guess.column.lower():
-        return Guess(
-            guess.column, guess.channel, guess.factor, guess.offset, 2, f"{guess.why}; uphill must be positive"
-        )
+        return replace(guess, sure=2, why=f"{guess.why}; uphill must be positive")
     return guess
 
 
@@ -392,12 +350,3 @@ def _why_left(name: str, offered: list[Guess], chosen: dict[str, Guess], column:
     if not mine:
         return ""
     return f" (could be {mine[0].channel}, for which {chosen[mine[0].channel].column} is used)"
-
-
-def _toml_number(value: float) -> str:
-    text = f"{value:.12g}"
-    return text if any(mark in text for mark in ".e") else f"{text}.0"
-
-
-def _one_line(text: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in text)

@@ -23,6 +23,7 @@ from homeward.logs import limits, rules, tables, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
 from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
+from homeward.logs.contradictions import refuse_contradictions
 from homeward.logs.doubts import doubts
 from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import from_epoch, from_text
@@ -47,13 +48,6 @@ _REMEDIES = {
     **dict.fromkeys((".kml", ".kmz", ".geojson", ".tcx", ".nmea"), _TRACK),
 }  # fmt: skip
 """What to do with files that are no recordings, by the ending of their names."""
-_SAME: tuple[tuple[str, str, dict[float, str]], ...] = (  # unit by the ratio of two channels
-    ("speed_mps", "distance_m", {3.6: "km/h", 2.237: "miles per hour", 100.0: "cm/s", 1000.0: "mm/s"}),
-    ("speed_mps", "the wheel speeds", {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}),
-    ("yaw_rate_radps", "heading_rad", {57.3: "degrees per second"}),
-    ("heading_rad", "yaw_rate_radps", {57.3: "degrees"}),
-    ("voltage_v x current_a", "power_w", {1e3: "millivolts or milliamperes", 1e6: "millivolts and milliamperes"}),
-)
 
 
 @dataclass(frozen=True)
@@ -353,7 +347,7 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
     _refuse_bad_time(channels["time_s"])
     notes += leave_out_spikes(channels)
     _refuse_missing(list(channels), f"it gives {', '.join(channels)}")
-    _refuse_contradiction(channels)
+    notes += refuse_contradictions(channels)
     notes += doubts(channels).values()
     return channels
 
@@ -435,40 +429,3 @@ def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
         raise RecordingError(f"{channel.name} reaches {worst:.6g}, outside {allowed}{guess}")
     values[impossible] = np.nan
     return [f"{beyond} and left out"] if count else []
-
-
-def _refuse_contradiction(channels: Mapping[str, Array]) -> None:
-    """Compare redundant channels: their ratio identifies a wrong unit."""
-
-    def travel(values: Array) -> float:
-        return float(np.nansum(np.abs(np.diff(values))))
-
-    given = dict(channels)
-    if "wheel_left_mps" in given and "wheel_right_mps" in given:
-        given["the wheel speeds"] = (given["wheel_left_mps"] + given["wheel_right_mps"]) / 2.0
-    rates, steps_s = ("speed_mps", "the wheel speeds", "yaw_rate_radps"), np.diff(given["time_s"])
-    amounts = {name: float(np.nansum(np.abs(given[name][:-1]) * steps_s)) for name in rates if name in given}
-    if "distance_m" in given:
-        amounts["distance_m"] = travel(given["distance_m"])
-    if "heading_rad" in given:
-        if np.nanmax(np.abs(np.diff(given["heading_rad"]))) > rules.HEADING_JUMP:
-            raise RecordingError("heading_rad jumps by more than 180; this looks like degrees (factor 0.0174533)")
-        if not np.isnan(given["heading_rad"]).any():
-            amounts["heading_rad"] = travel(np.unwrap(given["heading_rad"]))
-    if all(name in given for name in ("power_w", "voltage_v", "current_a")):
-        given["voltage_v x current_a"] = given["voltage_v"] * given["current_a"]
-        amounts |= {name: float(np.nanmean(np.abs(given[name]))) for name in ("power_w", "voltage_v x current_a")}
-    for what, reference, units in _SAME:
-        value, truth = amounts.get(what, 0.0), amounts.get(reference, 0.0)
-        for factor, unit in units.items() if truth > 0.0 and value > 0.0 else ():
-            if abs(np.log(value / truth / factor)) < rules.UNIT_LOG_RATIO:
-                raise RecordingError(
-                    f"{what} is {value / truth:.3g} times that of {reference}; this looks like {unit} "
-                    f"(factor {1 / factor:.6g} in a mapping file)"
-                )
-        odometers = what in ("speed_mps", "the wheel speeds") and min(value, truth) > rules.LEAST_ODOMETER_M
-        if odometers and abs(np.log(value / truth)) > np.log(rules.MOST_ODOMETER_RATIO):
-            raise RecordingError(
-                f"{what} gives {value:.4g} m of way and {reference} {truth:.4g} m: which is right? Give the other a "
-                "factor in a mapping file (--columns), or leave it out"
-            )
