@@ -10,6 +10,7 @@ from pathlib import Path
 
 from homeward.datasets import DATASETS, fetch
 from homeward.logs import RecordingError
+from homeward.logs.joined import tables_of_run
 
 _NAME = re.compile(r"[\w.+ -]{1,40}")
 
@@ -55,7 +56,8 @@ def _runs(value: str, columns: str | None) -> tuple[list[tuple[Path, str | None]
     dataset, _, group = value.partition("/")
     if dataset in DATASETS and not Path(value).is_file():
         return [(path, columns or DATASETS[dataset].columns) for path in fetch(dataset, group)], dataset
-    found = [value] if Path(value).exists() else sorted(glob.glob(value))
+    joined = len(tables_of_run(Path(value))) > 1
+    found = [value] if joined or Path(value).exists() else sorted(glob.glob(value))
     if not found:
         raise RecordingError(f"{value}: no such file, and no file matches it as a pattern")
     return [(Path(path), columns) for path in found], None

@@ -61,6 +61,7 @@ class Columns:
     sample_hz: float | None = None  # of files without time stamps
     stamp: str | None = None  # column of time stamps that repeat within a second
     known_by_columns: bool = False  # whether a table with all of its columns is recognised without naming the mapping
+    longer_lines: bool = False  # whether more columns may follow those of the header
     unknown_if_zero: tuple[str, ...] = ()  # channels that a file lacks where they are 0 throughout
 
     def file_columns(self) -> list[str]:
@@ -159,7 +160,8 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     `columns`, which are added), `factor` (or `factors`), `offset` and `unknown` (a list of numbers and words that mean
     unknown, beside those of `homeward.logs.unknown`); a table `[constants]` for channels that the file
     lacks and that did not vary; and optionally `separator` and `decimal`, otherwise inferred from the file. `header`, a
-    list of names, is for files without a header line: their broken lines are left out. `sample_hz` replaces missing
+    list of names, is for files without a header line: their broken lines are left out, and with `longer_lines = true`
+    further columns may follow. `sample_hz` replaces missing
     time stamps. `time_s = { column = NAME, whole_seconds = true }` is for stamps of whole seconds, numbers or HH:MM:SS:
     the samples of a second are spread evenly over it. `unknown_if_zero` lists channels that count as missing if they
     are zero throughout. `known_by_columns = true` is for shipped mappings, see `known_columns`.
@@ -178,6 +180,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         "separator",
         "decimal",
         "header",
+        "longer_lines",
         "sample_hz",
         "known_by_columns",
         "unknown_if_zero",
@@ -193,6 +196,9 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         raise RecordingError(f"{name}: needs a table [columns] with at least time_s, or with sample_hz instead of it")
     if not isinstance(header, list) or not all(isinstance(one, str) for one in header) or len({*header}) < len(header):
         raise RecordingError(f"{name}: header = {header!r} is not a list of different names")
+    longer_lines = data.get("longer_lines", False)
+    if longer_lines not in (False, True):
+        raise RecordingError(f"{name}: longer_lines = {longer_lines!r} is neither true nor false")
     unknown_if_zero = data.get("unknown_if_zero", [])
     if not isinstance(unknown_if_zero, list) or not {*map(str, unknown_if_zero)} <= {*columns}:
         raise RecordingError(f"{name}: unknown_if_zero = {unknown_if_zero!r} is not a list of channels in [columns]")
@@ -231,8 +237,9 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     numbers = {channel: float(value) for channel, value in constants.items()}
     alone = data.get("known_by_columns") is True
     return Columns(
-        name, sources, numbers, separator, decimal, tuple(header), sample_hz, stamp, alone, tuple(unknown_if_zero)
-    )
+        name, sources, numbers, separator, decimal, tuple(header), sample_hz, stamp, alone, longer_lines,
+        tuple(unknown_if_zero),
+    )  # fmt: skip
 
 
 def known_columns(header: Collection[str]) -> Columns | None:

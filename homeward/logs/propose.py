@@ -14,6 +14,7 @@ from homeward.logs import rules, tables
 from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
 from homeward.logs.guess import LEAST_SURE, OFFSETS, UNITS, Guess, one_line
+from homeward.logs.joined import BETWEEN, tables_of_run
 from homeward.logs.times import from_text
 from homeward.logs.trial import tried_on_physics
 
@@ -115,6 +116,11 @@ def propose(path: str | Path) -> Proposal:
         RecordingError: It cannot be read, or no column looks like a time.
     """
     path = Path(path)
+    if len(parts := tables_of_run(path)) > 1:
+        raise RecordingError(
+            f"{path}: propose for one table at a time (homeward columns {parts[0]} --out a.toml), and give both "
+            f"mappings (--columns a.toml{BETWEEN}b.toml)"
+        )
     try:
         header, table, notes, units = _beginning(path)
     except OSError as error:

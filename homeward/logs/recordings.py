@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import math
 import os
@@ -25,12 +26,14 @@ from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, firs
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
 from homeward.logs.contradictions import refuse_contradictions
 from homeward.logs.doubts import doubts
+from homeward.logs.joined import BETWEEN, join, mapping_of_table, tables_of_run
 from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import from_epoch, from_text
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
+_ENOUGH = "speed_mps", "power_w"  # motion and power, which another table of the run may have
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
 _TRACK = "is a track, without power; for a route convert it to GPX, as with gpsbabel"
 _REMEDIES = {
@@ -82,10 +85,11 @@ def read_recording(
 
     Args:
         path: A .csv, .csv.gz, .tsv, .txt or .parquet file, a bag (.bag, .mcap, .db3, or the folder of a ROS 2 bag) or a
-            log of an autopilot (.ulg, .bin). One file or folder is one run. "-" is standard input.
+            log of an autopilot (.ulg, .bin). One file or folder is one run. "-" is standard input. Several tables of
+            one run are named with a plus between them, a.csv+b.csv.
         columns: Mapping for other files: shipped name, TOML path or `Columns`. For a bag or log it names topics, see
             `homeward.logs.bags.topics.load_topics`; by default the shipped one that fits best. A table written by VESC
-            Tool needs none.
+            Tool needs none. Of several tables each uses what it has of one mapping, or its own of a.toml+b.toml.
         standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
 
     Raises:
@@ -95,17 +99,54 @@ def read_recording(
     path = Path(path)
     if str(path) == STANDARD_INPUT:
         return _read_standard_input(columns, standing)
+    if len(parts := tables_of_run(path)) > 1:
+        return _read_joined(parts, columns)
     bag = path.exists() and is_bag(path)
     mapping = None if bag or columns is None else load_columns(columns)
     try:
         table, notes, start_s = _read_bag(path, columns) if bag else (*_read_table(path, mapping, standing), 0.0)
-        # A name that is no UTF-8 can be opened and not written.
-        name = os.fsencode(path).decode("utf-8", "replace")
-        return Recording(name, sha256(path), _checked(table, notes), tuple(notes), start_s)
+        return Recording(_name(path), sha256(path), _checked(table, notes), tuple(notes), start_s)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
+
+
+def _name(path: Path) -> str:
+    """The name of a file; one that is no UTF-8 can be opened and not written."""
+    return os.fsencode(path).decode("utf-8", "replace")
+
+
+def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None) -> Recording:
+    """Like `read_recording`, for several tables of one run."""
+    mappings = [columns] * len(paths)
+    if isinstance(columns, str | Path) and BETWEEN in str(columns) and not Path(columns).exists():
+        mappings = list(str(columns).split(BETWEEN))
+    if len(mappings) != len(paths):
+        raise RecordingError(f"{len(paths)} tables are joined by {len(mappings)} mappings; give one, or one each")
+    tables, notes = [], list[str]()
+    for path, given in zip(paths, mappings, strict=True):
+        try:
+            if path.exists() and is_bag(path):
+                raise RecordingError("is a bag or log, which is a run by itself; only tables are joined")
+            table, said = _read_table(path, None if given is None else load_columns(given), False, part=True)
+            time_s, taken_for = from_epoch(_finite(table["time_s"]))
+            said += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
+            _refuse_bad_time(time_s)
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+        except RecordingError as error:
+            raise RecordingError(f"{path}: {error}") from error
+        tables.append((path.name, table.assign(time_s=time_s)))
+        notes += [f"{path.name}: {note}" for note in said]
+    name = BETWEEN.join([_name(paths[0]), *(path.name for path in paths[1:])])
+    try:
+        rows, joined = join(tables)
+        notes += joined
+        digest = hashlib.sha256("".join(map(sha256, paths)).encode()).hexdigest()
+        return Recording(name, digest, _checked(rows, notes), tuple(notes))
+    except RecordingError as error:
+        raise RecordingError(f"{name}: {error}") from error
 
 
 def _read_standard_input(columns: str | Path | Columns | None, standing: bool) -> Recording:
@@ -139,7 +180,10 @@ def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.Data
     return read_bag(path, mapping)
 
 
-def _read_table(path: Path, mapping: Columns | None, standing: bool) -> tuple[pd.DataFrame, list[str]]:
+def _read_table(
+    path: Path, mapping: Columns | None, standing: bool, *, part: bool = False
+) -> tuple[pd.DataFrame, list[str]]:
+    """Channels of a table, of which only the time is needed where it is a part of a run, and notes."""
     suffix = next((s for s in _SUFFIXES if path.name.lower().endswith(s)), None)
     if not path.exists():
         raise RecordingError("no such file")
@@ -158,11 +202,11 @@ def _read_table(path: Path, mapping: Columns | None, standing: bool) -> tuple[pd
         raise RecordingError("is empty")
     notes: list[str] = []
     if suffix == ".parquet":
-        table = _read_parquet(path, mapping, standing, notes)
+        table = _read_parquet(path, mapping, standing, notes, part)
     elif mapping is not None and mapping.header:
         table = _read_without_header(path, mapping, notes)
     else:
-        table = _read_csv(path, mapping, standing, notes)
+        table = _read_csv(path, mapping, standing, notes, part)
     if standing and not first_set(MOTION, [*map(str, table.columns)]):
         table = table.assign(speed_mps=0.0)
     return table, notes
@@ -181,7 +225,8 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
             if number >= limits.MOST_ROWS:
                 raise RecordingError(f"has more than {limits.MOST_ROWS} lines; cut it into several runs")
             cells = line.rstrip("\r\n").split(mapping.separator or ",")
-            values = _values(cells, places, stamp) if len(cells) == len(mapping.header) else None
+            complete = len(cells) == len(mapping.header) or (mapping.longer_lines and len(cells) > len(mapping.header))
+            values = _values(cells, places, stamp) if complete else None
             if values is None:
                 broken += 1
                 continue
@@ -206,12 +251,13 @@ def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> l
     return values if all(isinstance(value, str) or math.isfinite(value) for value in values) else None
 
 
-def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
+def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool) -> pd.DataFrame:
     given = mapping or Columns("", {}, {})
     table = tables.sniff(path, given.separator, given.decimal)
     if mapping is None and (mapping := known_columns(table.header)) is not None:
         notes.append(f"mapping {mapping.name}, known by the names of the columns")
-    wanted = _wanted(table.header, mapping, standing)
+    mapping = mapping_of_table(mapping, table.header) if part else mapping
+    wanted = _wanted(table.header, mapping, standing, part)
     dated: list[str] = []
     words: Counter[str] = Counter()
     pieces = [_in_numbers(piece, mapping, dated, words) for piece in table.pieces(wanted)]
@@ -221,11 +267,12 @@ def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[s
     return _joined(pieces, wanted, mapping)
 
 
-def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: list[str]) -> pd.DataFrame:
+def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool) -> pd.DataFrame:
     dated: list[str] = []
     words: Counter[str] = Counter()
     with tables.opened_parquet(path) as file:
-        wanted = _wanted(file.schema_arrow.names, mapping, standing)
+        mapping = mapping_of_table(mapping, file.schema_arrow.names) if part else mapping
+        wanted = _wanted(file.schema_arrow.names, mapping, standing, part)
         if file.metadata.num_rows > limits.MOST_ROWS:
             raise RecordingError(f"has more than {limits.MOST_ROWS} rows; cut it into several runs")
         pieces = [_in_numbers(piece, mapping, dated, words) for piece in _batches(file, wanted)]
@@ -295,8 +342,8 @@ def _said_unknown(count: Counter[str]) -> list[str]:
     return [f"{times} times {what}, which means unknown: left out" for what, times in count.items()]
 
 
-def _wanted(header: list[str], mapping: Columns | None, standing: bool = False) -> list[str]:
-    """Columns to read: those that the mapping names, or those of the schema."""
+def _wanted(header: list[str], mapping: Columns | None, standing: bool = False, part: bool = False) -> list[str]:
+    """Columns to read: those that the mapping names, or those of the schema; of a part of a run the time is enough."""
     if mapping is not None:
         missing = [name for name in mapping.file_columns() if name not in header]
         if missing:
@@ -306,11 +353,29 @@ def _wanted(header: list[str], mapping: Columns | None, standing: bool = False) 
     else:
         wanted = [name for name in CHANNELS if name in header]
         offer = f"{_has(header)}; `homeward columns RUN` proposes a mapping file (--columns) that says which is which"
-        _refuse_missing([*wanted, "speed_mps"] if standing else wanted, offer)
+        _refuse_nameless(header)
+        _refuse_missing([*wanted, *_ENOUGH] if part else [*wanted, "speed_mps"] if standing else wanted, offer)
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:
         raise RecordingError(f"has two columns {twice[0]}; keep one")
     return wanted
+
+
+def _refuse_nameless(header: list[str]) -> None:
+    """Refuse a table whose first line holds numbers where names should be."""
+    numbers = sum(_is_number(name) for name in header)
+    if numbers > rules.TOGETHER_SHARE * len(header):
+        raise RecordingError(
+            f"has no line of names (the first is {', '.join(map(_shown, header[:6]))}, ...): give a mapping with a "
+            "header (--columns); those of `ros2 topic echo --csv` are ros2_echo_odometry and ros2_echo_battery"
+        )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def _refuse_missing(present: list[str], advice: str) -> None:
@@ -318,7 +383,9 @@ def _refuse_missing(present: list[str], advice: str) -> None:
         raise RecordingError(f"has no column time_s; {advice}")
     if lacks := lacking(present):
         stood = "; say --standing if the robot stood" if lacks.startswith("motion") else ""
-        raise RecordingError(f"has no {lacks}; {advice}{stood}")
+        raise RecordingError(
+            f"has no {lacks}; {advice}; if another table of the run has it, give RUN{BETWEEN}OTHER{stood}"
+        )
 
 
 def _has(header: list[str]) -> str:
