@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.routes import rules
-from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, LIMITS, MOST_ROUTE_BYTES, WHOLE_ROUTE, Route, RouteError
+from homeward.envs.routes.route import (
+    GENERATED,
+    HIDDEN_WIND,
+    LIMITS,
+    MOST_ROUTE_BYTES,
+    WHOLE_ROUTE,
+    Route,
+    RouteError,
+    without_heights,
+)
 from homeward.envs.state import MAX_PLACES
 from homeward.files import STANDARD_INPUT, read_text
 
@@ -48,8 +57,9 @@ def load_route(route: str | Path, place_m: float) -> Route:
     """Read a route from a file or by the name of a shipped one, and cut it into equal places.
 
     A track (a .gpx or .fit file, or a CSV file with `latitude_deg`, `longitude_deg` and `elevation_m`, or `lat`, `lon`
-    and `ele`) is smoothed first, as `homeward.envs.routes.tracks` describes. Any other CSV file is a profile and is
-    used as it is.
+    and `ele`) is smoothed first, as `homeward.envs.routes.tracks` describes. One without heights needs a slope behind
+    its name, `track.gpx@flat` or `track.gpx@grade_rad=0.02`; heights that it has are then not used. Any other CSV file
+    is a profile and is used as it is.
 
     Columns of a profile: `distance_m` (required, increasing from 0); optionally `grade_rad` or `elevation_m`,
     `roughness`, `interest` (1 by default), `heading_rad`; and, for the whole route from the first row, `temperature_c`,
@@ -68,30 +78,61 @@ def load_route(route: str | Path, place_m: float) -> Route:
     shipped = _folder() / f"{route}.csv"
     named = isinstance(route, str) and "/" not in route and shipped.is_file()
     path = shipped if named else Path(route) if isinstance(route, str | Path) else None
+    slope_rad = None
+    if path is not None and not path.is_file():
+        path, slope_rad = _with_slope(path)
     if path is None or not (path.is_file() or str(path) == STANDARD_INPUT):
         raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
     if path.suffix.lower() in (".gpx", ".fit"):
         from homeward.envs.routes import tracks  # only now: it needs further packages
 
-        return _cut(path, tracks.profile(tracks.read_track(path), str(path)).columns(), place_m)
+        return _cut(path, tracks.profile(tracks.read_track(path), str(path), slope_rad).columns(), place_m)
     if path.suffix.lower() in (".kml", ".kmz", ".geojson", ".json", ".tcx", ".nmea"):
         raise RouteError(f"{path}: is a track of another format; convert it to GPX, as with gpsbabel")
-    columns, lines = _read_table(path)
+    columns, lines = _read_table(path, heights=slope_rad is None)
     if POSITIONS[0] in columns:
         from homeward.envs.routes import tracks
 
-        track = tracks.Track(columns["elevation_m"], columns["latitude_deg"], columns["longitude_deg"])
-        return _cut(path, tracks.profile(track, str(path)).columns(), place_m)
+        elevation_m = columns.get("elevation_m", np.full(len(lines), np.nan))
+        track = tracks.Track(elevation_m, columns["latitude_deg"], columns["longitude_deg"])
+        return _cut(path, tracks.profile(track, str(path), slope_rad).columns(), place_m)
+    if slope_rad is not None:
+        raise RouteError(f"{path}: is a profile, which has its slopes itself; a slope is given for a track only")
     _check_profile(path, columns, lines)
     return _cut(path, columns, place_m)
+
+
+def _with_slope(route: Path) -> tuple[Path, float | None]:
+    """The path of a track, and the slope that is given behind its name, rad; None without one.
+
+    Raises:
+        RouteError: What is behind the name is no slope.
+    """
+    name, _, given = str(route).rpartition("@")
+    if not Path(name).is_file() or not name:
+        return route, None
+    if given == "flat":
+        return Path(name), 0.0
+    text = given.removeprefix("grade_rad=")
+    steepest_rad = float(np.arcsin(rules.STEEPEST_OF_TRACK))
+    try:
+        slope_rad = float(text) if text != given else np.nan
+    except ValueError:
+        slope_rad = np.nan
+    if not abs(slope_rad) <= steepest_rad:  # not NaN either
+        raise RouteError(
+            f"{route}: @{given} is no slope; say @flat, or @grade_rad=SLOPE of at most {steepest_rad:.2f} rad, positive "
+            "uphill"
+        )
+    return Path(name), slope_rad
 
 
 def _folder() -> Any:
     return files("homeward") / "routes"
 
 
-def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
-    """Read the columns of a CSV file by name, and the line number of each row."""
+def _read_table(path: Any, heights: bool = True) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
+    """Read the columns of a CSV file by name, and the line number of each row; a track may be without heights."""
     try:
         text = read_text(path, MOST_ROUTE_BYTES).splitlines()
         lines = [(number, line.split("#")[0]) for number, line in enumerate(text, start=1)]
@@ -109,7 +150,7 @@ def _read_table(path: Any) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
             f"{path}: not a readable CSV table: give a header and at least two rows; a track is .gpx or .fit"
         )
     names = _as_track(rows[0][1])
-    _check_names(path, names)
+    _check_names(path, names, heights)
     table = np.empty((len(names), len(rows) - 1))
     for row, (line, fields) in enumerate(rows[1:]):
         if len(fields) != len(names):
@@ -133,9 +174,11 @@ def _as_track(names: list[str]) -> list[str]:
     return meant if set(POSITIONS) <= set(meant) else names
 
 
-def _check_names(path: Any, names: list[str]) -> None:
+def _check_names(path: Any, names: list[str], heights: bool) -> None:
     if any(name in POSITIONS for name in names):
-        if sorted(names) != sorted((*POSITIONS, "elevation_m")):
+        if sorted(names) == sorted(POSITIONS) and heights:
+            raise RouteError(f"{path}: has no elevations; {without_heights(path)}")
+        if sorted(names) not in (sorted(POSITIONS), sorted((*POSITIONS, "elevation_m"))):
             raise RouteError(f"{path}: a track has the columns {', '.join(POSITIONS)}, elevation_m and no others")
         return
     for name in names:

@@ -37,6 +37,11 @@ class RouteError(ValueError):
     """An invalid route; the message says where, and what to change."""
 
 
+def without_heights(name: Any) -> str:
+    """What to do with a track that has no heights."""
+    return f"give a track with elevations, or say {name}@flat, or {name}@grade_rad=SLOPE for ground of one slope"
+
+
 @dataclass(frozen=True)
 class Route:
     """A route cut into places of equal length; arrays of shape (places,).

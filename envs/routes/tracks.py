@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.routes import rules
-from homeward.envs.routes.route import MOST_ROUTE_BYTES, RouteError
+from homeward.envs.routes.route import MOST_ROUTE_BYTES, RouteError, without_heights
 from homeward.files import read_bytes, read_text
 from homeward.installed import advice
 from homeward.logs.unknown import unknown
@@ -200,19 +200,20 @@ READERS: dict[str, Callable[[Path], Track]] = {".gpx": _read_gpx, ".fit": _read_
 """What reads a track, by the ending of its name."""
 
 
-def profile(track: Track, name: str) -> Profile:
+def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
     """Smooth a track, see the top of this file.
 
     Args:
         track: Its points.
         name: Name for messages.
+        slope_rad: Slope of the whole way, rad; heights are then not used.
 
     Raises:
         RouteError: Positions that are invalid or jump, too few elevations, a way too short for a grade, or slopes too
             steep for robots on more than a few per cent of the way.
     """
     track = _without_null_island(track, name)
-    elevation = _filled(track.elevation_m, name)
+    elevation = _filled(track.elevation_m, name) if slope_rad is None else np.zeros(len(track.elevation_m))
     distance, elevation, east_m, north_m = _way(track, elevation, name)
     length_m = float(distance[-1])
     if not length_m <= rules.LONGEST_M:
@@ -227,6 +228,11 @@ def profile(track: Track, name: str) -> Profile:
         )
     count = max(int(np.ceil(length_m / GRID_M)), 1) + 1
     grid, step_m = np.linspace(0.0, length_m, count), length_m / (count - 1)
+    if slope_rad is not None:
+        if np.isfinite(track.elevation_m).any():
+            warnings.warn(f"{name}: its heights are not used: a slope is given for the whole way", stacklevel=2)
+        along_m = grid / np.cos(slope_rad)  # positions and distances of a track are those on a map
+        return Profile(along_m, np.sin(slope_rad) * along_m, _heading(grid, distance, east_m, north_m))
     smooth, threshold_m = _smooth(np.interp(grid, distance, elevation), step_m, length_m / (len(distance) - 1))
     level = _without_wiggles(smooth, threshold_m)
     rise = np.diff(level)
@@ -272,8 +278,7 @@ def _filled(elevation: Array, name: str) -> Array:
     known = (np.abs(elevation) <= rules.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
     if known.mean() < 1.0 - rules.MISSING_SHARE:
         raise RouteError(
-            f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; give a track with elevations, or "
-            "for ground of one slope a CSV profile of two rows: distance_m,grade_rad"
+            f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; {without_heights(name)}"
         )
     if not known.all():
         warnings.warn(

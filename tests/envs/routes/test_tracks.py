@@ -320,3 +320,32 @@ def test_what_was_not_driven_is_no_way(
     assert track.distance_m[-1] == pytest.approx(way_m, abs=1.0)
     messages = " ".join(str(one.message) for one in caught)
     assert re.search(said, messages) if said else not messages
+
+
+@pytest.mark.parametrize("ending", [".gpx", ".csv"])
+def test_a_track_without_heights_takes_a_slope_from_its_user(tmp_path: Path, ending: str) -> None:
+    path, distance = tmp_path / f"flat{ending}", np.linspace(0.0, 1000.0, 50)
+    if ending == ".gpx":
+        write_gpx(path, distance, np.zeros(50))
+        path.write_text(re.sub("<ele>.*?</ele>", "", path.read_text()))
+    else:
+        path.write_text("lat,lon\n" + "".join(f"{45.0 + d / M_PER_DEGREE:.9f},7.0\n" for d in distance))
+    with pytest.raises(RouteError, match=f"{ending}@flat, or .*{ending}@grade_rad=SLOPE"):
+        load_route(path, 50.0)
+    assert not load_route(f"{path}@flat", 50.0).grade_rad.any()
+    sloped = load_route(f"{path}@grade_rad=0.02", 50.0)
+    assert np.allclose(sloped.grade_rad, 0.02) and sloped.length_m == pytest.approx(1000.0 / np.cos(0.02), rel=1e-3)
+    with pytest.raises(RouteError, match="@grade_rad=2 is no slope"):
+        load_route(f"{path}@grade_rad=2", 50.0)
+    env: Any = gym.make("homeward/OutAndBack-v0", robot="husky", route=f"{path}@flat")
+    env.close()
+
+
+def test_heights_that_are_not_used_are_said(tmp_path: Path) -> None:
+    path = write_gpx(tmp_path / "a.gpx", np.linspace(0.0, 1000.0, 50), np.linspace(0.0, 50.0, 50))
+    with pytest.warns(UserWarning, match="its heights are not used"):
+        assert not load_route(f"{path}@flat", 50.0).grade_rad.any()
+    profile_of_slopes = tmp_path / "profile.csv"
+    profile_of_slopes.write_text("distance_m,grade_rad\n0,0.1\n100,0.1\n")
+    with pytest.raises(RouteError, match="is a profile, which has its slopes itself"):
+        load_route(f"{profile_of_slopes}@flat", 50.0)
