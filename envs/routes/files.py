@@ -23,6 +23,7 @@ from homeward.envs.routes.route import (
 )
 from homeward.envs.state import MAX_PLACES
 from homeward.files import STANDARD_INPUT, read_text
+from homeward.remedies import why_no_route
 
 COLUMNS = (
     "distance_m",
@@ -87,8 +88,8 @@ def load_route(route: str | Path, place_m: float) -> Route:
         from homeward.envs.routes import tracks  # only now: it needs further packages
 
         return _cut(path, tracks.profile(tracks.read_track(path), str(path), slope_rad).columns(), place_m)
-    if path.suffix.lower() in (".kml", ".kmz", ".geojson", ".json", ".tcx", ".nmea"):
-        raise RouteError(f"{path}: is a track of another format; convert it to GPX, as with gpsbabel")
+    if remedy := why_no_route(path):
+        raise RouteError(f"{path}: {remedy}")
     columns, lines = _read_table(path, heights=slope_rad is None)
     if POSITIONS[0] in columns:
         from homeward.envs.routes import tracks
@@ -121,8 +122,8 @@ def _with_slope(route: Path) -> tuple[Path, float | None]:
         slope_rad = np.nan
     if not abs(slope_rad) <= steepest_rad:  # not NaN either
         raise RouteError(
-            f"{route}: @{given} is no slope; say @flat, or @grade_rad=SLOPE of at most {steepest_rad:.2f} rad, positive "
-            "uphill"
+            f"{route}: @{given} is no slope; say @flat, or @grade_rad=SLOPE of at most {steepest_rad:.2f} rad, "
+            "positive uphill"
         )
     return Path(name), slope_rad
 

@@ -17,6 +17,7 @@ from homeward.logs.guess import LEAST_SURE, OFFSETS, UNITS, Guess, one_line
 from homeward.logs.joined import BETWEEN, tables_of_run
 from homeward.logs.times import from_text
 from homeward.logs.trial import tried_on_physics
+from homeward.remedies import why_no_recording
 
 _ROWS = 5000  # that are read; chosen: enough to see units and signs, in a moment
 
@@ -192,6 +193,8 @@ def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], di
         return names, table, (), {}
     if not path.name.lower().endswith(tables.SUFFIXES):
         kinds = ", ".join(tables.SUFFIXES)
+        if remedy := why_no_recording(path):
+            raise RecordingError(remedy)
         raise RecordingError(f"is not a table; give a {kinds} or .parquet file (a bag has topics, not columns)")
     text = tables.sniff(path)
     names = list(dict.fromkeys(name for name in text.header if name))

@@ -29,28 +29,13 @@ from homeward.logs.doubts import doubts
 from homeward.logs.joined import BETWEEN, join, mapping_of_table, tables_of_run
 from homeward.logs.plausible import leave_out_spikes
 from homeward.logs.times import from_epoch, from_text
+from homeward.remedies import why_no_recording
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _ENOUGH = "speed_mps", "power_w"  # motion and power, which another table of the run may have
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
-_TRACK = "is a track, without power; for a route convert it to GPX, as with gpsbabel"
-_REMEDIES = {
-    ".zstd": "is packed as a whole: unpack it (zstd -d FILE), or give the folder of its bag",
-    ".zst": "is packed as a whole: unpack it (zstd -d FILE)",
-    ".zip": "is packed: unpack it, and give the recordings in it",
-    ".7z": "is packed: unpack it, and give the recordings in it",
-    ".tlog": "is a telemetry log of MAVLink: give the autopilot's own log (.bin, .ulg), or write it as a table "
-    "(mavlogdump.py --format csv of pymavlink)",
-    ".xlsx": "is a spreadsheet: save it as CSV",
-    ".xls": "is a spreadsheet: save it as CSV",
-    ".ods": "is a spreadsheet: save it as CSV",
-    ".gpx": "is a track, without power; give it as a route (homeward routes FILE)",
-    ".fit": "is a track, without power; give it as a route (homeward routes FILE)",
-    **dict.fromkeys((".kml", ".kmz", ".geojson", ".tcx", ".nmea"), _TRACK),
-}  # fmt: skip
-"""What to do with files that are no recordings, by the ending of their names."""
 
 
 @dataclass(frozen=True)
@@ -192,12 +177,8 @@ def _read_table(
     if not path.is_file():
         raise RecordingError("is a pipe or device; give a file, or - for standard input")
     if suffix is None:
-        for ending, remedy in _REMEDIES.items():
-            if path.name.lower().endswith(ending):
-                raise RecordingError(remedy)
-        raise RecordingError(
-            f"unknown kind of file; a recording is {', '.join((*_SUFFIXES, *FLIGHT_SUFFIXES))} or a bag"
-        )
+        unknown_kind = f"unknown kind of file; a recording is {', '.join((*_SUFFIXES, *FLIGHT_SUFFIXES))} or a bag"
+        raise RecordingError(why_no_recording(path) or unknown_kind)
     if path.stat().st_size == 0:
         raise RecordingError("is empty")
     notes: list[str] = []

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from homeward.diagnosis import RecordingError, read_recording
 from homeward.logs.guess import SURE
 from homeward.logs.propose import propose
 
@@ -68,12 +67,3 @@ def test_the_charge_used_is_no_charge_left(tmp_path: Path) -> None:
     assert proposed(tmp_path, **BASE, battery__level__used=T / 400.0)["soc"][:2] == (-1.0, "a guess")
     factor, sure, why = proposed(tmp_path, **BASE, soc=T / 400.0)["soc"]
     assert (factor, sure) == (1.0, "a guess") and "is it the charge used?" in why
-
-
-def test_the_reader_says_which_of_two_powers_it_uses(tmp_path: Path) -> None:
-    path = tmp_path / "run.csv"
-    pd.DataFrame({**BASE, "power_w": 3.0 * VOLTAGE * CURRENT}).to_csv(path, index=False)
-    assert any("3 times voltage_v x current_a: power_w is used" in note for note in read_recording(path).notes)
-    pd.DataFrame({**BASE, "heading_rad": np.degrees(0.1 * T), "yaw_rate_radps": 0.1}).to_csv(path, index=False)
-    with pytest.raises(RecordingError, match=r"heading_rad is 57\.3 times that of yaw_rate_radps"):
-        read_recording(path)
