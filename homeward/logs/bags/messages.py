@@ -148,6 +148,7 @@ def shipped_definitions() -> list[dict[str, str]]:
 def getter(path: str) -> Callable[[Any], float]:
     """Reader of a number by its path, such as `twist.twist.linear.x`, `measured_currents[0]` or, in a message with
     names as `sensor_msgs/JointState` has them, `velocity[front_left_wheel]`; NaN where an element is missing.
+    Paths with [*] are read by `homeward.logs.bags.elements`.
 
     Raises:
         WrongField: The path is not understood or, on reading, the message has no such field.

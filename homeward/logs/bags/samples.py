@@ -8,7 +8,6 @@ receipt of the other topics.
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +16,12 @@ from scipy.ndimage import median_filter
 
 from homeward.logs import rules
 from homeward.logs.bags.container import Bag
-from homeward.logs.bags.messages import UnknownType, WrongField, decoder, getter
-from homeward.logs.bags.topics import BATTERY, PART, without_part
+from homeward.logs.bags.elements import MOST_PARTS, elements_reader
+from homeward.logs.bags.messages import UnknownType, WrongField, decoder
+from homeward.logs.bags.topics import PART, without_part
 from homeward.logs.channels import Array
 from homeward.logs.columns import RecordingError
 
-_MOST_PARTS = 16  # batteries of a topic; chosen: with more, the text is none that names a battery
 _LATEST_NS = np.iinfo(np.int64).max  # of a time of receipt, which a damaged record exceeds
 
 
@@ -59,7 +58,7 @@ def read_samples(
                 readable.append(connection)
             except UnknownType as error:
                 unread[connection.topic] = f"{connection.topic} is left out: {error}"
-    getters = {name: [getter(path) for path in paths] for name, paths in wanted.items()}
+    readers = {name: elements_reader(paths) for name, paths in wanted.items()}
     rows: dict[str, list[list[float]]] = {connection.topic: [] for connection in readable}
     times: dict[str, list[tuple[int, int]]] = {name: [] for name in rows}
     parts: dict[str, list[str]] = {name: [] for name in rows}
@@ -73,15 +72,18 @@ def read_samples(
             continue
         try:
             message = decode(content)
-            rows[name].append([get(message) for get in getters[name]])
+            elements = readers[name](message, getattr(message, "__msgtype__", connection.msgtype))
         except SerdeError:
             failures[name] += 1
             continue
         except WrongField as error:
             raise RecordingError(f"{name} ({connection.msgtype}): {error}") from None
-        parts[name].append(part_of(message, getattr(message, "__msgtype__", connection.msgtype)))
         stamp = getattr(getattr(message, "header", None), "stamp", None)
-        times[name].append((received_ns, 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)))
+        stamp_ns = 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
+        for element in elements:
+            rows[name].append([element.values[path] for path in wanted[name]])
+            parts[name].append(element.part)
+            times[name].append((received_ns, stamp_ns))
     bag.notes += [f"{n} messages of {name} do not fit their type and are left out" for name, n in failures.items() if n]
     unread |= {name: f"{name} is left out: none of its messages can be read" for name in rows if not rows[name]}
     samples: dict[str, Samples] = {}
@@ -132,19 +134,10 @@ def keep_longest_part(samples: dict[str, Samples]) -> list[str]:
     return [f"its clock begins again: of {parts} parts ({lengths}) the longest is read, and the others are left out"]
 
 
-def part_of(message: Any, kind: str) -> str:
-    """Name of the battery that a message is of, as far as it says so: several may share a topic."""
-    if kind != BATTERY:
-        return ""
-    said = (getattr(message, "location", ""), getattr(message, "serial_number", ""))
-    frame = getattr(getattr(message, "header", None), "frame_id", "")
-    return str(next((name for name in (*said, frame) if name), ""))
-
-
 def _by_part(name: str, samples: Samples, parts: NDArray[np.str_]) -> dict[str, Samples]:
     """The samples of a topic, or those of each battery that it reports, by name."""
     found = np.unique(parts)
-    if not 1 < len(found) <= _MOST_PARTS:
+    if not 1 < len(found) <= MOST_PARTS:
         return {name: samples}
     divided = {}
     for part in found:

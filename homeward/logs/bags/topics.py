@@ -124,8 +124,9 @@ def load_topics(mapping: str | Path) -> Topics:
     The file has tables `[[topics]]`, the preferred first. In each: `name`, a pattern as in a shell; optionally `type`,
     `except` (a pattern of names to exclude), `stamp = "receive"` and `several` (`"sum"` or `"first"` of the batteries
     that match, see `homeward.logs.bags.batteries`); and one line per channel with the path of a
-    field, or a table with `field` (or `fields`, which are added), `factor` (or `factors`) and `offset`. The entries
-    `orientation` (path of a quaternion) and `acceleration` (path of a vector) give the grade.
+    field, or a table with `field` (or `fields`, which are added), `factor` (or `factors`) and `offset`. A path with
+    [*], as `packs[*].current`, reads each element of a list as a battery. The entries `orientation` (path of a
+    quaternion) and `acceleration` (path of a vector) give the grade.
 
     Raises:
         RecordingError: Unknown name, unreadable file or an invalid entry.
@@ -170,7 +171,7 @@ def _topic(where: str, entry: dict[str, Any]) -> Topic:
     topic = Topic(texts["name"], texts["type"], texts["except"], on_receipt, sources, vectors, texts["several"])
     for path in topic.paths():
         try:
-            getter(path)
+            getter(path.replace("[*]", "[0]"))
         except WrongField as error:
             raise RecordingError(f"{where}: {error}") from None
     return topic

@@ -19,8 +19,8 @@ from homeward.logs import RecordingError
 from homeward.logs import rules as logs_rules
 from homeward.logs.bags import grade
 from homeward.logs.bags.batteries import OF_BATTERY
-from homeward.logs.bags.messages import WrongField, getter
-from homeward.logs.bags.samples import part_of
+from homeward.logs.bags.elements import Element, elements_reader
+from homeward.logs.bags.messages import WrongField
 from homeward.logs.bags.topics import (
     ACCELERATION,
     BATTERY,
@@ -36,6 +36,7 @@ from homeward.watch import rules
 from homeward.watch.online.batteries import Batteries
 from homeward.watch.online.charge import Charge
 from homeward.watch.online.odometry import Odometry
+from homeward.watch.online.spikes import Spikes
 from homeward.watch.online.stamps import Stamps
 from homeward.watch.online.values import POSE, Value, acceleration, east_m, field_value, heading, heading_of, slope
 
@@ -117,7 +118,8 @@ class Listener:
         self.odometry = Odometry(max_speed_mps)
         self._options: dict[str, dict[str, list[_Option]]] = {}  # by topic and channel
         self._chosen: dict[str, tuple[Topic, Found]] = {}
-        self._getters: dict[str, dict[str, Callable[[Any], float]]] = {}
+        self._readers: dict[str, Callable[[Any, str], list[Element]]] = {}
+        self._spikes = Spikes(max_speed_mps)
         self._values: dict[str, deque[float]] = {}
         self._place: tuple[float, float, float] | None = None
         self.stamps = Stamps()
@@ -151,14 +153,16 @@ class Listener:
         every["heading"] = sorted(headings, key=lambda option: option.found.msgtype == IMU)
         every[ACCELERATION] = options(ACCELERATION, acceleration)
         every["pose"] = [one._replace(value=east_m) for one in every["speed_mps"] if one.found.msgtype == ODOMETRY]
-        self._getters, self._options = {}, {}
+        self._options = {}
+        paths_of: dict[str, dict[str, None]] = {}  # by topic
         for channel, ways in every.items():
             for one in ways:
                 paths = [*one.topic.paths(), *(POSE if one.found.msgtype == ODOMETRY else ())]
-                self._getters.setdefault(one.found.topic, {}).update({path: getter(path) for path in paths})
+                paths_of.setdefault(one.found.topic, {}).update(dict.fromkeys(paths))
                 self._options.setdefault(one.found.topic, {})[channel] = ways
-        self.wanted = {one.topic: one.msgtype for one in offered if one.topic in self._getters}
-        self.fields = {name: list(paths) for name, paths in self._getters.items()}
+        self._readers = {topic: elements_reader(paths) for topic, paths in paths_of.items()}
+        self.wanted = {one.topic: one.msgtype for one in offered if one.topic in self._readers}
+        self.fields = {name: list(paths) for name, paths in paths_of.items()}
 
     def hear(self, name: str, message: Any, publisher: int, now_s: float) -> None:
         """Process a message.
@@ -173,19 +177,13 @@ class Listener:
             RecordingError: It lacks a field that the mapping names.
         """
         try:
-            values = {path: get(message) for path, get in self._getters[name].items()}
+            elements = self._readers[name](message, self.wanted[name])
         except WrongField as error:
             raise RecordingError(f"{name} ({self.wanted[name]}): {error}") from None
         self._heard(name, now_s)
-        battery = self._battery_of(name, message, values)
-        spoke = set()
-        for channel, options in self._options[name].items():
-            option = self._preferred(channel, options, name, values, battery)
-            if option is not None:
-                value = self._value(option, channel, values, battery)
-                if math.isfinite(value):
-                    self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
-                    spoke.add(channel)
+        spoke, values = set[str](), dict[str, float]()
+        for part, values in elements:
+            spoke |= self._hear_channels(name, part, values, now_s)
         if "pose" in spoke:
             yaw_rad = heading_of(values, self._chosen["pose"][0])
             speed = self._values["speed_mps"][-1] if "speed_mps" in self._values else math.nan
@@ -203,6 +201,26 @@ class Listener:
             stamp_s = 0.0 if stamp is None else int(stamp.sec) + 1e-9 * int(stamp.nanosec)
             on_receipt = self._chosen[motion][0].on_receipt or stamp_s <= 0.0
             self._stamp = None if on_receipt else stamp_s, now_s
+
+    def _hear_channels(self, name: str, part: str, values: dict[str, float], now_s: float) -> set[str]:
+        """Keep the values of the channels that a message gives, or one battery of it; their names."""
+        battery = self._battery_of(name, part, values)
+        spoke = set()
+        for channel, options in self._options[name].items():
+            option = self._preferred(channel, options, name, values, battery)
+            if option is None:
+                continue
+            value = self._value(option, channel, values, battery)
+            if not math.isfinite(value):
+                continue
+            if self._spikes.see(channel, value, now_s):
+                count = self._spikes.counts[channel]
+                said = f"readings of {channel} that no motion explains are left out"
+                self.say(f"{said}: {count} (the last {value:.4g})", now_s, said)
+                continue
+            self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
+            spoke.add(channel)
+        return spoke
 
     def take(self, now_s: float) -> Heard | None:
         """Readings since the last call; None without motion.
@@ -248,9 +266,8 @@ class Listener:
         self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= companion_rules.STAYS_S}
         return [text for text, _ in self._said.values()]
 
-    def _battery_of(self, name: str, message: Any, values: dict[str, float]) -> str:
-        """Name of the battery that a message is of, whose readings are kept for the choice among several."""
-        part = part_of(message, self.wanted[name])
+    def _battery_of(self, name: str, part: str, values: dict[str, float]) -> str:
+        """Name of the battery that values are of, whose readings are kept for the choice among several."""
         battery = f"{name}{PART}{part}" if part else name
         of_entry: dict[int, tuple[Topic, dict[str, float]]] = {}
         for channel in OF_BATTERY & self._options[name].keys():

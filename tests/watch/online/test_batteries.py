@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 pytest.importorskip("rosbags", reason="needs the extra logs")
 
 from homeward.diagnosis import RecordingError, read_recording
+from homeward.logs.bags.topics import load_topics
 from tests.logs.bag_writer import Stream, write_bag
 from tests.logs.flight_writer import write_dataflash
 from tests.watch.online.test_listener import BATTERY, ODOMETRY, Bench, battery, drive
@@ -89,3 +91,24 @@ def test_batteries_of_one_topic_and_instances_of_an_autopilot(tmp_path: Path) ->
     np.testing.assert_allclose(flight.channels["current_a"], 4.0, rtol=1e-3)
     for recording, name in ((one_topic, "/battery@slot 2 (1.6 at 24 V)"), (flight, "BAT@1 (1.6 at 24 V)")):
         assert name in " ".join(recording.notes)
+
+
+def test_a_list_of_batteries_in_one_message_is_chosen_from_alike(tmp_path: Path) -> None:
+    kind, definition = "my_msgs/msg/Packs", "std_msgs/Header header\nfloat32[] volts\nfloat32[] amps\n"
+    (tmp_path / "map.toml").write_text(
+        f'[[topics]]\nname = "/packs"\ntype = "{kind}"\nvoltage_v = "volts[*]"\ncurrent_a = "amps[*]"\n'
+        '[[topics]]\nname = "/odom"\nspeed_mps = "twist.twist.linear.x"\n'
+    )
+    amps = np.empty(len(TIME_S), dtype=object)
+    amps[:] = [np.array([0.6 * drawn, 0.4 * drawn], np.float32) for drawn in DRAWN_A]
+    streams = {
+        "/odom": Stream(ODOMETRY, TIME_S, {"twist.twist.linear.x": 1.0}),
+        "/packs": Stream(kind, TIME_S, {"volts": np.array([24.0, 24.1], np.float32), "amps": amps}, definition),
+    }
+    recording = read_recording(write_bag(tmp_path, "mcap", streams), tmp_path / "map.toml")
+    np.testing.assert_allclose(recording.channels["current_a"], DRAWN_A, rtol=1e-3)
+    assert "/packs@0 (2.41 at 24 V), /packs@1" in " ".join(recording.notes)
+    bench = Bench({"/packs": kind, "/odom": ODOMETRY}, load_topics(tmp_path / "map.toml"))
+    heard: Any = bench.feed(30, odom=drive, packs=lambda t: SimpleNamespace(volts=[24.0, 24.1], amps=[2.4, 1.6]))
+    assert heard.reading["current_a"] == pytest.approx(4.0)
+    assert "packs in parallel" in " ".join(bench.listener.warnings(2.9))
