@@ -115,6 +115,7 @@ def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None) ->
             if path.exists() and is_bag(path):
                 raise RecordingError("is a bag or log, which is a run by itself; only tables are joined")
             table, said = _read_table(path, None if given is None else load_columns(given), False, part=True)
+            _refuse_few(table)
             time_s, taken_for = from_epoch(_finite(table["time_s"]))
             said += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
             _refuse_bad_time(time_s)
@@ -377,10 +378,14 @@ def _shown(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)[:30]
 
 
-def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
-    """Channels of a table, with notes on what is left out."""
+def _refuse_few(table: pd.DataFrame) -> None:
     if len(table) < 2:
         raise RecordingError(f"holds {len(table)} samples; at least 2 are needed")
+
+
+def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
+    """Channels of a table, with notes on what is left out."""
+    _refuse_few(table)
     channels: dict[str, Array] = {}
     for channel in (CHANNELS[column] for column in table.columns):
         values = _finite(table[channel.name])

@@ -1,7 +1,8 @@
 """Real files with changed bytes and structure are read or refused, by every loader and by commands, in time and memory.
 
 Some of each belong to every run. `HOMEWARD_MUTATIONS=10000 pytest tests/robustness/test_mutated.py
---hypothesis-show-statistics` draws so many others of each; `broken` holds what once broke, for `test_broken.py`.
+--hypothesis-show-statistics` draws so many others of each, and tries ONNX networks, too; `broken` holds what once
+broke, for `test_broken.py`.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from homeward.logs.bags.topics import load_topics
 from homeward.logs.propose import propose
 from homeward.physics import RobotError, load_robot
 from tests.command_line import ended
+from tests.envs.routes.test_tracks import write_fit
 from tests.logs.bag_writer import Stream, write_bag
 from tests.logs.flight_writer import write_dataflash, write_ulog
 
@@ -54,6 +56,7 @@ LONGEST_S = 10.0
 MOST_BYTES = 10**9
 """What it may allocate."""
 SPLIT = b"\n--policy--\n"
+SECOND = b"\n--second--\n"
 TOKENS = (
     b"", b"nan", b"-inf", b"1e400", b"-1", b"0", b"1e-320", b"9223372036854775807", b"18446744073709551616", b"\x00",
     b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\xff\xfe", b"\xef\xbb\xbf", b"[[", b"]]", b"{", b"}", b'"', b"'", b"#",
@@ -144,6 +147,82 @@ def logs(form: str) -> list[bytes]:
         return [one.read_bytes() for one in sorted(folder.rglob("*")) if one.suffix in (".bag", ".mcap", ".db3")]
 
 
+def two_packs() -> list[bytes]:
+    """A bag of a robot with packs in parallel and their sum, each a topic."""
+    t = np.arange(0.0, 8.0, 0.5)
+    streams = {"/odom": Stream("nav_msgs/msg/Odometry", t, {"twist.twist.linear.x": 0.5 + 0.1 * np.sin(t)})}
+    for name, share in {"_1": 0.5, "_2": 0.5, "": 1.0}.items():
+        readings = {"voltage": 24.0, "current": -share * (3.0 + t)}
+        streams[f"/battery{name}"] = Stream("sensor_msgs/msg/BatteryState", t, readings)
+    with tempfile.TemporaryDirectory() as name:
+        bag = write_bag(Path(name), "mcap", streams, "storage")
+        return [next(bag.glob("*.mcap")).read_bytes()]
+
+
+def sparse() -> list[bytes]:
+    """A row for each message, as PlotJuggler writes them."""
+
+    def row(i: int) -> str:
+        return f"{i / 5:.2f},{0.5 + 0.01 * i:.2f},," if i % 2 else f"{i / 5:.2f},,24.5,{3 + i % 3}"
+
+    return [rows("time_s,speed_mps,voltage_v,current_a", row, 60)]
+
+
+def echoes() -> list[bytes]:
+    """Two tables of one run in one, as `ros2 topic echo --csv` writes them."""
+    covariance = ",".join(["0.0"] * 36)
+    pose = f"odom,base_link,0.0,0.0,0.0,0.0,0.0,0.0,1.0,{covariance}"
+    odometry = [f"{100 + i},0,{pose},0.5,0.0,0.0,0.0,0.0,0.1,{covariance}" for i in range(40)]
+    battery = [f"{100 + i},500000000,,24.0,nan,-{3 + i % 3},nan,nan,nan,0.8,2,0,0,True" for i in range(40)]
+    return [SECOND.join("\n".join(lines).encode() for lines in (odometry, battery))]
+
+
+def joined() -> list[bytes]:
+    """Two tables of one run in one, with names."""
+    motion = rows("time_s,speed_mps", lambda i: f"{i / 5:.2f},{0.5 + i % 3}")
+    return [SECOND.join((motion, rows("time_s,power_w", lambda i: f"{i / 5 + 0.05:.2f},{90 + i % 7}")))]
+
+
+def two_tables(path: Path) -> str:
+    """The name of both tables of a file, as files of their own."""
+    contents = path.read_bytes().partition(SECOND)
+    paths = [path.with_name("first.csv"), path.with_name("second.csv")]
+    for table, content in zip(paths, contents[::2], strict=True):
+        table.write_bytes(content)
+    return "+".join(map(str, paths))
+
+
+def segments() -> list[bytes]:
+    """A GPX track without heights, of segments of which one repeats the others."""
+    head = '<?xml version="1.0"?><gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1"><trk>'
+    points = [f'<trkpt lat="{45 + i * 1e-4:.5f}" lon="7.0"></trkpt>' for i in range(40)]
+    parts = ["".join(part) for part in (points[:20], points[:35], points[35:])]
+    body = "".join(f"<trkseg>{part}</trkseg>" for part in parts)
+    return [f"{head}{body}</trk></gpx>".encode()]
+
+
+def fit() -> list[bytes]:
+    distance_m = np.linspace(0.0, 500.0, 40)
+    with tempfile.TemporaryDirectory() as name:
+        return [write_fit(Path(name) / "a.fit", distance_m, 100.0 + np.sin(distance_m / 50.0)).read_bytes()]
+
+
+def networks() -> list[bytes]:
+    """An ONNX network with its environment."""
+    from homeward.agents.trained.onnx_export import Args, main
+
+    with tempfile.TemporaryDirectory() as name, contextlib.redirect_stdout(io.StringIO()):
+        path = Path(name) / "a.onnx"
+        main(Args(ROOT / "agents" / "policies" / "OutAndBack_scratch", path))
+        return [path.read_bytes()]
+
+
+def read_network(path: Path) -> object:
+    from homeward.agents.trained.onnx_policy import load_onnx
+
+    return load_onnx(path)
+
+
 def policies() -> list[bytes]:
     """Both files of a policy in one, the description first."""
     folders = [path.parent for path in sorted((ROOT / "agents" / "policies").glob("*/policy.json"))]
@@ -188,6 +267,14 @@ LOADERS = {
     "px4": Loader(read_recording, ".ulg", RECORDING, lambda: logs("ulg")),
     "ardupilot": Loader(read_recording, ".bin", RECORDING, lambda: logs("bin")),
     "vesc tool": Loader(read_recording, ".csv", RECORDING, vesc_tool),
+    "two packs": Loader(read_recording, ".mcap", RECORDING, two_packs),
+    "sparse table": Loader(read_recording, ".csv", RECORDING, sparse),
+    "joined tables": Loader(lambda path: read_recording(two_tables(path)), ".csv", RECORDING, joined),
+    "echoed topics": Loader(
+        lambda path: read_recording(two_tables(path), "ros2_echo_odometry+ros2_echo_battery"), ".csv", RECORDING, echoes
+    ),
+    "track of segments": Loader(lambda path: load_route(f"{path}@flat", 5.0), ".gpx", (RouteError,), segments),
+    "fit": Loader(lambda path: load_route(path, 5.0), ".fit", (RouteError,), fit),
     "mapping of columns": Loader(load_columns, ".toml", RECORDING, lambda: files("homeward/logs/maps/*.toml")),
     "mapping of topics": Loader(load_topics, ".toml", RECORDING, lambda: files("homeward/logs/bags/maps/*.toml")),
     "proposal": Loader(propose, ".csv", RECORDING, lambda: [*tables(), *foreign()]),
@@ -197,6 +284,8 @@ LOADERS = {
     ),
     "instruments": Loader(load_instruments, ".toml", (InstrumentError,), instruments),
 }  # fmt: skip
+if GIVEN:
+    LOADERS["network"] = Loader(read_network, ".onnx", (PolicyFileError, OptionError, RobotError, RouteError), networks)
 EVALUATE = "evaluate --agents soc50 --episodes 2 --out OUT"
 COMMANDS = (
     ("robot", "range FILE --grade 3 --duty 0.5"),
@@ -210,6 +299,9 @@ COMMANDS = (
     ("robot", "diagnose RUN --robot FILE --out OUT"),
     ("mapping of columns", "diagnose RUN --columns FILE --out OUT"),
     ("sqlite3", "watch FILE --robot husky --out OUT"),
+    ("two packs", "watch FILE --robot husky --out OUT"),
+    ("sparse table", "columns FILE"),
+    ("fit", "range husky --route FILE"),
     ("instruments", f"{EVALUATE} --instruments FILE"),
     ("robot", f"{EVALUATE} --robot FILE"),
     ("track", f"{EVALUATE} --route FILE"),
@@ -223,7 +315,7 @@ def real(name: str) -> list[bytes]:
     """Real files; they are read here first, for what that imports and compiles counts for no input."""
     loader = LOADERS[name]
     made = loader.files()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
         path = Path(folder) / f"input{loader.suffix}"
         for data in made:
             path.write_bytes(data)
