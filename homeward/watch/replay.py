@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from homeward.companion import Advice, Companion, CompanionError
 from homeward.companion import rules as companion_rules
 from homeward.companion.companion import WINDOWS as WINDOWS_A_CHARGE
+from homeward.diagnosis.fit.signs import wrong_slopes
 from homeward.diagnosis.fit.usable import fault_of
 from homeward.diagnosis.read.signals import Signals, signals, slopes_known, speed_of, steps_s
 from homeward.estimation import WAY_DTYPE, Prior
@@ -139,7 +140,8 @@ def watch(
         raise CompanionError(f"{recording.name}: the robot stood all the time; there is no way to predict")
     given = _readings(recording, run, turns(recording))
     moments: list[tuple[float, float, float, float, float, float]] = []
-    warned: dict[str, float] = {}
+    wrong_sign = wrong_slopes([run], robot)
+    warned = {} if wrong_sign is None else {wrong_sign: 0.0}  # what was warned of, and when first
     next_s, advice, stride = 0.0, None, -(-len(run.time_s) // _MOST_FED)
     for first in range(0, len(run.time_s), stride):
         last = min(first + stride, len(run.time_s)) - 1

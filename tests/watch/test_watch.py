@@ -88,6 +88,10 @@ def test_hills_shorter_than_places_are_no_surprise(tmp_path: Path) -> None:
     one = watch(read_recording(tmp_path / "hills.csv"), replace(robot, uncertainty=sure))
     off = one.mean_j / one.took_j - 1.0
     assert np.abs(off[one.left_m > 20.0]).max() < 0.02 and one.covered.mean() > 0.9
+    assert not any("uphill" in text for _, text in one.warnings)
+    table.assign(grade_rad=-grade).to_csv(tmp_path / "turned.csv", index=False)
+    turned = watch(read_recording(tmp_path / "turned.csv"), robot)
+    assert any("is uphill positive?" in text for _, text in turned.warnings)
 
 
 def test_at_the_terminals_nothing_is_seen_of_what_the_battery_loses_inside(tmp_path: Path) -> None:

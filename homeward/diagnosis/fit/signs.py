@@ -84,14 +84,16 @@ def wrong_slopes(signals: Sequence[Signals], robot: Robot) -> str | None:
     pairs = list(zip(runs.signals, runs.windows, strict=True))
     speed_mps = np.concatenate([cut.means(np.abs(run.speed_mps)) for run, cut in pairs])
     climb_mps = np.concatenate([cut.means(run.speed_mps * np.sin(run.grade_rad)) for run, cut in pairs])
-    causes = np.stack((np.ones(len(speed_mps)), speed_mps, climb_mps), axis=-1)
+    causes = np.stack((climb_mps, np.ones(len(speed_mps)), speed_mps), axis=-1)
+    if np.linalg.matrix_rank(causes) < causes.shape[1]:
+        causes = causes[:, :2]  # at one speed
     if np.linalg.matrix_rank(causes) < causes.shape[1] or len(causes) < rules.FEWEST_SAMPLES:
         return None
     sizes = np.linalg.lstsq(causes, runs.observed, rcond=None)[0]
     left = runs.observed - causes @ sizes
     variance = float(left @ left) / (len(left) - causes.shape[1]) * correlation_windows(left, runs.run)
-    error_n = float(np.sqrt(variance * np.linalg.inv(causes.T @ causes)[2, 2]))
-    force_n, weight_n = float(sizes[2]), robot.mass_kg * GRAVITY_MPS2
+    error_n = float(np.sqrt(variance * np.linalg.inv(causes.T @ causes)[0, 0]))
+    force_n, weight_n = float(sizes[0]), robot.mass_kg * GRAVITY_MPS2
     if force_n > -rules.HALF * weight_n or force_n > -rules.CLEAR_TILT * error_n:
         return None
     return (
