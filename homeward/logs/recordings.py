@@ -335,7 +335,8 @@ def _wanted(header: list[str], mapping: Columns | None, standing: bool = False, 
     else:
         wanted = [name for name in CHANNELS if name in header]
         offer = f"{_has(header)}; `homeward columns RUN` proposes a mapping file (--columns) that says which is which"
-        _refuse_nameless(header)
+        if "time_s" not in header:
+            _refuse_nameless(header)
         _refuse_missing([*wanted, *_ENOUGH] if part else [*wanted, "speed_mps"] if standing else wanted, offer)
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:

@@ -104,7 +104,7 @@ def _by_ratio(pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, 
         return {guess.channel: replace(guess, sure=1, why=f"its name says no unit; in {word}, as {said} otherwise")}
     if not now.is_long_enough:
         return {}
-    return {guess.channel: _doubted(guess, f"{said}: one has another unit") for guess in of_pair}
+    return {guess.channel: _doubted(guess, f"{said}: one has another unit, or is another amount") for guess in of_pair}
 
 
 def _repairs(pair: Twice, guesses: Mapping[str, Guess]) -> list[tuple[Guess, str]]:
