@@ -139,7 +139,7 @@ def _read_table(path: Any, heights: bool = True) -> tuple[dict[str, NDArray[np.f
         lines = [(number, line.split("#")[0]) for number, line in enumerate(text, start=1)]
         lines = [(number, line) for number, line in lines if line.strip(" \t,;")]
         # Spreadsheets in languages with decimal commas write semicolons.
-        separator = next((one for one in ";\t" if lines and one in lines[0][1]), ",")
+        separator = next((sign for sign in ";\t" if lines and sign in lines[0][1]), ",")
         rows = [
             (number, [field.strip() for field in next(csv.reader([line], delimiter=separator))])
             for number, line in lines

@@ -126,7 +126,7 @@ def _driven(segments: list[Array], name: str) -> Array:
     """
     steps_seen: set[tuple[float, ...]] = set()
     new: list[bool] = [False] * len(segments)
-    for number in sorted(range(len(segments)), key=lambda one: -len(segments[one])):
+    for number in sorted(range(len(segments)), key=lambda number: -len(segments[number])):
         # Steps from point to point, so that the way back over the same points is none.
         steps = set(map(tuple, np.hstack((segments[number][:-1, :2], segments[number][1:, :2])).tolist()))
         new[number] = len(segments[number]) > 1 and not steps <= steps_seen
@@ -275,18 +275,18 @@ def _refuse_jump(step_m: Array, name: str) -> None:
 
 
 def _filled(elevation: Array, name: str) -> Array:
-    known = (np.abs(elevation) <= rules.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
-    if known.mean() < 1.0 - rules.MISSING_SHARE:
+    is_known = (np.abs(elevation) <= rules.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
+    if is_known.mean() < 1.0 - rules.MISSING_SHARE:
         raise RouteError(
-            f"{name}: {int((~known).sum())} of {len(known)} points have no elevation; {without_heights(name)}"
+            f"{name}: {int((~is_known).sum())} of {len(is_known)} points have no elevation; {without_heights(name)}"
         )
-    if not known.all():
+    if not is_known.all():
         warnings.warn(
-            f"{name}: {int((~known).sum())} of {len(known)} elevations are unknown or impossible: interpolated",
+            f"{name}: {int((~is_known).sum())} of {len(is_known)} elevations are unknown or impossible: interpolated",
             stacklevel=2,
         )
     places = np.arange(len(elevation), dtype=np.float64)
-    return np.interp(places, places[known], elevation[known])
+    return np.interp(places, places[is_known], elevation[is_known])
 
 
 def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array | None, Array | None]:

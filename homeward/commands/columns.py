@@ -81,10 +81,11 @@ def _check(recording: Recording) -> None:
         left = heading in ("channel", "unit", "should be")
         table.add_column(heading, justify="left" if left else "right", no_wrap=heading != "should be", overflow="fold")
     for name, values in recording.channels.items():
-        known = values[np.isfinite(values)]
-        numbers = [f"{one:.4g}" for one in np.quantile(known, (0.0, 0.5, 1.0))] if len(known) else ["-"] * 3
+        finite = values[np.isfinite(values)]
+        quantiles = np.quantile(finite, (0.0, 0.5, 1.0)) if len(finite) else ()
+        numbers = [f"{value:.4g}" for value in quantiles] or ["-"] * 3
         channel = CHANNELS[name]
-        table.add_row(name, *numbers, f"{len(known) / len(values):.0%}", channel.unit, channel.meaning)
+        table.add_row(name, *numbers, f"{len(finite) / len(values):.0%}", channel.unit, channel.meaning)
     console = cli.Terminal()
     console.print(table)
     for note in recording.notes:
@@ -97,18 +98,20 @@ def _table(proposal: Proposal) -> Table:
     for heading in ("column", "channel", "factor", "how sure", "why"):
         table.add_column(heading, justify="right" if heading == "factor" else "left", overflow="fold",
                          no_wrap=heading in ("channel", "factor", "how sure"))  # fmt: skip
-    for one in proposal.guesses:
-        factor = f"{one.factor:.4g}" + (f", {one.offset:+g}" if one.offset else "")
-        name = " + ".join(filter(None, (one.column, one.and_column)))
-        table.add_row(name, one.channel, factor, SURE[one.sure], one.why)
+    for guess in proposal.guesses:
+        factor = f"{guess.factor:.4g}" + (f", {guess.offset:+g}" if guess.offset else "")
+        name = " + ".join(filter(None, (guess.column, guess.and_column)))
+        table.add_row(name, guess.channel, factor, SURE[guess.sure], guess.why)
     return table
 
 
 def _tried(proposal: Proposal) -> tuple[list[str], bool]:
     """Messages of reading the file with the proposal, and whether it can be read."""
     sources = {
-        one.channel: Source(tuple((name, one.factor) for name in (one.column, one.and_column) if name), one.offset)
-        for one in proposal.guesses
+        guess.channel: Source(
+            tuple((name, guess.factor) for name in (guess.column, guess.and_column) if name), guess.offset
+        )
+        for guess in proposal.guesses
     }
     try:
         recording = read_recording(proposal.path, Columns("proposed", sources, {}))

@@ -36,10 +36,10 @@ def grouped_runs(given: Sequence[str], columns: str | None) -> list[Grouped]:
         DatasetError: A data set's group is unknown or not available.
     """
     groups: dict[str, Grouped] = {}
-    for one in given:
-        name, equals, values = one.partition("=")
+    for group in given:
+        name, equals, values = group.partition("=")
         if not equals or not _NAME.fullmatch(name) or not values.strip(", "):
-            raise RecordingError(f"--group {one!r} is not NAME=RUNS, such as before=a1.csv,a2.csv or after='b*.csv'")
+            raise RecordingError(f"--group {group!r} is not NAME=RUNS, such as before=a1.csv,a2.csv or after='b*.csv'")
         before = groups.get(name, Grouped(name, (), None))
         for value in filter(None, values.split(",")):
             runs, dataset = _runs(value, columns)
@@ -47,7 +47,7 @@ def grouped_runs(given: Sequence[str], columns: str | None) -> list[Grouped]:
         groups[name] = before
     if len(groups) < 2:
         raise RecordingError(f"one group only, {next(iter(groups))}; a comparison needs --group at least twice")
-    if len({one.dataset for one in groups.values()} - {None}) > 1:
+    if len({group.dataset for group in groups.values()} - {None}) > 1:
         raise RecordingError("the groups are of different data sets, and so of different robots; compare groups of one")
     return list(groups.values())
 
@@ -57,7 +57,7 @@ def _runs(value: str, columns: str | None) -> tuple[list[tuple[Path, str | None]
     if dataset in DATASETS and not Path(value).is_file():
         return [(path, columns or DATASETS[dataset].columns) for path in fetch(dataset, group)], dataset
     joined = len(tables_of_run(Path(value))) > 1
-    found = [value] if joined or Path(value).exists() else sorted(glob.glob(value))
-    if not found:
+    paths = [value] if joined or Path(value).exists() else sorted(glob.glob(value))
+    if not paths:
         raise RecordingError(f"{value}: no such file, and no file matches it as a pattern")
-    return [(Path(path), columns) for path in found], None
+    return [(Path(path), columns) for path in paths], None

@@ -53,7 +53,7 @@ def innovations(residual: Array, run: Index, *others: Array) -> tuple[Index, lis
         return np.stack([values[rows - lag] for lag in range(1, _PAST + 1)], axis=-1)
 
     weights = np.linalg.lstsq(past(residual), residual[rows], rcond=None)[0]
-    return rows, [np.asarray(one[rows] - past(one) @ weights) for one in (residual, *others)]
+    return rows, [np.asarray(series[rows] - past(series) @ weights) for series in (residual, *others)]
 
 
 @dataclass(frozen=True)

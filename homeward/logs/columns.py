@@ -32,7 +32,7 @@ class Source:
     offset: float = 0.0
     unknown: tuple[float | str, ...] = ()  # numbers, and words of a table, that mean unknown beside those of all files
 
-    def of(self, values: Mapping[str, Any] | pd.DataFrame) -> Any:
+    def apply(self, values: Mapping[str, Any] | pd.DataFrame) -> Any:
         """The channel, of the kind that the columns are."""
         (first, scale), *others = self.terms
         total = self._known(values[first]) * scale + self.offset
@@ -42,9 +42,9 @@ class Source:
 
     def _known(self, values: Any) -> Any:
         """Numbers of a column or field, NaN where they mean unknown."""
-        for one in self.unknown:
-            if not isinstance(one, str):
-                values = values + np.where(values == one, np.nan, 0.0)
+        for word in self.unknown:
+            if not isinstance(word, str):
+                values = values + np.where(values == word, np.nan, 0.0)
         return values
 
 
@@ -87,7 +87,7 @@ class Columns:
             channels["time_s"] = table.index.to_series() / self.sample_hz
         for channel, source in self.sources.items():
             of_stamps = channel == "time_s" and self.stamp is not None
-            values = _spread(table[self.stamp]) if of_stamps else source.of(table)
+            values = _spread(table[self.stamp]) if of_stamps else source.apply(table)
             if channel not in self.unknown_if_zero or values.any():
                 channels[channel] = values
         return pd.DataFrame(channels).assign(**self.constants)
@@ -98,7 +98,7 @@ def shipped(folder: Traversable) -> list[str]:
     return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
-def read_mapping(what: str, mapping: str | Path, folder: Traversable, known: set[str]) -> dict[str, Any]:
+def read_mapping(what: str, mapping: str | Path, folder: Traversable, entries: set[str]) -> dict[str, Any]:
     """Content of a mapping file, by its path or the name of a shipped one in `folder`.
 
     Besides the entries that are `known` it may have `description` and `source`; `what` it maps is for messages.
@@ -114,10 +114,10 @@ def read_mapping(what: str, mapping: str | Path, folder: Traversable, known: set
         data = read_toml(str(path))
     except (ValueError, OSError) as error:
         raise RecordingError(f"{mapping}: not a readable TOML file: {error}") from error
-    known = known | {"description", "source"}
-    for key in sorted(data.keys() - known):
+    entries = entries | {"description", "source"}
+    for key in sorted(data.keys() - entries):
         hint = "; for a bag, give a mapping of topics" if key == "columns" else ""
-        raise RecordingError(f"{mapping}: {key} is not a known entry; known: {', '.join(sorted(known))}{hint}")
+        raise RecordingError(f"{mapping}: {key} is not a known entry; known: {', '.join(sorted(entries))}{hint}")
     return data
 
 
@@ -174,7 +174,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     """
     if isinstance(mapping, Columns):
         return mapping
-    known = {
+    entries = {
         "columns",
         "constants",
         "separator",
@@ -185,7 +185,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         "known_by_columns",
         "unknown_if_zero",
     }
-    data = read_mapping("mapping", mapping, _MAPS, known)
+    data = read_mapping("mapping", mapping, _MAPS, entries)
     name, columns, constants = str(mapping), data.get("columns"), data.get("constants", {})
     header, sample_hz = data.get("header", []), data.get("sample_hz")
     if sample_hz is not None and not _is_number(sample_hz):
@@ -194,7 +194,11 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not between 0 and 1e6")
     if not isinstance(columns, dict) or not isinstance(constants, dict) or ("time_s" in columns) == bool(sample_hz):
         raise RecordingError(f"{name}: needs a table [columns] with at least time_s, or with sample_hz instead of it")
-    if not isinstance(header, list) or not all(isinstance(one, str) for one in header) or len({*header}) < len(header):
+    if (
+        not isinstance(header, list)
+        or not all(isinstance(column, str) for column in header)
+        or len({*header}) < len(header)
+    ):
         raise RecordingError(f"{name}: header = {header!r} is not a list of different names")
     longer_lines = data.get("longer_lines", False)
     if longer_lines not in (False, True):
@@ -245,7 +249,9 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
 def known_columns(header: Collection[str]) -> Columns | None:
     """The shipped mapping for the program that writes tables with these columns; None if there is none."""
     mappings = map(load_columns, shipped(_MAPS))
-    return next((one for one in mappings if one.known_by_columns and {*one.file_columns()} <= {*header}), None)
+    return next(
+        (mapping for mapping in mappings if mapping.known_by_columns and {*mapping.file_columns()} <= {*header}), None
+    )
 
 
 def numeric(column: pd.Series[Any]) -> pd.Series[Any]:

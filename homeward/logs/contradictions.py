@@ -132,8 +132,8 @@ def refuse_contradictions(channels: Mapping[str, Array]) -> list[str]:
 
 def _over_time(time_s: Array, rate: Array) -> float:
     """The integral of the size of a rate, from the samples in which it is known."""
-    known = np.isfinite(rate)
-    return float((np.abs(rate[known][:-1]) * np.diff(time_s[known])).sum())
+    is_known = np.isfinite(rate)
+    return float((np.abs(rate[is_known][:-1]) * np.diff(time_s[is_known])).sum())
 
 
 def _travel(values: Array) -> float:
@@ -142,13 +142,13 @@ def _travel(values: Array) -> float:
 
 
 def _mean_size(values: Array) -> float:
-    known = np.abs(values[np.isfinite(values)])
-    return float(known.mean()) if len(known) else 0.0
+    sizes = np.abs(values[np.isfinite(values)])
+    return float(sizes.mean()) if len(sizes) else 0.0
 
 
 def _everywhere(time_s: Array, values: Array) -> Array:
     """A channel at all times between its first and its last known sample."""
-    known = np.isfinite(values)
-    if not known.any():
+    is_known = np.isfinite(values)
+    if not is_known.any():
         return values
-    return np.asarray(np.interp(time_s, time_s[known], values[known], left=np.nan, right=np.nan))
+    return np.asarray(np.interp(time_s, time_s[is_known], values[is_known], left=np.nan, right=np.nan))

@@ -48,11 +48,9 @@ def join(tables: Sequence[tuple[str, pd.DataFrame]]) -> tuple[pd.DataFrame, list
         RecordingError: Two have the same channel, or were not recorded at the same time.
     """
     (first_name, first), *others = tables
-    joined, given, parts = (
-        [first],
-        {channel: first_name for channel in first if channel != "time_s"},
-        [_said(*tables[0])],
-    )
+    given = {channel: first_name for channel in first if channel != "time_s"}  # name of the table, by channel
+    joined = [first]
+    parts = [_said(first_name, first)]
     shifted = []
     for name, table in others:
         for channel in (channel for channel in table if channel != "time_s"):

@@ -29,12 +29,12 @@ def leave_out_spikes(channels: Mapping[str, Array]) -> list[str]:
         if name not in channels:
             continue
         values = channels[name]
-        known = np.flatnonzero(np.isfinite(values))
-        if len(known) <= rules.SPIKE_SAMPLES:
+        known_places = np.flatnonzero(np.isfinite(values))
+        if len(known_places) <= rules.SPIKE_SAMPLES:
             continue
-        usual = median_filter(values[known], rules.SPIKE_SAMPLES, mode="nearest")
+        usual = median_filter(values[known_places], rules.SPIKE_SAMPLES, mode="nearest")
         most = per_s * max(half_s, rules.SPIKE_S)
-        spikes = known[np.abs(values[known] - usual) > most]
+        spikes = known_places[np.abs(values[known_places] - usual) > most]
         off = f"are more than {most:.3g} {CHANNELS[name].unit} off those beside them"
         notes += _left_out(name, values, spikes, off)
     return notes

@@ -98,13 +98,13 @@ class Proposal:
     @property
     def needless(self) -> bool:
         """Whether every column has the name and the unit of its channel, so that the file reads without a mapping."""
-        return all((one.column, one.factor, one.offset) == (one.channel, 1.0, 0.0) for one in self.guesses)
+        return all((guess.column, guess.factor, guess.offset) == (guess.channel, 1.0, 0.0) for guess in self.guesses)
 
     def toml(self) -> str:
         """The mapping file."""
         head = f"# Proposed for {one_line(self.path.name)}: check each line, above all signs and guesses."
         rest = [f"# Not used: {one_line(', '.join(self.left_over))}"] if self.left_over else []
-        return "\n".join([head, "", "[columns]", *(one.entry() for one in self.guesses), *rest]) + "\n"
+        return "\n".join([head, "", "[columns]", *(guess.entry() for guess in self.guesses), *rest]) + "\n"
 
 
 def propose(path: str | Path) -> Proposal:
@@ -117,7 +117,8 @@ def propose(path: str | Path) -> Proposal:
         RecordingError: It cannot be read, or no column looks like a time.
     """
     path = Path(path)
-    if len(parts := tables_of_run(path)) > 1:
+    parts = tables_of_run(path)
+    if len(parts) > 1:
         raise RecordingError(
             f"{path}: propose for one table at a time (homeward columns {parts[0]} --out a.toml), and give both "
             f"mappings (--columns a.toml{BETWEEN}b.toml)"
@@ -138,10 +139,10 @@ def propose(path: str | Path) -> Proposal:
     chosen: dict[str, Guess] = {}
     offered = [_less_sure(guess) for guess in offered]
     for guess in sorted(offered, key=_rank):
-        if guess.channel not in chosen and guess.column not in {one.column for one in chosen.values()}:
+        if guess.channel not in chosen and guess.column not in {other.column for other in chosen.values()}:
             chosen[guess.channel] = guess
     chosen = tried_on_physics(chosen, table)
-    taken = {name for one in chosen.values() for name in (one.column, one.and_column)}
+    taken = {name for guess in chosen.values() for name in (guess.column, guess.and_column)}
     left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in taken}
     return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
 
@@ -149,8 +150,8 @@ def propose(path: str | Path) -> Proposal:
 def _dated(offered: list[Guess], table: pd.DataFrame) -> list[Guess]:
     """The guesses, with a date and the time of day beside it joined to one time."""
     times = [guess for guess in offered if guess.channel == "time_s"]
-    days = [one for one in times if one.why.startswith("dates") and _of_few_days(table[one.column])]
-    hours = [one for one in times if one.why.startswith("times of day")]
+    days = [time for time in times if time.why.startswith("dates") and _of_few_days(table[time.column])]
+    hours = [time for time in times if time.why.startswith("times of day")]
     if not days or not hours:
         return offered
     both = replace(days[0], and_column=hours[0].column, why="a date and the time of day")
@@ -224,22 +225,24 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
     values = (numeric(column) if dated is None else dated[0]).to_numpy(np.float64, na_value=np.nan)
     if not np.isfinite(values).any():
         return []
-    if dated is None and (guess := _by_letter(name, values, unit)) is not None:
-        return [guess]
-    found = []
+    by_letter = None if dated is not None else _by_letter(name, values, unit)
+    if by_letter is not None:
+        return [by_letter]
+    guesses = []
     if name == "curR":  # beside curL; in other cases it is short for current
-        found += _in_unit_or_none(name, "motor_right_a", values, unit_words)
+        guesses += _in_unit_or_none(name, "motor_right_a", values, unit_words)
     for channel, (groups, against) in _NAMES.items():
         if name == channel:
-            found.append(_signed(Guess(name, channel, 1.0, 0.0, 0, "it has the channel's name"), values))
+            guesses.append(_signed(Guess(name, channel, 1.0, 0.0, 0, "it has the channel's name"), values))
         elif (words & _COUNTED and channel not in _COUNTERS) or (words & _NOT_MEASURED and channel != "time_s"):
             continue
         elif any(set(group.split("+")) <= words for group in groups.split()) and not words & set(against.split()):
-            if dated is not None and channel == "time_s":
-                found.append(Guess(name, channel, 1.0, 0.0, 0, dated[1]))
-            elif dated is None and (guess := _in_unit(name, channel, values, unit_words)) is not None:
-                found.append(_left_of(guess, words) if channel == "soc" else guess)
-    return found
+            if dated is None:
+                of_channel = _in_unit_or_none(name, channel, values, unit_words)
+                guesses += [_left_of(guess, words) if channel == "soc" else guess for guess in of_channel]
+            elif channel == "time_s":
+                guesses.append(Guess(name, channel, 1.0, 0.0, 0, dated[1]))
+    return guesses
 
 
 def _left_of(guess: Guess, words: set[str]) -> Guess:
@@ -268,19 +271,19 @@ def _by_letter(name: str, values: Array, unit: str) -> Guess | None:
 
 def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offered: list[Guess]) -> list[Guess]:
     """Guesses by the unit alone, for channels and columns of which nothing else says anything."""
-    known = {one.channel for one in offered} | {one.column for one in offered}
-    found = []
+    taken = {guess.channel for guess in offered} | {guess.column for guess in offered}
+    guesses = []
     for channel, of_channel in _BY_UNIT.items():
-        columns = {name: units.get(name) or _bracket(name) for name in header if name not in known}
+        columns = {name: units.get(name) or _bracket(name) for name in header if name not in taken}
         having = [name for name, unit in columns.items() if unit in of_channel and not _words(name)[0] & _OF_OTHERS]
-        if channel in known or len(having) != 1:
+        if channel in taken or len(having) != 1:
             continue
         (name,) = having
         unit = columns[name]
         values, factor = numeric(table[name]).to_numpy(np.float64, na_value=np.nan), UNITS[of_channel[0]][unit.lower()]
         if np.isfinite(values).any() and _possible(channel, values * factor):
-            found.append(_signed(Guess(name, channel, factor, 0.0, 2, f"only its unit, {unit}, says so"), values))
-    return found
+            guesses.append(_signed(Guess(name, channel, factor, 0.0, 2, f"only its unit, {unit}, says so"), values))
+    return guesses
 
 
 def _bracket(name: str) -> str:
@@ -344,7 +347,7 @@ def _words(name: str) -> tuple[set[str], list[str]]:
     split = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain)
     words = [word for word in re.split(r"[^a-zA-Z°%µ/]+", split) if word]
     lower = [word.lower() for word in words]
-    units = [one.replace("µ", "u").replace("^-1", "").replace(".", "").lower() for one in bracket]
+    units = [unit.replace("µ", "u").replace("^-1", "").replace(".", "").lower() for unit in bracket]
     whole = [word.lower() for word in re.split(r"[^a-zA-Z°%µ/]+", plain) if word]  # mA, which was split as m and A
     ends = ["/".join(lower[-2:]), *whole[::-1], *lower[::-1]] if len(lower) > 1 or len(whole) > 1 else []
     joined = [word.replace("_", "").lower() for word in re.split(r"[^a-zA-Z_]+", plain)]  # v_in is vin

@@ -84,7 +84,8 @@ def read_recording(
     path = Path(path)
     if str(path) == STANDARD_INPUT:
         return _read_standard_input(columns, standing)
-    if len(parts := tables_of_run(path)) > 1:
+    parts = tables_of_run(path)
+    if len(parts) > 1:
         return _read_joined(parts, columns)
     bag = path.exists() and is_bag(path)
     mapping = None if bag or columns is None else load_columns(columns)
@@ -259,7 +260,7 @@ def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: li
             raise RecordingError(f"has more than {limits.MOST_ROWS} rows; cut it into several runs")
         pieces = [_in_numbers(piece, mapping, dated, words) for piece in _batches(file, wanted)]
     notes += _said_unknown(words)
-    notes += [f"read with {one}" for one in dict.fromkeys(dated)]
+    notes += [f"read with {how}" for how in dict.fromkeys(dated)]
     return _joined(pieces, wanted, mapping)
 
 
@@ -312,12 +313,12 @@ def _without_words(column: pd.Series[Any], words: frozenset[str] | set[str], cou
     if pd.api.types.is_numeric_dtype(column):
         return column
     texts = column.where(column.notna(), "").astype(str).str.strip()
-    found = texts[texts.str.lower().isin(words)]
-    if found.empty:
+    unknown_texts = texts[texts.str.lower().isin(words)]
+    if unknown_texts.empty:
         return column
-    for word, times in found.value_counts().items():
+    for word, times in unknown_texts.value_counts().items():
         count[f"{column.name!s} is {_shown(str(word))!r}"] += int(times)
-    return column.mask(texts.index.isin(found.index))
+    return column.mask(texts.index.isin(unknown_texts.index))
 
 
 def _said_unknown(count: Counter[str]) -> list[str]:
@@ -337,7 +338,8 @@ def _wanted(header: list[str], mapping: Columns | None, standing: bool = False, 
         offer = f"{_has(header)}; `homeward columns RUN` proposes a mapping file (--columns) that says which is which"
         if "time_s" not in header:
             _refuse_nameless(header)
-        _refuse_missing([*wanted, *_ENOUGH] if part else [*wanted, "speed_mps"] if standing else wanted, offer)
+        of_a_stand = ("speed_mps",) if standing else ()
+        _refuse_missing([*wanted, *(_ENOUGH if part else of_a_stand)], offer)
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:
         raise RecordingError(f"has two columns {twice[0]}; keep one")
@@ -413,9 +415,9 @@ def _aligned(channels: dict[str, Array], notes: list[str]) -> dict[str, Array]:
     time_s = channels.get("time_s", np.empty(0))
     if not needed or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
         return channels
-    known = np.array([np.isfinite(channels[name]) for name in needed])
-    fewest = int(known.sum(axis=1).min())
-    if fewest < 2 or known.all(axis=0).sum() >= rules.TOGETHER_SHARE * fewest:
+    is_known = np.array([np.isfinite(channels[name]) for name in needed])
+    fewest = int(is_known.sum(axis=1).min())
+    if fewest < 2 or is_known.all(axis=0).sum() >= rules.TOGETHER_SHARE * fewest:
         return channels
     from homeward.logs.bags import clock  # only now, as it needs a part of SciPy that takes a while to load
 
@@ -424,7 +426,7 @@ def _aligned(channels: dict[str, Array], notes: list[str]) -> dict[str, Array]:
     if len(ticks) < 2:
         raise RecordingError("power and motion were not recorded at the same time")
     notes.append("power and motion stand in different rows: faster columns are averaged at the times of the slower")
-    return {"time_s": ticks, **{name: clock.on_clock(*one, ticks) for name, one in series.items()}}
+    return {"time_s": ticks, **{name: clock.on_clock(*samples, ticks) for name, samples in series.items()}}
 
 
 def _numbers(column: pd.Series[Any], wrong: str = "not a number") -> Array:

@@ -192,7 +192,7 @@ def _comments(lines: Sequence[tuple[int, str]]) -> tuple[list[int], list[tuple[i
 
 def _separator(lines: Sequence[str]) -> str:
     """Separator with most cells in the line of names; spaces if no other occurs and all lines have equally many."""
-    best = max(_SEPARATORS, key=lambda one: len(_cells(lines[0], one)))
+    best = max(_SEPARATORS, key=lambda separator: len(_cells(lines[0], separator)))
     widths = {len([cell for cell in _cells(line, " ") if cell]) for line in lines}
     return " " if len(_cells(lines[0], best)) == 1 and widths != {1} and len(widths) == 1 else best
 
@@ -268,7 +268,9 @@ def opened_parquet(path: Path) -> Iterator[pq.ParquetFile]:
     with open_regular(path) as stream:
         try:
             schema = pq.read_schema(stream)
-            texts = [one.name for one in schema if pa.types.is_string(one.type) or pa.types.is_binary(one.type)]
+            texts = [
+                column.name for column in schema if pa.types.is_string(column.type) or pa.types.is_binary(column.type)
+            ]
             stream.seek(0)
             with pq.ParquetFile(stream, read_dictionary=texts) as file:
                 yield file

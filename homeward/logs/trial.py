@@ -68,16 +68,14 @@ def _by_changes_of_speed(guesses: Mapping[str, Guess], table: pd.DataFrame) -> d
     if not time.by_values or "speed_mps" not in guesses:
         return {}
     channels = _channels(guesses, table)
-    known = np.isfinite(channels["speed_mps"])
-    time_s, speed_mps = channels["time_s"][known], channels["speed_mps"][known]
+    is_known = np.isfinite(channels["speed_mps"])
+    time_s, speed_mps = channels["time_s"][is_known], channels["speed_mps"][is_known]
     steps_s, changes_mps = np.diff(time_s), np.abs(np.diff(speed_mps))
     moving = (steps_s > 0.0) & (changes_mps > 0.0)
     if not moving.any() or is_epoch(float(time_s[0])):
         return {}
-    typical_mps2, most_mps2 = (
-        float(np.median(changes_mps[moving] / steps_s[moving])),
-        rules.FASTEST_CHANGES["speed_mps"],
-    )
+    typical_mps2 = float(np.median(changes_mps[moving] / steps_s[moving]))
+    most_mps2 = rules.FASTEST_CHANGES["speed_mps"]
     if typical_mps2 <= most_mps2:
         return {}
     for word, factor in sorted(UNITS["s"].items(), key=lambda unit: unit[1]):
@@ -95,8 +93,8 @@ def _by_ratio(pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, 
     of_pair = [guesses[name] for name in now.channels]
     if now.agree:
         others = {now.what: now.reference, now.reference: now.what}
-        return {one.channel: replace(one, why=f"{one.why}; agrees with {others[one.channel]}")
-                for one in of_pair if one.channel in others}  # fmt: skip
+        return {guess.channel: replace(guess, why=f"{guess.why}; agrees with {others[guess.channel]}")
+                for guess in of_pair if guess.channel in others}  # fmt: skip
     repaired = list(_repairs(now, guesses))
     said = f"{now.what} is {now.ratio:.3g} times that of {now.reference}"
     if len(repaired) == 1:

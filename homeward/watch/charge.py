@@ -63,7 +63,7 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
         rest = scale_of(sure.unexplained_over(max(left_m[sample], rules.LEAST_WAY_M)))
         rest_as = float(expected_as[sample])
         spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
-    mean, low, high = (np.array([getattr(one, name) for one in spreads]) for name in ("mean", "low", "high"))
+    mean, low, high = (np.array([getattr(spread, name) for spread in spreads]) for name in ("mean", "low", "high"))
     words = (f"charge of the motors and its uncertainty from the robot's file: {sure.source or 'no source given'}",)
     return Watched(
         run.name, since_s[samples], left_m[samples], took_as[samples], mean, low, high, float(left_m[0]), words, (),

@@ -43,13 +43,13 @@ class Row:
 
 def rows_of(runs: Sequence[Watched]) -> list[Row]:
     """Rows by the way left, and one for all; rows without predictions are omitted."""
-    left = np.concatenate([one.left_m for one in runs])
-    share = np.concatenate([one.left_m / one.length_m for one in runs])
-    number = np.concatenate([np.full(len(one.left_m), index) for index, one in enumerate(runs)])
+    left = np.concatenate([run.left_m for run in runs])
+    share = np.concatenate([run.left_m / run.length_m for run in runs])
+    number = np.concatenate([np.full(len(run.left_m), index) for index, run in enumerate(runs)])
     took, mean, low, high = (
-        np.concatenate([getattr(one, name) for one in runs]) for name in ("took_j", "mean_j", "low_j", "high_j")
+        np.concatenate([getattr(run, name) for run in runs]) for name in ("took_j", "mean_j", "low_j", "high_j")
     )
-    covered = np.concatenate([one.covered for one in runs])
+    covered = np.concatenate([run.covered for run in runs])
     rows = []
     for most, least in (*itertools.pairwise(_BORDERS), (1.0, 0.0)):
         within = (share <= most) & (share > least)

@@ -40,7 +40,7 @@ def watch_html(
         "distance": quantities.distance,
         "duration": quantities.duration,
     }
-    names = labels([one.name for one in runs])
+    names = labels([run.name for run in runs])
     rows = rows_of(runs)
     return page(
         environment, "watch.html", runs=runs, names=names, rows=rows, robot=robot.name, dropped=list(dropped),
@@ -70,20 +70,20 @@ def figure(runs: Sequence[Watched]) -> Markup:
         len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12),
         subplot_titles=[str(number) for number in range(1, len(shown) + 1)] if len(shown) > 1 else None,
     )  # fmt: skip
-    for row, one in enumerate(shown, start=1):
-        x = np.concatenate((one.left_m, one.left_m[::-1])).round(1)
-        band = np.concatenate((one.high_j, one.low_j[::-1])) / 1000.0
+    for row, run in enumerate(shown, start=1):
+        x = np.concatenate((run.left_m, run.left_m[::-1])).round(1)
+        band = np.concatenate((run.high_j, run.low_j[::-1])) / 1000.0
         first = row == 1
         made.add_scatter(
             x=x, y=band.round(4), fill="toself", fillcolor=_BAND, mode="none", name="90 % interval", hoverinfo="skip",
             showlegend=first, legendgroup="band", row=row, col=1,
         )  # fmt: skip
-        for name, values, colour in (("predicted", one.mean_j, _PREDICTED), ("what it consumed", one.took_j, _INK)):
+        for name, values, colour in (("predicted", run.mean_j, _PREDICTED), ("what it consumed", run.took_j, _INK)):
             made.add_scatter(
-                x=one.left_m.round(1), y=(values / 1000.0).round(4), mode="lines", name=name,
+                x=run.left_m.round(1), y=(values / 1000.0).round(4), mode="lines", name=name,
                 line={"color": colour, "width": 1.6}, showlegend=first, legendgroup=name, row=row, col=1,
             )  # fmt: skip
-        made.update_yaxes(title_text=_RESTS[one.unit], rangemode="tozero", fixedrange=True, row=row, col=1)
+        made.update_yaxes(title_text=_RESTS[run.unit], rangemode="tozero", fixedrange=True, row=row, col=1)
         made.update_xaxes(title_text="way left, m", autorange="reversed", fixedrange=True, row=row, col=1)
     made.update_layout(
         height=90 + 260 * len(shown), margin={"l": 60, "r": 15, "t": 30, "b": 45}, dragmode=False,
@@ -102,4 +102,4 @@ def moments(run: Watched) -> list[tuple[float, float, float, float, float]]:
     """Rows of a run's table: way left, m; predicted mean, ends of its interval, and measured value, kJ or kA s."""
     rows = np.unique(np.linspace(0, len(run.left_m) - 1, _ROWS).astype(int))
     columns = (run.mean_j, run.low_j, run.high_j, run.took_j)
-    return [(float(run.left_m[i]), *(float(one[i]) / 1000.0 for one in columns)) for i in rows]  # type: ignore[misc]
+    return [(float(run.left_m[i]), *(float(values[i]) / 1000.0 for values in columns)) for i in rows]  # type: ignore[misc]

@@ -203,8 +203,11 @@ def run_all(
     Raises:
         CompanionError: As of `watch`, or some have power and others motor currents.
     """
-    runs = [watch(one, robot, show=None if show is None else _named(show, one.name), **keywords) for one in recordings]
-    if len({one.unit for one in runs}) > 1:
+    runs = [
+        watch(recording, robot, show=None if show is None else _named(show, recording.name), **keywords)
+        for recording in recordings
+    ]
+    if len({run.unit for run in runs}) > 1:
         raise CompanionError("some recordings have power and others motor currents only; watch them separately")
     return runs
 

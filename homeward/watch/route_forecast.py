@@ -64,7 +64,7 @@ def forecast_along(robot: Robot, route: RouteLike, speed_mps: float | None, risk
     driven_m = np.linspace(0.0, total_m, _POINTS + 1)
     ends = np.cumsum(both["way_m"])
     left = [companion.after(_first(both, ends, float(way_m))) for way_m in driven_m]
-    left_j = np.array([[one.quantile(share) for share in _QUANTILES] for one in left])
+    left_j = np.array([[energy.quantile(share) for share in _QUANTILES] for energy in left])
     reach = tuple(_empty_m(driven_m, left_j[:, k]) for k in range(len(_QUANTILES)))
     standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * 0.5 * total_m
     there_j, both_j = companion.ahead(out, standing_j), companion.ahead(both, 2.0 * standing_j)
@@ -95,9 +95,9 @@ def _empty_m(driven_m: Array, left_j: Array) -> float:
     return float(np.interp(0.0, [left_j[k], left_j[k - 1]], [driven_m[k], driven_m[k - 1]]))
 
 
-def show(console: Terminal, robot: Robot, route_name: str, length_m: float, found: RouteForecast) -> None:
+def show(console: Terminal, robot: Robot, route_name: str, length_m: float, forecast: RouteForecast) -> None:
     """Print the prediction."""
-    advice = found.advice
+    advice = forecast.advice
     assert advice.chance_there_and_back is not None
     console.print(
         f"{robot.name} on {quantities.distance(length_m)} out and back: probability of getting there and back "
@@ -108,12 +108,12 @@ def show(console: Terminal, robot: Robot, route_name: str, length_m: float, foun
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("", "expected", "90 % interval"):
         table.add_column(heading, justify="right" if heading else "left")
-    for name, one in (
-        ("in the battery", advice.energy_left_j), ("there", found.there_j), ("there and back", found.both_j),
+    for name, spread in (
+        ("in the battery", advice.energy_left_j), ("there", forecast.there_j), ("there and back", forecast.both_j),
     ):  # fmt: skip
-        low, high = quantities.energy(max(one.low, 0.0)), quantities.energy(one.high)
-        table.add_row(name, quantities.energy(one.mean), f"{low} to {high}")
-    low, middle, high = map(_far, found.range_m)
+        low, high = quantities.energy(max(spread.low, 0.0)), quantities.energy(spread.high)
+        table.add_row(name, quantities.energy(spread.mean), f"{low} to {high}")
+    low, middle, high = map(_far, forecast.range_m)
     table.add_row("range on this way", middle, f"{low} to {high}" if low != high else low)
     console.show(table)
     turn = quantities.distance(min(advice.turn_in_m, length_m))
@@ -128,25 +128,27 @@ def _far(metres: float) -> str:
     return quantities.distance(metres) if np.isfinite(metres) else "there and back"
 
 
-def picture(robot: Robot, length_m: float, found: RouteForecast, suffix: str) -> bytes:
+def picture(robot: Robot, length_m: float, forecast: RouteForecast, suffix: str) -> bytes:
     """Energy left over the way there and back as a fan, with the point of no return.
 
     Args:
         robot: The robot.
         length_m: Length of the route, m.
-        found: The prediction.
+        forecast: The prediction.
         suffix: `.png`, `.svg` or `.pdf`.
     """
     figure = Figure(figsize=(7.5, 4.2), layout="constrained")
     axis = figure.subplots()
-    km, kj = found.driven_m / 1000.0, found.left_j / 1000.0
+    km, kj = forecast.driven_m / 1000.0, forecast.left_j / 1000.0
     axis.fill_between(km, np.maximum(kj[:, 0], 0.0), np.maximum(kj[:, 2], 0.0), color="#56b4e9", alpha=0.4,
                       linewidth=0.0, label="energy left, 5 to 95 %")  # fmt: skip
     axis.plot(km, np.maximum(kj[:, 1], 0.0), color="#0072b2", label="median")
     axis.axvline(length_m / 1000.0, color="black", linewidth=0.8, linestyle=":", label="end of the route")
-    turn_m = min(found.advice.turn_in_m, length_m)
-    level = float(np.interp(turn_m, found.driven_m, found.left_j[:, 1])) / 1000.0
-    axis.plot([turn_m / 1000.0], [level], "o", color="#d55e00", label=f"point of no return, risk {found.advice.risk:g}")
+    turn_m = min(forecast.advice.turn_in_m, length_m)
+    level = float(np.interp(turn_m, forecast.driven_m, forecast.left_j[:, 1])) / 1000.0
+    axis.plot(
+        [turn_m / 1000.0], [level], "o", color="#d55e00", label=f"point of no return, risk {forecast.advice.risk:g}"
+    )
     axis.set_xlabel("driven, there and back, km")
     axis.set_ylabel("energy left, kJ")
     axis.set_ylim(bottom=0.0)
@@ -154,7 +156,7 @@ def picture(robot: Robot, length_m: float, found: RouteForecast, suffix: str) ->
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(alpha=0.25, linewidth=0.6)
     figure.suptitle(
-        f"{robot.name}: probability of getting there and back {found.advice.chance_there_and_back:.1%}", fontsize=11
+        f"{robot.name}: probability of getting there and back {forecast.advice.chance_there_and_back:.1%}", fontsize=11
     )
     buffer = io.BytesIO()
     figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)

@@ -16,8 +16,8 @@ from tests.logs.refused import refusal
 
 def test_a_source_is_the_sum_of_its_columns_by_their_factors() -> None:
     table = pd.DataFrame({"a": [1.0, 2.0], "b": [10.0, 20.0]})
-    assert Source((("a", 2.0), ("b", -0.5)), 100.0).of(table).tolist() == [97.0, 94.0]
-    assert Source((("a", 0.5),)).of({"a": 3.0}) == 1.5
+    assert Source((("a", 2.0), ("b", -0.5)), 100.0).apply(table).tolist() == [97.0, 94.0]
+    assert Source((("a", 0.5),)).apply({"a": 3.0}) == 1.5
 
 
 @pytest.mark.parametrize(

@@ -71,20 +71,20 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
             findings.append(Finding(given.name, fault, refused=True))
         else:
             kept.append(_Run(given, mended, error, run))
-    signs = signs_of_power([one.read for one in kept], robot)
+    signs = signs_of_power([run.read for run in kept], robot)
     findings += [Finding(kept[number].given.name, sign.text, sign.refused) for number, sign in signs.items()]
     wrong = {number for number, sign in signs.items() if sign.refused}
     kept = [run for number, run in enumerate(kept) if number not in wrong]
-    if len({one.read.unit for one in kept}) > 1:
-        current = [one.given.name for one in kept if one.read.unit == "A"]
+    if len({run.read.unit for run in kept}) > 1:
+        current = [run.given.name for run in kept if run.read.unit == "A"]
         findings += [Finding(name, "has motor current only, while other runs have power", True) for name in current]
-        kept = [one for one in kept if one.read.unit == "W"]
+        kept = [run for run in kept if run.read.unit == "W"]
     if not kept:
         return [], findings
-    sloped = slopes_known([one.read for one in kept if "grade_rad" not in one.mended.channels])
-    kept = kept if sloped else [one.again(robot, sloped=False) for one in kept]
-    findings += [Finding(one.given.name, text) for one in kept for text in _remarks(one.given, one.read, robot)]
-    findings += _lacked([one.read for one in kept], {name for one in kept for name in one.mended.channels})
+    sloped = slopes_known([run.read for run in kept if "grade_rad" not in run.mended.channels])
+    kept = kept if sloped else [run.again(robot, sloped=False) for run in kept]
+    findings += [Finding(run.given.name, text) for run in kept for text in _remarks(run.given, run.read, robot)]
+    findings += _lacked([run.read for run in kept], {name for run in kept for name in run.mended.channels})
     runs, notes = _corrected(kept, robot, sloped)
     return runs, findings + notes
 
@@ -92,21 +92,21 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
 def _lacked(runs: Sequence[Signals], recorded: Collection[str]) -> list[Finding]:
     """Channels that some runs have and others lack: there nothing was sensed, or the value is unknown."""
     given = dict.fromkeys(name for run in runs for name in run.context if name in recorded)
-    found = []
+    findings = []
     for run in runs:
         if lacks := [name for name in given if name not in run.context]:
             nothing = "; its sensing rate is assumed to be 0" if "sensing_hz" in lacks else ""
-            found.append(Finding(run.name, f"lacks {', '.join(lacks)}, which other runs have{nothing}"))
-    return found
+            findings.append(Finding(run.name, f"lacks {', '.join(lacks)}, which other runs have{nothing}"))
+    return findings
 
 
 def _corrected(kept: Sequence[_Run], robot: Robot, sloped: bool) -> tuple[list[Signals], list[Finding]]:
     """The runs corrected for a late or tilted slope and a drifting clock, seen from power; a check of the robot."""
-    runs, notes, first = [one.read for one in kept], list[Finding](), kept[0].given.name
-    if late_s := late_slope(runs, [one.mended for one in kept], robot):
-        runs = [one.again(robot, late_s, sloped).read for one in kept]
+    runs, notes, first = [run.read for run in kept], list[Finding](), kept[0].given.name
+    if late_s := late_slope(runs, [run.mended for run in kept], robot):
+        runs = [run.again(robot, late_s, sloped).read for run in kept]
         notes.append(Finding(first, f"slopes of all runs are {late_s:.3g} s late against power: they are corrected"))
-    if any("grade_rad" in one.mended.channels for one in kept):
+    if any("grade_rad" in run.mended.channels for run in kept):
         runs, angle = without_tilt(runs)
         if angle:
             text = f"slopes of ways that close have a mean of {np.degrees(angle):+.2g} degrees"

@@ -81,7 +81,7 @@ class _Reading:
         self.candidates: dict[str, list[tuple[Topic, Offer]]] = {
             name: [pair for option in options for pair in self._read_from(*option)] for name, options in offered.items()
         }
-        on_receipt = {one.topic for topic, one in pairs if topic.on_receipt}
+        on_receipt = {connection.topic for topic, connection in pairs if topic.on_receipt}
         self.times, self.start_ns, self.notes = times_s(
             self.samples, {name for name in self.samples if without_part(name) in on_receipt or name in on_receipt}
         )
@@ -92,7 +92,8 @@ class _Reading:
 
     def table(self) -> tuple[pd.DataFrame, list[str], float]:
         self._choose_batteries()
-        series = {name: one for name in CHANNELS if (one := self._channel(name)) is not None}
+        offered = {name: self._channel(name) for name in CHANNELS}
+        series = {name: channel for name, channel in offered.items() if channel is not None}
         motion, power = first_set(MOTION, series), first_set(POWER, series)
         if not motion or not power:
             raise self._missing("power" if motion else "motion")
@@ -111,7 +112,7 @@ class _Reading:
                 f"power ({series[power[0]].topic}) and motion ({series[motion[0]].topic}) were not "
                 'recorded at the same time; check the clocks, or set stamp = "receive" in a topic mapping'
             )
-        columns = {name: clock.on_clock(one.time_s, one.values, ticks) for name, one in series.items()}
+        columns = {name: clock.on_clock(samples.time_s, samples.values, ticks) for name, samples in series.items()}
         self._leave_out_impossible(columns)
         said = ", ".join(
             f"{what} from {' and '.join(sorted({series[name].topic for name in names}))}"
@@ -155,7 +156,7 @@ class _Reading:
         if "voltage_v" not in topic.sources:
             return
         values = self.samples[name].values
-        silent = unknown("voltage_v", topic.sources["voltage_v"].of(values))
+        silent = unknown("voltage_v", topic.sources["voltage_v"].apply(values))
         if not silent.any():
             return
         for channel in batteries.OF_BATTERY & topic.sources.keys():
@@ -166,10 +167,12 @@ class _Reading:
     def _battery(self, topic: Topic, name: str) -> batteries.Battery | None:
         """What a battery reports; None if it reports nothing that is drawn."""
         values = self.samples[name].values
-        drawn = next(topic.sources[one].of(values) for one in ("current_a", "power_w") if one in topic.sources)
+        drawn = next(
+            topic.sources[channel].apply(values) for channel in ("current_a", "power_w") if channel in topic.sources
+        )
         if not np.nan_to_num(drawn).any():
             return None
-        voltage_v = topic.sources["voltage_v"].of(values) if "voltage_v" in topic.sources else np.empty(0)
+        voltage_v = topic.sources["voltage_v"].apply(values) if "voltage_v" in topic.sources else np.empty(0)
         return batteries.Battery(name, voltage_v, drawn)
 
     def _channel(self, name: str) -> Series | None:
@@ -177,12 +180,12 @@ class _Reading:
         for topic, connection in self.candidates[name]:
             if name in batteries.OF_BATTERY and (topic.pattern, topic.kind) in self.added:
                 return self._over_packs(name, topic, connection)
-            values = np.array(topic.sources[name].of(self.samples[connection.topic].values))
+            values = np.array(topic.sources[name].apply(self.samples[connection.topic].values))
             said = [*left_out(name, values), *_stray_left_out(name, values)]
-            known = int(np.isfinite(values).sum())
+            count = int(np.isfinite(values).sum())
             time_s, values = clock.in_order(self.times[connection.topic], values)
-            if known - len(values) > rules.STRAY_SHARE * known:
-                same = f"{known - len(values)} of {known} values of {name} have the time of another: the first is used"
+            if count - len(values) > rules.STRAY_SHARE * count:
+                same = f"{count - len(values)} of {count} values of {name} have the time of another: the first is used"
                 said.append(same)
             # Before they are averaged, which would spread a wrong reading over those beside it.
             said += leave_out_spikes({"time_s": time_s, name: values})
@@ -198,7 +201,7 @@ class _Reading:
     def _over_packs(self, name: str, topic: Topic, first: Offer) -> Series:
         """A channel of several packs in parallel: what they draw is added, of the rest the mean is taken."""
         packs = [
-            clock.in_order(self.times[pack], topic.sources[name].of(self.samples[pack].values))
+            clock.in_order(self.times[pack], topic.sources[name].apply(self.samples[pack].values))
             for pack in self.added[topic.pattern, topic.kind]
         ]
         packs = [pack for pack in packs if len(pack[0]) >= 2]
@@ -244,9 +247,9 @@ class _Reading:
         """The grade by the first method of `homeward.logs.bags.grade` that the bag allows."""
         orientations = self.candidates[ORIENTATION]
         ways = [
-            *((ORIENTATION, *one) for one in orientations if one[1].msgtype == IMU),
-            *((ACCELERATION, *one) for one in self.candidates[ACCELERATION]),
-            *((ORIENTATION, *one) for one in orientations if one[1].msgtype != IMU),
+            *((ORIENTATION, *pair) for pair in orientations if pair[1].msgtype == IMU),
+            *((ACCELERATION, *pair) for pair in self.candidates[ACCELERATION]),
+            *((ORIENTATION, *pair) for pair in orientations if pair[1].msgtype != IMU),
         ]
         for method, topic, connection in ways:
             name, path = connection.topic, topic.vectors[method]
@@ -255,22 +258,24 @@ class _Reading:
                 continue
             if method == ORIENTATION:
                 time_s, quaternion = self._quaternion(name, path)
-                found = grade.from_orientation(time_s, quaternion)
+                grade_rad = grade.from_orientation(time_s, quaternion)
             else:
                 time_s, forward = clock.in_order(self.times[name], values[f"{path}.x"])
-                found = grade.from_acceleration(time_s, forward, speed.time_s, speed.values)
-            if found is not None:
+                grade_rad = grade.from_acceleration(time_s, forward, speed.time_s, speed.values)
+            if grade_rad is not None:
                 self.notes.append(f"grade from the {method} of {name}; a tilted mount would add a constant")
-                return {"grade_rad": Series(name, connection.msgtype, *clock.in_order(time_s, found))}
+                return {"grade_rad": Series(name, connection.msgtype, *clock.in_order(time_s, grade_rad))}
         return {}
 
     def _heading(self) -> dict[str, Series]:
         """The heading by odometry, else by an IMU."""
-        for topic, connection in sorted(self.candidates[ORIENTATION], key=lambda one: one[1].msgtype == IMU):
+        for topic, connection in sorted(self.candidates[ORIENTATION], key=lambda pair: pair[1].msgtype == IMU):
             time_s, quaternion = self._quaternion(connection.topic, topic.vectors[ORIENTATION])
-            found = grade.heading(quaternion)
-            if found is not None:
-                return {"heading_rad": Series(connection.topic, connection.msgtype, *clock.in_order(time_s, found))}
+            heading_rad = grade.heading(quaternion)
+            if heading_rad is not None:
+                return {
+                    "heading_rad": Series(connection.topic, connection.msgtype, *clock.in_order(time_s, heading_rad))
+                }
         return {}
 
     def _quaternion(self, name: str, path: str) -> tuple[Array, Array]:
@@ -282,8 +287,8 @@ class _Reading:
     def _leave_out_impossible(self, columns: dict[str, Array]) -> None:
         """Leave out channels that are not needed and have values out of their limits."""
         soc, most = columns.get("soc", np.empty(0)), CHANNELS["soc"].high
-        known = soc[np.isfinite(soc)]
-        if len(known) and most < np.median(known) <= 100.0 * most:
+        known_soc = soc[np.isfinite(soc)]
+        if len(known_soc) and most < np.median(known_soc) <= 100.0 * most:
             columns["soc"] = soc / 100.0
             self.notes.append("the state of charge is in per cent, and divided by 100")
         for name in sorted(set(columns) - _NEEDED):

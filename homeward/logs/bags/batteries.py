@@ -88,8 +88,8 @@ def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
 
 
 def _one_voltage(batteries: Sequence[Battery]) -> bool:
-    known = [battery.voltage_v[np.isfinite(battery.voltage_v)] for battery in batteries]
-    medians = [float(np.median(voltage_v)) for voltage_v in known if len(voltage_v)]
+    readings = [battery.voltage_v[np.isfinite(battery.voltage_v)] for battery in batteries]
+    medians = [float(np.median(voltage_v)) for voltage_v in readings if len(voltage_v)]
     return len(medians) == len(batteries) and max(medians) - min(medians) <= rules.SAME_BATTERY * max(medians)
 
 

@@ -15,14 +15,14 @@ from homeward.logs.times import median_step_s
 
 def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:
     """Known samples sorted by time, one for each time."""
-    known = np.isfinite(values)
-    times, first = np.unique(time_s[known], return_index=True)
-    return times, values[known][first]
+    is_known = np.isfinite(values)
+    times, first = np.unique(time_s[is_known], return_index=True)
+    return times, values[is_known][first]
 
 
 def slower(*times: Array) -> Array:
     """The times of the slowest topic, over the time that all cover."""
-    start, end = max(one[0] for one in times), min(one[-1] for one in times)
+    start, end = max(time_s[0] for time_s in times), min(time_s[-1] for time_s in times)
     slowest = max(times, key=median_step_s)
     clock: Array = slowest[(slowest >= start) & (slowest <= end)]
     if len(clock) < 2:

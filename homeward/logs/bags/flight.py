@@ -84,7 +84,7 @@ class FlightLog(contextlib.ExitStack):
         Raises:
             RecordingError: A message has no such field.
         """
-        found: dict[str, Samples] = {}
+        samples: dict[str, Samples] = {}
         with self._listening(*self._about):
             read: dict[str, list[Fields]] = self._log.instances(wanted)
         instances = []
@@ -106,9 +106,9 @@ class FlightLog(contextlib.ExitStack):
             good = (time_us > 0.0) & (time_us < _LATEST_US)
             if good.any():
                 stamp_ns = (time_us[good] * 1e3).astype(np.int64)
-                found[label] = Samples(stamp_ns, stamp_ns, {path: fields[path][good] for path in wanted[name]})
-        read_of = {without_part(label) for label in found}
-        return found, [
+                samples[label] = Samples(stamp_ns, stamp_ns, {path: fields[path][good] for path in wanted[name]})
+        read_of = {without_part(label) for label in samples}
+        return samples, [
             f"{name} is left out: none of its messages can be read" for name in wanted if name not in read_of
         ]
 
@@ -168,15 +168,15 @@ class _ULog:
         if log.file_corruption:
             print("bytes that are no message")
         self._data = log.data_list  # sorted by name and instance
-        self.counts = {one.name: len(one.data["timestamp"]) for one in reversed(self._data)}
+        self.counts = {message.name: len(message.data["timestamp"]) for message in reversed(self._data)}
 
     def instances(self, names: Collection[str]) -> dict[str, list[Fields]]:
-        found: dict[str, list[Fields]] = {}
-        for one in self._data:
-            if one.name in names:
-                fields = {name: np.asarray(values, np.float64) for name, values in one.data.items()}
-                found.setdefault(one.name, []).append({"time_us": fields["timestamp"], **fields})
-        return found
+        instances: dict[str, list[Fields]] = {}
+        for message in self._data:
+            if message.name in names:
+                fields = {name: np.asarray(values, np.float64) for name, values in message.data.items()}
+                instances.setdefault(message.name, []).append({"time_us": fields["timestamp"], **fields})
+        return instances
 
     def close(self) -> None: ...
 
@@ -218,8 +218,8 @@ class _DataFlash:
         self.counts = {name: self._log.counts[number] for name, number in self._numbers.items()}
 
     def instances(self, names: Collection[str]) -> dict[str, list[Fields]]:
-        found = {}
-        for name in (one for one in names if self.counts.get(one)):
+        instances = {}
+        for name in (kind for kind in names if self.counts.get(kind)):
             rows, layout = self._rows(self._numbers[name]), self._log.formats[self._numbers[name]]
             fields = {
                 column: rows[column] * (factor or 1.0)
@@ -227,12 +227,13 @@ class _DataFlash:
                 if rows[column].dtype.kind != "S"
             }
             unit_us = {"TimeUS": 1.0, "TimeMS": 1e3}
-            if (clock := next((one for one in unit_us if one in fields), None)) is None or not len(rows):
+            clock = next((column for column in unit_us if column in fields), None)
+            if clock is None or not len(rows):
                 continue
             fields["time_us"] = fields[clock] * unit_us[clock]
             number = fields.get(layout.instance_field, np.zeros(len(rows)))
-            found[name] = [{key: one[number == part] for key, one in fields.items()} for part in np.unique(number)]
-        return found
+            instances[name] = [_of_instance(fields, number == part) for part in np.unique(number)]
+        return instances
 
     def _rows(self, number: int) -> NDArray[np.void]:
         """The messages of a kind, shape (n,), from where pymavlink found them: one by one it takes 0.2 ms for each."""
@@ -270,17 +271,21 @@ class _FirstLine(io.TextIOBase):
         return len(text)
 
 
-def _battery(of: Fields) -> Fields:
-    return {name: np.where(of[name] == _UNKNOWN, np.nan, of[name]) for name in ("current_a", "remaining")}
+def _of_instance(fields: Fields, rows: NDArray[np.bool_]) -> Fields:
+    return {name: values[rows] for name, values in fields.items()}
 
 
-def _local_position(of: Fields) -> Fields:
+def _battery(fields: Fields) -> Fields:
+    return {name: np.where(fields[name] == _UNKNOWN, np.nan, fields[name]) for name in ("current_a", "remaining")}
+
+
+def _local_position(fields: Fields) -> Fields:
     """Speed along the heading, which is negative in reverse; `heading` is `yaw` in old releases."""
-    heading_rad = of["heading"] if "heading" in of else of["yaw"]
-    forward = np.cos(heading_rad) * of["vx"] + np.sin(heading_rad) * of["vy"]
+    heading_rad = fields["heading"] if "heading" in fields else fields["yaw"]
+    forward = np.cos(heading_rad) * fields["vx"] + np.sin(heading_rad) * fields["vy"]
     return {
-        "forward": np.where(of["v_xy_valid"] != 0.0, forward, np.nan),
-        "up": np.where(of["z_valid"] != 0.0, -of["z"], np.nan),
+        "forward": np.where(fields["v_xy_valid"] != 0.0, forward, np.nan),
+        "up": np.where(fields["z_valid"] != 0.0, -fields["z"], np.nan),
     }
 
 
@@ -289,17 +294,17 @@ def _oriented(w: Array, x: Array, y: Array, z: Array) -> Fields:
     return {"orientation.w": w, "orientation.x": x, "orientation.y": -y, "orientation.z": -z}
 
 
-def _attitude(of: Fields) -> Fields:
-    return _oriented(*(of[f"q[{i}]"] for i in range(4)))
+def _attitude(fields: Fields) -> Fields:
+    return _oriented(*(fields[f"q[{i}]"] for i in range(4)))
 
 
-def _euler(of: Fields) -> Fields:
-    angles_deg = np.stack([of["Yaw"], of["Pitch"], of["Roll"]], axis=1)
+def _euler(fields: Fields) -> Fields:
+    angles_deg = np.stack([fields["Yaw"], fields["Pitch"], fields["Roll"]], axis=1)
     return _oriented(*Rotation.from_euler("ZYX", angles_deg, degrees=True).as_quat(scalar_first=True).T)
 
 
 def _fixed(speed: str, fix: str) -> Callable[[Fields], Fields]:
-    return lambda of: {speed: np.where(of[fix] >= _FIX_2D, of[speed], np.nan)}
+    return lambda fields: {speed: np.where(fields[fix] >= _FIX_2D, fields[speed], np.nan)}
 
 
 _DERIVED: Mapping[str, Callable[[Fields], Fields]] = {

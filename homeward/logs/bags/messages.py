@@ -75,14 +75,14 @@ def _stores(connection: Connection) -> list[Typestore]:
     standard = get_typestore(Stores.LATEST)
     if kind in standard.types:
         return [standard]
-    found = [
+    stores = [
         _store(Stores.LATEST, [get_types_from_msg(text, name) for name, text in definitions.items()])
         for definitions in shipped_definitions()
         if kind in definitions
     ]
-    if not found:
+    if not stores:
         raise UnknownType(f"{kind}: the bag has no definition of this type, and neither has this package")
-    return found
+    return stores
 
 
 def _refuse_large(store: Typestore, kind: str) -> None:
@@ -99,22 +99,22 @@ def _refuse_large(store: Typestore, kind: str) -> None:
         raise UnknownType(f"{kind}: by its definition in the bag a message has {count:.3g} numbers, which none has")
 
 
-def _elements(store: Typestore, kind: str, known: dict[str, int]) -> int:
+def _elements(store: Typestore, kind: str, counts: dict[str, int]) -> int:
     """How many numbers, texts and lists a message has; a list in it counts as one."""
-    if kind not in known:
+    if kind not in counts:
         fields: Any = store.fielddefs[kind][1]
         parts = [part for name, part in fields if name != _PLACEHOLDER]
-        known[kind] = sum(_elements_of(store, node, content, known) for node, content in parts)
-    return known[kind]
+        counts[kind] = sum(_elements_of(store, node, content, counts) for node, content in parts)
+    return counts[kind]
 
 
-def _elements_of(store: Typestore, node: Nodetype, content: Any, known: dict[str, int]) -> int:
+def _elements_of(store: Typestore, node: Nodetype, content: Any, counts: dict[str, int]) -> int:
     if node == Nodetype.BASE:
         return 1
     if node == Nodetype.NAME:
-        return _elements(store, content, known)
+        return _elements(store, content, counts)
     (inner, inside), size = content
-    count = _elements_of(store, inner, inside, known)
+    count = _elements_of(store, inner, inside, counts)
     if node == Nodetype.ARRAY:
         return int(size) * max(count, 1)
     # A list says its own length, which nothing limits where its parts have no bytes.
@@ -123,8 +123,8 @@ def _elements_of(store: Typestore, node: Nodetype, content: Any, known: dict[str
 
 def _store(base: Stores, types: Sequence[Any]) -> Typestore:
     store = get_typestore(base)
-    for one in types:
-        store.register({name: fields for name, fields in one.items() if name not in store.types})
+    for definitions in types:
+        store.register({name: fields for name, fields in definitions.items() if name not in store.types})
     return store
 
 
@@ -167,7 +167,9 @@ def getter(path: str) -> Callable[[Any], float]:
         for name, key in steps:
             if name:
                 if not hasattr(value, name):
-                    fields = [one for one in getattr(value, "__dataclass_fields__", {}) if not one.startswith("_")]
+                    fields = [
+                        field for field in getattr(value, "__dataclass_fields__", {}) if not field.startswith("_")
+                    ]
                     raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}")
                 value = getattr(value, name)
                 continue

@@ -43,13 +43,15 @@ class DamagedBag:
         """
         self.path, self._allowance = path, allowance
         counts: Counter[int] = Counter()
-        found: dict[int, Connection] = {}
+        connections: dict[int, Connection] = {}
         for record in self._records():
             if isinstance(record, Connection):
-                found[record.id] = record
+                connections[record.id] = record
             else:
                 counts[record[0]] += 1
-        self.connections = [one._replace(msgcount=counts[one.id], owner=self) for one in found.values()]
+        self.connections = [
+            connection._replace(msgcount=counts[connection.id], owner=self) for connection in connections.values()
+        ]
 
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
         """Messages of some connections, in the order of the file."""

@@ -87,12 +87,12 @@ def read_samples(
     bag.notes += [f"{n} messages of {name} do not fit their type and are left out" for name, n in failures.items() if n]
     unread |= {name: f"{name} is left out: none of its messages can be read" for name in rows if not rows[name]}
     samples: dict[str, Samples] = {}
-    for name in (one for one in rows if rows[one]):
+    for name in (topic for topic in rows if rows[topic]):
         table = np.array(rows[name], dtype=np.float64).reshape(len(rows[name]), -1).T
         received, stamps = np.array(times[name], dtype=np.int64).T
         whole = Samples(received, stamps, dict(zip(wanted[name], table, strict=True)))
         samples |= _by_part(name, whole, np.array(parts[name]))
-    return samples, [line for name, line in unread.items() if name not in {without_part(one) for one in samples}]
+    return samples, [line for name, line in unread.items() if name not in {without_part(part) for part in samples}]
 
 
 def restarts(stamp_ns: NDArray[np.int64]) -> int:
@@ -113,34 +113,34 @@ def keep_longest_part(samples: dict[str, Samples]) -> list[str]:
     Raises:
         RecordingError: Its messages do not tell the parts apart.
     """
-    counts = {name: restarts(one.stamp_ns) for name, one in samples.items()}
+    counts = {name: restarts(of_topic.stamp_ns) for name, of_topic in samples.items()}
     parts = max(counts.values(), default=0) + 1
     if parts == 1:
         return []
     if len(set(counts.values())) > 1:
         raise RecordingError("its clock begins again, and not all messages show where; cut the log at the restart")
-    part_of_sample = {name: _part_of_sample(one.stamp_ns) for name, one in samples.items()}
+    part_of_sample = {name: _part_of_sample(of_topic.stamp_ns) for name, of_topic in samples.items()}
     spans_s = np.zeros(parts)
-    for name, one in samples.items():
+    for name, of_topic in samples.items():
         for part in range(parts):
-            stamps = one.stamp_ns[part_of_sample[name] == part]
+            stamps = of_topic.stamp_ns[part_of_sample[name] == part]
             spans_s[part] = max(spans_s[part], float(stamps[-1] - stamps[0]) * 1e-9)
     kept = int(spans_s.argmax())
-    for name, one in samples.items():
+    for name, of_topic in samples.items():
         mine = part_of_sample[name] == kept
-        values = {path: column[mine] for path, column in one.values.items()}
-        samples[name] = Samples(one.received_ns[mine], one.stamp_ns[mine], values)
+        values = {path: column[mine] for path, column in of_topic.values.items()}
+        samples[name] = Samples(of_topic.received_ns[mine], of_topic.stamp_ns[mine], values)
     lengths = ", ".join(f"{span_s:.4g} s" for span_s in spans_s)
     return [f"its clock begins again: of {parts} parts ({lengths}) the longest is read, and the others are left out"]
 
 
 def _by_part(name: str, samples: Samples, parts: NDArray[np.str_]) -> dict[str, Samples]:
     """The samples of a topic, or those of each battery that it reports, by name."""
-    found = np.unique(parts)
-    if not 1 < len(found) <= MOST_PARTS:
+    names = np.unique(parts)
+    if not 1 < len(names) <= MOST_PARTS:
         return {name: samples}
     divided = {}
-    for part in found:
+    for part in names:
         mine = parts == part
         values = {path: column[mine] for path, column in samples.values.items()}
         divided[f"{name}{PART}{part}"] = Samples(samples.received_ns[mine], samples.stamp_ns[mine], values)
@@ -154,17 +154,17 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
     The header of the topics in `on_receipt` is not used.
     """
     late_s = {
-        name: float(np.median(one.received_ns - one.stamp_ns)) * 1e-9
-        for name, one in samples.items()
-        if (one.stamp_ns > 0).all() and name not in on_receipt and not restarts(one.stamp_ns)
+        name: float(np.median(of_topic.received_ns - of_topic.stamp_ns)) * 1e-9
+        for name, of_topic in samples.items()
+        if (of_topic.stamp_ns > 0).all() and name not in on_receipt and not restarts(of_topic.stamp_ns)
     }
     median_s = float(np.median(list(late_s.values()))) if late_s else 0.0
     stamped = {name for name, late in late_s.items() if abs(late - median_s) <= rules.CLOCKS_DIFFER_S}
     times = {
-        name: one.stamp_ns if name in stamped else one.received_ns - int(median_s * 1e9)
-        for name, one in samples.items()
+        name: of_topic.stamp_ns if name in stamped else of_topic.received_ns - int(median_s * 1e9)
+        for name, of_topic in samples.items()
     }  # fmt: skip
-    start_ns = min(int(one.min()) for one in times.values())
+    start_ns = min(int(topic_ns.min()) for topic_ns in times.values())
     notes = []
     if others := sorted(set(samples) - stamped):
         notes.append(f"{', '.join(others)}: placed by the time of receipt, as they have no stamp of the same clock")
@@ -172,5 +172,5 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
     again = [name for name in by_stamp if restarts(samples[name].stamp_ns)]
     if again:
         notes.append(f"stamps of {', '.join(again)} go back, as after a restart")
-    since = {name: np.asarray((one - start_ns) * 1e-9, dtype=np.float64) for name, one in times.items()}
+    since = {name: np.asarray((topic_ns - start_ns) * 1e-9, dtype=np.float64) for name, topic_ns in times.items()}
     return since, start_ns, notes

@@ -103,7 +103,7 @@ class Topics:
             (topic, connection)
             for topic in self.topics
             if channel in topic.sources or channel in topic.vectors
-            for connection in sorted(connections, key=lambda one: -one.msgcount)
+            for connection in sorted(connections, key=lambda offer: -offer.msgcount)
             if topic.fits(connection) and connection.msgcount
         ]
 
@@ -143,7 +143,7 @@ def load_topics(mapping: str | Path) -> Topics:
 
 def best_topics(connections: Sequence[Offer]) -> Topics:
     """The shipped mapping that covers most of a bag; of equals the first by name."""
-    return max((load_topics(name) for name in shipped_topics()), key=lambda one: one.value(connections))
+    return max((load_topics(name) for name in shipped_topics()), key=lambda topics: topics.value(connections))
 
 
 def _topic(where: str, entry: dict[str, Any]) -> Topic:

@@ -56,7 +56,7 @@ _VOID = _ELECTRIC | {"grade", "heading"}
 """Channels that count as missing as long as they are zero: drivers leave unmeasured fields so."""
 
 
-class Found(NamedTuple):
+class NetworkTopic(NamedTuple):
     """A topic of the network."""
 
     topic: str
@@ -68,7 +68,7 @@ class _Option(NamedTuple):
     """One way to obtain a channel."""
 
     topic: Topic
-    found: Found
+    offer: NetworkTopic
     value: Value
 
 
@@ -117,7 +117,7 @@ class Listener:
         self.mapping_name = "" if mapping is None else mapping.name
         self.odometry = Odometry(max_speed_mps)
         self._options: dict[str, dict[str, list[_Option]]] = {}  # by topic and channel
-        self._chosen: dict[str, tuple[Topic, Found]] = {}
+        self._chosen: dict[str, tuple[Topic, NetworkTopic]] = {}
         self._readers: dict[str, Callable[[Any, str], list[Element]]] = {}
         self._spikes = Spikes(max_speed_mps)
         self._values: dict[str, deque[float]] = {}
@@ -134,34 +134,34 @@ class Listener:
         self._turned_rad: float | None = None
         self._past: deque[tuple[float, float, float]] = deque()  # time, acceleration, speed
 
-    def offer(self, found: Mapping[str, str]) -> None:
+    def offer(self, topics: Mapping[str, str]) -> None:
         """Choose among the topics of the network.
 
         Args:
-            found: Types of their messages by their names.
+            topics: Types of their messages by their names.
         """
-        offered = [Found(*one) for one in sorted(found.items())]
+        offered = [NetworkTopic(*item) for item in sorted(topics.items())]
         mapping = best_topics(offered) if self._mapping is None else self._mapping
         self.mapping_name = mapping.name
 
         def options(channel: str, value: Callable[[Topic], Value]) -> list[_Option]:
-            return [_Option(topic, one, value(topic)) for topic, one in mapping.candidates(channel, offered)]
+            return [_Option(topic, offer, value(topic)) for topic, offer in mapping.candidates(channel, offered)]
 
         every = {channel: options(channel, partial(field_value, name=channel)) for channel in CHANNELS}
         slopes, headings = options(ORIENTATION, slope), options(ORIENTATION, heading)
-        every["grade"] = sorted(slopes, key=lambda option: option.found.msgtype != IMU)
-        every["heading"] = sorted(headings, key=lambda option: option.found.msgtype == IMU)
+        every["grade"] = sorted(slopes, key=lambda option: option.offer.msgtype != IMU)
+        every["heading"] = sorted(headings, key=lambda option: option.offer.msgtype == IMU)
         every[ACCELERATION] = options(ACCELERATION, acceleration)
-        every["pose"] = [one._replace(value=east_m) for one in every["speed_mps"] if one.found.msgtype == ODOMETRY]
+        every["pose"] = [way._replace(value=east_m) for way in every["speed_mps"] if way.offer.msgtype == ODOMETRY]
         self._options = {}
         paths_of: dict[str, dict[str, None]] = {}  # by topic
         for channel, ways in every.items():
-            for one in ways:
-                paths = [*one.topic.paths(), *(POSE if one.found.msgtype == ODOMETRY else ())]
-                paths_of.setdefault(one.found.topic, {}).update(dict.fromkeys(paths))
-                self._options.setdefault(one.found.topic, {})[channel] = ways
+            for way in ways:
+                paths = [*way.topic.paths(), *(POSE if way.offer.msgtype == ODOMETRY else ())]
+                paths_of.setdefault(way.offer.topic, {}).update(dict.fromkeys(paths))
+                self._options.setdefault(way.offer.topic, {})[channel] = ways
         self._readers = {topic: elements_reader(paths) for topic, paths in paths_of.items()}
-        self.wanted = {one.topic: one.msgtype for one in offered if one.topic in self._readers}
+        self.wanted = {offer.topic: offer.msgtype for offer in offered if offer.topic in self._readers}
         self.fields = {name: list(paths) for name, paths in paths_of.items()}
 
     def hear(self, name: str, message: Any, publisher: int, now_s: float) -> None:
@@ -194,7 +194,7 @@ class Listener:
                 self._place, moved = self.odometry.place(pose, speed, publisher, now_s)
                 if moved:
                     self.say(f"{name} was restarted elsewhere: the way continues from where the robot was", now_s)
-        motion = next((one for one in _MOTION if one in self._chosen), None)
+        motion = next((channel for channel in _MOTION if channel in self._chosen), None)
         if motion in spoke:
             self._first_motion_s = now_s if self._first_motion_s is None else self._first_motion_s
             stamp = getattr(getattr(message, "header", None), "stamp", None)
@@ -263,7 +263,9 @@ class Listener:
             allowed_s = max(rules.SILENT_INTERVALS * usual_s, rules.SHORTEST_SILENCE_S)
             if name in self.sources.values() and now_s - at_s > allowed_s:
                 self.say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
-        self._said = {kind: one for kind, one in self._said.items() if now_s - one[1] <= companion_rules.STAYS_S}
+        self._said = {
+            kind: warning for kind, warning in self._said.items() if now_s - warning[1] <= companion_rules.STAYS_S
+        }
         return [text for text, _ in self._said.values()]
 
     def _battery_of(self, name: str, part: str, values: dict[str, float]) -> str:
@@ -272,7 +274,7 @@ class Listener:
         of_entry: dict[int, tuple[Topic, dict[str, float]]] = {}
         for channel in OF_BATTERY & self._options[name].keys():
             for option in self._options[name][channel]:
-                if option.found.topic == name and option.topic.takes(battery):
+                if option.offer.topic == name and option.topic.takes(battery):
                     readings = of_entry.setdefault(id(option.topic), (option.topic, {}))[1]
                     readings[channel] = option.value(values)
         for topic, readings in of_entry.values():
@@ -296,8 +298,8 @@ class Listener:
         chosen = self._chosen.get(channel)
         for option in options:
             if option[:2] == chosen:
-                return option if option.found.topic == name else None
-            if option.found.topic == name:
+                return option if option.offer.topic == name else None
+            if option.offer.topic == name:
                 value = self._value(option, channel, values, battery)
                 if math.isfinite(value) and (channel not in _VOID or abs(value) > logs_rules.PLANAR):
                     self._chosen[channel] = option[:2]

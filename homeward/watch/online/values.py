@@ -19,13 +19,13 @@ Value = Callable[[dict[str, float]], float]
 
 def field_value(topic: Topic, name: str) -> Value:
     """Value of a channel that the mapping names; NaN where it means unknown."""
-    of = topic.sources[name].of
+    channel_of = topic.sources[name].apply
 
-    def known(values: dict[str, float]) -> float:
-        value = float(of(values))
+    def known_value(values: dict[str, float]) -> float:
+        value = float(channel_of(values))
         return math.nan if unknown(name, np.array([value]))[0] else value
 
-    return known
+    return known_value
 
 
 def east_m(values: dict[str, float]) -> float:
