@@ -389,6 +389,8 @@ def _refuse_few(table: pd.DataFrame) -> None:
 def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
     """Channels of a table, with notes on what is left out."""
     _refuse_few(table)
+    if "time_s" not in table.columns:
+        raise RecordingError(f"has no time_s; the mapping gives {', '.join(table.columns) or 'nothing'}")
     channels: dict[str, Array] = {}
     for channel in (CHANNELS[column] for column in table.columns):
         values = _finite(table[channel.name])

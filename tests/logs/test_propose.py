@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from homeward.commands.columns import _tried
 from homeward.diagnosis import RecordingError, load_columns, read_recording
 from homeward.logs.channels import CHANNELS
 from homeward.logs.propose import propose
@@ -212,3 +213,11 @@ def test_a_date_and_the_time_of_day_are_joined(tmp_path: Path) -> None:
     read = read_recording(path, tmp_path / "map.toml")
     assert read.duration_s == pytest.approx(49.0) and read.channels["time_s"][0] == pytest.approx(1777629600.5)
     assert read.channels["soc"][0] == 0.9 and read.channels["current_a"][0] == 1.5
+
+
+def test_a_table_without_a_time_gets_a_proposal_that_says_so(tmp_path: Path) -> None:
+    TRUTH.drop(columns="time_s").to_csv(tmp_path / "run.csv", index=False)
+    proposal = propose(tmp_path / "run.csv")
+    assert "time_s" not in {guess.channel for guess in proposal.guesses}
+    lines, reads = _tried(proposal)
+    assert not reads and "has no time_s; the mapping gives" in lines[-1]
