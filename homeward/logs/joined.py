@@ -51,31 +51,30 @@ def join(tables: Sequence[tuple[str, pd.DataFrame]]) -> tuple[pd.DataFrame, list
     given = {channel: first_name for channel in first if channel != "time_s"}  # name of the table, by channel
     joined = [first]
     parts = [_said(first_name, first)]
-    shifted = []
+    clocks = []
     for name, table in others:
         for channel in (channel for channel in table if channel != "time_s"):
             if channel in given:
                 raise RecordingError(f"{channel} is in {given[channel]} and in {name}; name one in a mapping file")
             given[channel] = name
-        late_s = _late_s(first_name, first["time_s"], name, table["time_s"])
-        if late_s:
-            shifted.append(f"the clock of {name} is another: it is taken to start together with {first_name}")
+        late_s, how = _late_s(first_name, first["time_s"], name, table["time_s"])
+        clocks.append(how)
         joined.append(table.assign(time_s=table["time_s"] - late_s))
         parts.append(_said(name, table))
     rows = pd.concat(joined).groupby("time_s", as_index=False).first()
-    return rows, [f"tables of one run are joined: {'; '.join(parts)}", *shifted]
+    return rows, [f"tables of one run are joined: {'; '.join(parts)}", *clocks]
 
 
 def _said(name: str, table: pd.DataFrame) -> str:
     return f"{', '.join(str(channel) for channel in table if channel != 'time_s')} from {name}"
 
 
-def _late_s(first_name: str, first_s: pd.Series[float], name: str, other_s: pd.Series[float]) -> float:
-    """Time by which the clock of another table is ahead of that of the first, s; 0 where it is the same."""
+def _late_s(first_name: str, first_s: pd.Series[float], name: str, other_s: pd.Series[float]) -> tuple[float, str]:
+    """Time by which the clock of another table is ahead of that of the first, s, and a line on how it is known."""
     start_s, other_start_s = float(first_s.iloc[0]), float(other_s.iloc[0])
     overlap_s = min(float(first_s.iloc[-1]), float(other_s.iloc[-1])) - max(start_s, other_start_s)
     if overlap_s > 0.0:
-        return 0.0
+        return 0.0, f"times of {first_name} and {name} overlap by {overlap_s:.4g} s: assumed to be of one clock"
     if is_epoch(start_s) and is_epoch(other_start_s):
         raise RecordingError(
             f"{first_name} and {name} were not recorded at the same time: {abs(other_start_s - start_s):.6g} s lie "
@@ -87,4 +86,5 @@ def _late_s(first_name: str, first_s: pd.Series[float], name: str, other_s: pd.S
             f"{first_name} lasts {durations_s[0]:.4g} s and {name} {durations_s[1]:.4g} s, on different clocks: "
             "give both times of one clock"
         )
-    return other_start_s - start_s
+    how = f"the clock of {name} is another: it is taken to start together with {first_name}"
+    return other_start_s - start_s, how

@@ -34,6 +34,7 @@ def test_two_tables_on_one_clock_are_one_run(tmp_path: Path) -> None:
     recording = read_recording(two_tables(tmp_path, START_S, START_S))
     assert recording.name == f"{tmp_path}/odom.csv+bat.csv" and len(recording) == 120
     assert "tables of one run are joined: speed_mps from odom.csv; voltage_v, current_a from bat.csv" in recording.notes
+    assert "times of odom.csv and bat.csv overlap by 59.5 s: assumed to be of one clock" in recording.notes
     since_s = recording.channels["time_s"] - START_S
     assert np.allclose(recording.channels["speed_mps"], 0.5 + 0.3 * np.sin(0.2 * since_s), atol=2e-3)
 
