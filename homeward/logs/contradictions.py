@@ -49,6 +49,15 @@ class Twice(NamedTuple):
         return (*_CHANNELS.get(self.what, (self.what,)), *_CHANNELS.get(self.reference, (self.reference,)))
 
     @property
+    def powers(self) -> dict[str, int]:
+        """The powers with which the ratio depends on units of channels; not of wheels, whose speeds are added."""
+        powers = {"time_s": self.power_of_time}
+        for name, power in ((self.what, 1), (self.reference, -1)):
+            if name != WHEELS:
+                powers |= dict.fromkeys(_CHANNELS.get(name, (name,)), power)
+        return powers
+
+    @property
     def unit(self) -> tuple[float, str] | None:
         """Factor and name of the unit that explains the ratio; None where none does."""
         near = (

@@ -99,7 +99,8 @@ def _by_ratio(pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, 
     said = f"{now.what} is {now.ratio:.3g} times that of {now.reference}"
     if len(repaired) == 1:
         guess, word = repaired[0]
-        return {guess.channel: replace(guess, sure=1, why=f"its name says no unit; in {word}, as {said} otherwise")}
+        sure = LEAST_SURE if guess.factor < 0.0 else 1  # sizes agree, whatever the sign
+        return {guess.channel: replace(guess, sure=sure, why=f"{guess.why}; yet in {word}, as {said} otherwise")}
     if not now.is_long_enough:
         return {}
     return {guess.channel: _doubted(guess, f"{said}: one has another unit, or is another amount") for guess in of_pair}
@@ -107,15 +108,10 @@ def _by_ratio(pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, 
 
 def _repairs(pair: Twice, guesses: Mapping[str, Guess]) -> list[tuple[Guess, str]]:
     """Guesses whose unit their values gave, each with another unit by which the pair agrees, and its name."""
-    powers = {pair.what: 1, pair.reference: -1, "time_s": pair.power_of_time}
-    if pair.what == "voltage_v x current_a":
-        powers |= {"voltage_v": 1, "current_a": 1}
-    if pair.reference == "voltage_v x current_a":
-        powers |= {"voltage_v": -1, "current_a": -1}
     repairs = []
-    for name, power in powers.items():
-        guess = guesses.get(name)
-        if guess is None or not guess.by_values or power == 0:
+    for name, power in pair.powers.items():
+        guess = guesses[name]
+        if not guess.by_values or power == 0:
             continue
         size = abs(guess.factor)
         by_factor = {factor: word for word, factor in reversed(UNITS[CHANNELS[name].unit].items())}
