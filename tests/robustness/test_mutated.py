@@ -51,6 +51,8 @@ GIVEN = os.environ.get("HOMEWARD_MUTATIONS")
 SETTINGS = settings(
     max_examples=int(GIVEN or 25), derandomize=GIVEN is None, suppress_health_check=list(HealthCheck), print_blob=True
 )
+OF_COMMANDS = settings(SETTINGS, max_examples=int(GIVEN or 15))
+"""Fewer, as a command takes most of a second; every run draws the same."""
 LONGEST_S = 10.0
 """Processor time that reading an input may take."""
 MOST_BYTES = 10**9
@@ -423,7 +425,7 @@ def test_a_changed_file_is_read_or_refused(name: str, tmp_path: Path, data: st.D
 
 
 @pytest.mark.usefixtures("compiled")
-@SETTINGS
+@OF_COMMANDS
 @given(data=st.data())
 def test_a_command_does_what_it_is_asked_or_says_why_not(tmp_path: Path, data: st.DataObject) -> None:
     """On a changed file, and now and then with a wrong word: exit code 0, or 2 and a last line that says why."""
