@@ -306,6 +306,8 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
             sure = 1 if factor == 1.0 else 2
             why = f"its name says no unit; values fit {word}" if about.unit != "1" else "its values lie in 0 to 1"
             why = why if sure == 1 else f"values fit {word}"
+            if channel == "time_s" and values[0] > rules.EPOCH_COUNT:
+                why = "its name says no unit; a count since 1970, whose size shows its unit"
             step = float(np.median(np.diff(values))) if channel == "time_s" and len(values) > 1 else 0.0
             if factor != 1.0 and rules.SLOW_STEP_S < step < rules.LONGEST_STEP_S:
                 why = f"{why}, or seconds with a sample every {step:.3g} s"
