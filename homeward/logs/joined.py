@@ -11,6 +11,7 @@ import pandas as pd
 
 from homeward.logs import rules
 from homeward.logs.columns import Columns, RecordingError
+from homeward.logs.tables import SUFFIXES
 from homeward.logs.times import is_epoch
 
 BETWEEN = "+"
@@ -19,8 +20,10 @@ BETWEEN = "+"
 
 def tables_of_run(path: Path) -> list[Path]:
     """The tables that a name means: itself if there is such a file, or those that it joins."""
-    names = [path] if path.exists() else [Path(name) for name in str(path).split(BETWEEN)]
-    return names if all(map(str, names)) else [path]
+    names = str(path).split(BETWEEN)
+    # A plus may stand in the name of a folder, too.
+    are_tables = all(name.lower().endswith((*SUFFIXES, ".parquet")) for name in names)
+    return [path] if path.exists() or not are_tables else [Path(name) for name in names]
 
 
 def mapping_of_table(mapping: Columns | None, header: Sequence[str]) -> Columns | None:

@@ -86,7 +86,7 @@ def read_recording(
         return _read_standard_input(columns, standing)
     parts = tables_of_run(path)
     if len(parts) > 1:
-        return _read_joined(parts, columns)
+        return _read_joined(parts, columns, standing)
     bag = path.exists() and is_bag(path)
     mapping = None if bag or columns is None else load_columns(columns)
     try:
@@ -103,7 +103,7 @@ def _name(path: Path) -> str:
     return os.fsencode(path).decode("utf-8", "replace")
 
 
-def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None) -> Recording:
+def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None, standing: bool) -> Recording:
     """Like `read_recording`, for several tables of one run."""
     mappings = [columns] * len(paths)
     if isinstance(columns, str | Path) and BETWEEN in str(columns) and not Path(columns).exists():
@@ -130,6 +130,7 @@ def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None) ->
     try:
         rows, joined = join(tables)
         notes += joined
+        rows = _with_motion(rows, standing)
         digest = hashlib.sha256("".join(map(sha256, paths)).encode()).hexdigest()
         return Recording(name, digest, _checked(rows, notes), tuple(notes))
     except RecordingError as error:
@@ -190,9 +191,13 @@ def _read_table(
         table = _read_without_header(path, mapping, notes)
     else:
         table = _read_csv(path, mapping, standing, notes, part)
-    if standing and not first_set(MOTION, [*map(str, table.columns)]):
-        table = table.assign(speed_mps=0.0)
-    return table, notes
+    return _with_motion(table, standing), notes
+
+
+def _with_motion(table: pd.DataFrame, standing: bool) -> pd.DataFrame:
+    """The table, with a speed of zero if its robot stood and it has no motion."""
+    moves = first_set(MOTION, [*map(str, table.columns)])
+    return table.assign(speed_mps=0.0) if standing and not moves else table
 
 
 def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.DataFrame:

@@ -50,6 +50,18 @@ def test_tables_of_different_clocks_are_taken_to_start_together_or_refused(tmp_p
         read_recording(f"{tmp_path}/odom.csv+{tmp_path}/no.csv")
     with pytest.raises(RecordingError, match=r"give RUN\+OTHER"):
         read_recording(tmp_path / "odom.csv")
+    with pytest.raises(RecordingError, match=r"c\+\+/run\.csv: no such file"):
+        read_recording(tmp_path / "c++" / "run.csv")
+
+
+def test_a_robot_that_stood_needs_no_motion_in_any_of_its_tables(tmp_path: Path) -> None:
+    t = np.arange(0.0, 60.0, 0.5)
+    pd.DataFrame({"time_s": t, "voltage_v": 24.0}).to_csv(tmp_path / "a.csv", index=False)
+    pd.DataFrame({"time_s": t, "current_a": 1.0 + np.sin(t)}).to_csv(tmp_path / "b.csv", index=False)
+    both = f"{tmp_path}/a.csv+{tmp_path}/b.csv"
+    assert not read_recording(both, standing=True).channels["speed_mps"].any()
+    with pytest.raises(RecordingError, match="has no motion channel"):
+        read_recording(both)
 
 
 def test_one_file_a_topic_of_rostopic_echo(tmp_path: Path) -> None:
