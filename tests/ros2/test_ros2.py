@@ -25,6 +25,7 @@ pytest.importorskip("rosbags", reason="needs the extra logs")
 from ruamel.yaml import YAML  # rosbags brings it
 
 from homeward.companion import Companion
+from homeward.logs.bags.elements import elements_reader
 from homeward.logs.bags.messages import getter
 from homeward.logs.bags.topics import load_topics, shipped_topics
 from tests.ros2.stand_in import Graph, Node, class_of
@@ -321,3 +322,19 @@ def test_the_package_has_what_it_names(package: Any, root: Path) -> None:
     for path in re.findall(r'\["((?:config|launch)/[^"]+|package\.xml)"\]', setup):
         assert (folder / path).is_file()
     assert (folder / "resource" / str(description.findtext("name"))).is_file()
+
+
+def test_a_list_of_batteries_reaches_homeward_with_their_names(package: Any) -> None:
+    class Pack:
+        def __init__(self, current: float, location: str) -> None:
+            self.current, self.location, self.cells = current, location, [4.1]
+
+        def get_fields_and_field_types(self) -> dict[str, str]:
+            return {"current": "float", "location": "string", "cells": "sequence<float>"}
+
+    message = Plain({"packs": [Pack(2.4, "left"), Pack(1.6, "right")]})
+    content = json.loads(json.dumps(package.messages.needed(message, ["packs[*].current"])), object_hook=Plain)
+    elements = elements_reader(["packs[*].current"])(content, "my_msgs/msg/Packs")
+    assert [tuple(element) for element in elements] == [
+        ("left", {"packs[*].current": 2.4}), ("right", {"packs[*].current": 1.6}),
+    ]  # fmt: skip
