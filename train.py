@@ -160,6 +160,8 @@ def _options(args: Args) -> Options:
     missions = {env_id: mission for mission, env_id in IDS.items()}
     if args.env not in missions:
         raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(missions)}")
+    if args.action_type == "flat":
+        raise TrainingError("action_type = 'flat' is for learners of one list of actions; train with 'discrete'")
     check_seed(args.seed)
     for name, value, least in (
         ("steps", args.steps, 1),

@@ -144,7 +144,7 @@ def test_the_inputs_of_a_mission_begin_anew_with_it(mission: str) -> None:
     env.seed(5)
     inputs = env.reset()
     assert env.observation_space.contains(inputs[0])
-    twin = make_inputs(env.env.batch.known)
+    twin = make_inputs(env.missions.batch.known)
     np.testing.assert_array_equal(twin(inputs[:, : len(NAMES)], np.ones(COUNT, np.bool_)), inputs)
     for _ in range(60):
         seen, rewards, over, infos = env.step(draw_actions(rng, "discrete"))
