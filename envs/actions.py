@@ -72,17 +72,21 @@ def flatten_actions(actions: NDArray[np.int64]) -> NDArray[np.int64]:
     return numbers
 
 
-def unflatten_actions(numbers: Any) -> NDArray[np.int64]:
+def unflatten_actions(numbers: Any, count: int | None = None) -> NDArray[np.int64]:
     """Discrete actions, shape (n, 3), of numbers in the flat action space, shape (n,).
 
+    Args:
+        numbers: The numbers.
+        count: How many there should be; any number of them if None.
+
     Raises:
-        OptionError: They are no whole numbers of one dimension, or one is not in the space.
+        OptionError: They are no whole numbers of one dimension, too few or many, or one is not in the space.
 
     >>> unflatten_actions(np.array([1, 74])).tolist()
     [[0, 0, 1], [4, 4, 2]]
     """
     array = np.asarray(numbers)
-    if array.ndim != 1 or array.dtype.kind not in "iu":
+    if array.ndim != 1 or array.dtype.kind not in "iu" or count not in (None, len(array)):
         raise OptionError(
             f"flat actions have shape {array.shape} and dtype {array.dtype}; give one whole number for each mission, "
             f"from 0 to {FLAT_ACTIONS - 1}"

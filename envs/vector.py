@@ -114,7 +114,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             raise OptionError(
                 f"missions {over} are over; reset them with options={{'reset_mask': mask}} before the step"
             )
-        parts = unflatten_actions(actions) if self._flat else actions
+        parts = unflatten_actions(actions, count) if self._flat else actions
         ended = self.batch.step(
             parts, observations, rewards, terminated, truncated, self._over if self._any_over else None
         )

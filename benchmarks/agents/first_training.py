@@ -62,7 +62,7 @@ class Args:
 
 def example() -> str:
     """The first example of the README that trains."""
-    blocks = re.findall(r"^```python\n(.*?)^```", README.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+    blocks: list[str] = re.findall(r"^```python\n(.*?)^```", README.read_text("utf-8"), re.DOTALL | re.MULTILINE)
     return next(block for block in blocks if LEARNS in block)
 
 
