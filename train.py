@@ -125,6 +125,9 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
             markup=False,
             soft_wrap=True,
         )
+    too_few = args.ppo.too_few(args.steps)
+    if too_few is not None:
+        console.print(too_few, markup=False, highlight=False, soft_wrap=True)
     trained = train(
         options,
         args.ppo,

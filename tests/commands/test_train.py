@@ -32,6 +32,7 @@ from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, load_polic
 from homeward.agents.trained.run_folder import (
     CHECKPOINT,
     CURVE,
+    CURVE_POLICIES,
     FIRST,
     LAST,
     LOCK,
@@ -63,7 +64,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, short_curves: None) -> Pa
 
 def test_a_run_leaves_a_policy_checkpoints_and_logs(finished: Path) -> None:
     assert {entry.name for entry in finished.iterdir()} == {
-        RUN, LOCK, CHECKPOINT, PREVIOUS, TENSORBOARD, WEIGHTS, DESCRIPTION, CURVE, FIRST, LAST
+        RUN, LOCK, CHECKPOINT, PREVIOUS, TENSORBOARD, WEIGHTS, DESCRIPTION, CURVE, CURVE_POLICIES, FIRST, LAST
     }  # fmt: skip
     assert any((finished / TENSORBOARD).iterdir())
     description = load_policy(finished).description
