@@ -28,6 +28,7 @@ from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.registry import AGENTS, Request
 from homeward.envs.options import Options, known_of
+from homeward.parallel import ClusterError, TaskError, run_tasks
 
 README = Path(__file__).parents[2] / "README.md"
 EPISODES = 500
@@ -56,6 +57,8 @@ class Args:
 
     seeds: int = 10
     """Number of training seeds."""
+    jobs: int = 1
+    """Seeds at once."""
     out: Path = Path("runs/first_training")
     """Folder of the results."""
 
@@ -92,7 +95,7 @@ def main(args: Args) -> list[dict[str, Any]]:
     """Run the missing seeds, print the table, and return the results of all.
 
     Raises:
-        TrainingError: An argument cannot be used, or the example fails.
+        TrainingError, ClusterError, TaskError: An argument cannot be used, or the example fails.
         OSError: The output folder cannot be written to.
     """
     if args.seeds < 1:
@@ -101,15 +104,15 @@ def main(args: Args) -> list[dict[str, Any]]:
     rule = run_episodes(AGENTS["dmax"](Request(known_of(options))), options, episode_seeds(0, EPISODES)).episodes
     versions = {name: version(name) for name in ("stable-baselines3", "torch")}
     kept = Kept(args.out / "first_training.json", example=example(), versions=versions)
-    for name, seed in kept.missing({f"seed {APART * k}": APART * k for k in range(args.seeds)}).items():
-        kept.keep(name, run_seed(seed))
+    tasks = {f"seed {APART * k}": APART * k for k in range(args.seeds)}
+    run_tasks(run_seed, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title="training seeds")
     title = f"The README's example on {EPISODES} unseen missions; dmax scores {rule.score.mean():.0f}"
     shown = table(title, ("training",), ("start", "end", "end minus dmax", "time, s", "time of processors, s"))
-    results = [kept.results[f"seed {APART * k}"] for k in range(args.seeds)]
-    for k, run in enumerate(results):
+    results = [kept.results[name] for name in tasks]
+    for name, run in zip(tasks, results, strict=True):
         gain = f"{run['end'] - rule.score.mean():+.0f}"
-        times = (f"{run[name]:.0f}" for name in ("wall_s", "cpu_s"))
-        shown.add_row(f"seed {APART * k}", f"{run['start']:.0f}", f"{run['end']:.0f}", gain, *times)
+        times = (f"{run[duration]:.0f}" for duration in ("wall_s", "cpu_s"))
+        shown.add_row(name, f"{run['start']:.0f}", f"{run['end']:.0f}", gain, *times)
     above = sum(run["end"] > max(rule.score.mean(), run["start"]) for run in results)
     shown.caption = f"{above} of {args.seeds} seeds end above dmax and above their start"
     Console(width=120).print(shown)
@@ -117,4 +120,4 @@ def main(args: Args) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    sys.exit(cli.run(main, Args, __doc__, (TrainingError,)))
+    sys.exit(cli.run(main, Args, __doc__, (TrainingError, ClusterError, TaskError)))

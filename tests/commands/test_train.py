@@ -410,6 +410,7 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
         ("--stranding-cost -1", "stranding_cost = -1.0 is not allowed"),
         ("--start planner", "start = 'planner' is not allowed; choose from scratch, dmax"),
         ("--curve 0", "curve = 0 is not allowed; give at least 1"),
+        ("--action-type flat", "action_type = 'flat' is for learners of one list of actions; train with 'discrete'"),
         ("--discount 1.5", "discount = 1.5 is not allowed"),
     ],
 )

@@ -29,7 +29,7 @@ def test_the_example_has_ten_lines_and_runs(few_episodes: None, monkeypatch: pyt
     with contextlib.redirect_stdout(printed):
         exec(text, {})  # the example of this project's own README
     result = json.loads(printed.getvalue().splitlines()[-1])
-    assert trained == [1_000_000]
+    assert trained == [2_000_000]
     assert result["start"] == result["end"] < 10.0  # nothing was learned
     assert result["wall_s"] > 0.0
 
