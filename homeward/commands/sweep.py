@@ -90,8 +90,13 @@ def main(args: Args) -> dict[str, Path]:
     curves = curves_of(folders)
     mission = next(mission for mission, env_id in IDS.items() if env_id == args.train.env)
     write_whole(args.train.out / PLOT, sweep_png(curves, args.train.env, mission))
-    cli.Terminal().show(_compared(curves, args.train.out))
-    cli.Terminal(stderr=True).print(f"{len(folders)} runs in {args.train.out}, with {PLOT}", soft_wrap=True)
+    cli.Terminal().show(_compared(curves))
+    console = cli.Terminal(stderr=True)
+    console.print(f"{len(folders)} runs in {args.train.out}, with {PLOT}", soft_wrap=True)
+    console.print(
+        "these missions chose the kept policies; compare on others by homeward evaluate --agents LABEL:ppo=FOLDER",
+        soft_wrap=True,
+    )
     return folders
 
 
@@ -111,14 +116,9 @@ def curves_of(folders: Mapping[str, Path]) -> dict[str, list[list[Point]]]:
     return curves
 
 
-def _compared(curves: Mapping[str, list[list[Point]]], out: Path) -> Table:
+def _compared(curves: Mapping[str, list[list[Point]]]) -> Table:
     """One row for each settings: means over seeds, and the range of the kept policies' scores."""
-    table = Table(
-        title=f"{EPISODES} missions of the learning curves, means over seeds",
-        caption="the kept policies were chosen by these missions: compare on others with\n"
-        f"homeward evaluate --agents LABEL:ppo={out}/SETTINGS",
-        box=box.SIMPLE_HEAD,
-    )
+    table = Table(title=f"{EPISODES} missions of the learning curves, means over seeds", box=box.SIMPLE_HEAD)
     table.add_column("settings", overflow="fold")
     for heading in ("seeds", "kept", "lowest to highest", "stranded", "last"):
         table.add_column(heading, justify="right")
