@@ -3,7 +3,7 @@
 `python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive+shield ppo=FOLDER --out DIR` writes
 DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and plots: scores.png,
 profiles.png, one episode over time (episode.png) and over the route (route.png), and learning.png if an agent has a
-learning curve.
+learning curve. An agent is NAME, NAME+shield or NAME=FILE, with a label of its own as LABEL:NAME=FILE.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.episode_plots import episode_png, route_png
-from homeward.agents.evaluation.learning_curve import Point, read_curve
+from homeward.agents.evaluation.learning_curve import EvaluatedCurve, best_so_far, point_of, read_curve
 from homeward.agents.evaluation.learning_plot import learning_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Evaluation, Optima
@@ -42,7 +42,7 @@ from homeward.agents.registry import SWEPT
 from homeward.agents.shield import Shield
 from homeward.agents.trained.policy_file import DESCRIPTION, NetworkPolicy
 from homeward.agents.trained.provenance import differences
-from homeward.agents.trained.run_folder import RUN
+from homeward.agents.trained.run_folder import CURVE_POLICIES, RUN
 from homeward.envs import IDS
 from homeward.envs.options import OptionError, Options
 from homeward.envs.routes import RouteError
@@ -64,7 +64,8 @@ class Args:
 
     agents: tuple[str, ...] = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
     """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo, ppo_scratch (the last two as
-    shipped, or ppo=FOLDER; for several training seeds ppo=FOLDER,FOLDER or a folder of them), also NAME+shield."""
+    shipped, or ppo=FOLDER; for several training seeds ppo=FOLDER,FOLDER or a folder of them), also NAME+shield.
+    LABEL:NAME or LABEL:ppo=FOLDER gives a label of one's own to tables and plots."""
     env: str = "homeward/Survey-v0"
     """Environment id."""
     episodes: int = 500
@@ -136,7 +137,7 @@ def main(args: Args) -> Evaluation:
         "route.png": route_png(evaluation),
         "evaluation.json": evaluation.to_json(summary),
     }
-    learned = _learning_curves(asked)
+    learned = _learning_curves(args, asked, bare, env, seeds)
     if learned:
         files["learning.png"] = learning_png(evaluation, summary, learned)
     if args.margins:
@@ -212,19 +213,26 @@ class Asked:
 
 
 def _named(given: tuple[str, ...]) -> dict[str, Asked]:
-    """Each agent under its label: its name, or the whole argument if a name is given twice."""
+    """Each agent under its label: the one given, or its name, or the whole argument if a name is given twice."""
     if not given:
         raise AgentError(f"no agent given; choose from {', '.join(AGENTS)}")
-    parsed = []
+    parsed, own_labels = [], []
     for spec in given:
-        label, equals, file = spec.partition("=")
-        name = label.removesuffix(SHIELDED)
+        agent, equals, file = spec.partition("=")
+        own_label, colon, agent = agent.rpartition(":")
+        if colon and not own_label:
+            raise AgentError(f"{spec} has an empty label: give LABEL:NAME, or NAME alone")
+        name = agent.removesuffix(SHIELDED)
         files = tuple(itertools.chain(*map(_training_seeds, file.split(",")))) if equals else (None,)
-        parsed.append((spec, label, Asked(name, name != label, files)))
+        parsed.append((spec, own_label or agent, Asked(name, name != agent, files)))
+        own_labels.append(bool(own_label))
     labels = [label for _, label, _ in parsed]
-    agents = {spec if labels.count(label) > 1 else label: asked for spec, label, asked in parsed}
+    agents = {
+        label if has_own or labels.count(label) == 1 else spec: asked
+        for (spec, label, asked), has_own in zip(parsed, own_labels, strict=True)
+    }
     if len(agents) < len(given):
-        raise AgentError(f"an agent is given twice: {' '.join(given)}")
+        raise AgentError(f"an agent or a label is given twice: {' '.join(given)}")
     return agents
 
 
@@ -235,13 +243,43 @@ def _training_seeds(folder: str) -> list[str]:
     return [folder]
 
 
-def _learning_curves(asked: Mapping[str, Asked]) -> dict[str, list[list[Point]]]:
-    """Learning curves of the policies that were given as folders, by label."""
-    curves = {
-        label: [curve for file in one.files if file and (curve := read_curve(Path(file)))]
-        for label, one in asked.items()
-    }
-    return {label: own for label, own in curves.items() if own}
+def _learning_curves(
+    args: Args,
+    asked: Mapping[str, Asked],
+    policies: Mapping[str, Sequence[Policy]],
+    env: HomewardVectorEnv,
+    seeds: Sequence[int],
+) -> dict[str, list[EvaluatedCurve]]:
+    """Learning curves of the policies that were given as folders of runs, on the missions of this evaluation."""
+    curves: dict[str, list[EvaluatedCurve]] = {}
+    for label, agent in asked.items():
+        for file, policy in zip(agent.files, policies[label], strict=True):
+            points = read_curve(Path(file)) if file else []
+            if not points or not isinstance(policy, NetworkPolicy):
+                continue
+            folders = [Path(str(file)) / CURVE_POLICIES / str(point.steps) for point in points]
+            if not all((folder / DESCRIPTION).is_file() for folder in folders):
+                print(
+                    f"evaluate.py: {file} lacks policies of its learning curve, as older runs do: learning.png leaves "
+                    "it out",
+                    file=sys.stderr,
+                )
+                continue
+            at_points = {str(folder): [make_policy(agent.name, env, folder, args.seed)] for folder in folders}
+            if agent.shielded:
+                known = env.batch.known
+                at_points = {name: [Shield(one, known) for one in single] for name, single in at_points.items()}
+            runs = run_agents(at_points, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
+            present = [
+                point_of(runs[str(folder)][0].episodes, point.steps, point.trained_s)
+                for folder, point in zip(folders, points, strict=True)
+            ]
+            kept = [
+                dataclasses.replace(present[best], steps=point.steps)
+                for best, point in zip(best_so_far(points), points, strict=True)
+            ]
+            curves.setdefault(label, []).append(EvaluatedCurve(present, kept))
+    return curves
 
 
 def _check_optimum(options: Options) -> None:

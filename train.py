@@ -125,6 +125,9 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
             markup=False,
             soft_wrap=True,
         )
+    too_few = args.ppo.too_few(args.steps)
+    if too_few is not None:
+        console.print(too_few, markup=False, highlight=False, soft_wrap=True)
     trained = train(
         options,
         args.ppo,
@@ -160,6 +163,8 @@ def _options(args: Args) -> Options:
     missions = {env_id: mission for mission, env_id in IDS.items()}
     if args.env not in missions:
         raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(missions)}")
+    if args.action_type == "flat":
+        raise TrainingError("action_type = 'flat' is for learners of one list of actions; train with 'discrete'")
     check_seed(args.seed)
     for name, value, least in (
         ("steps", args.steps, 1),

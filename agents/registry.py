@@ -146,7 +146,8 @@ def make_policy(
         reserve: Reserve of an agent of `SWEPT`, in its own measure, instead of the tuned one.
 
     Raises:
-        AgentError: The name is unknown, or the file is missing, unexpected or invalid.
+        AgentError: The name is unknown, or the file is missing, unexpected or invalid, or the environment's actions are
+            flat.
 
     >>> import gymnasium as gym, homeward
     >>> env = gym.make_vec("homeward/OutAndBack-v0", num_envs=2, vectorization_mode="vector_entry_point")
@@ -155,6 +156,8 @@ def make_policy(
     [[4, 0, 1], [4, 0, 1]]
     """
     batch = getattr(env, "unwrapped", env).batch
+    if batch.options.action_type == "flat":
+        raise AgentError("agents give three parts of an action, not its flat number; choose action_type 'discrete'")
     if name not in AGENTS and file is not None and ":" in str(file):
         return _of_factory(str(file), batch.known)
     if name not in AGENTS:

@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from homeward.envs.options import Known
+from homeward.envs.options import Known, OptionError
 from homeward.envs.state import RETURN, STOP
 from homeward.physics.jit import inline
 
@@ -22,6 +22,9 @@ LEVELS = 5
 """Number of levels of speed and of sensing rate in the discrete action space. Chosen: steps of a quarter, and
 75 actions."""
 MODES = ("stop", "go", "return")
+FLAT_ACTIONS = LEVELS * LEVELS * len(MODES)
+"""Number of actions of the flat action space: all combinations of the discrete one."""
+_PARTS = [LEVELS, LEVELS, len(MODES)]
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,51 @@ class Commands:
 
 def action_space(discrete: bool) -> spaces.Space[Any]:
     """Space of one action: speed, sensing rate, and stop / go / return."""
-    return spaces.MultiDiscrete([LEVELS, LEVELS, len(MODES)]) if discrete else spaces.Box(-1.0, 1.0, (3,), np.float32)
+    return spaces.MultiDiscrete(_PARTS) if discrete else spaces.Box(-1.0, 1.0, (3,), np.float32)
+
+
+def space_of(action_type: str) -> spaces.Space[Any]:
+    """Space of one action, by `homeward.envs.options.Options.action_type`."""
+    return spaces.Discrete(FLAT_ACTIONS) if action_type == "flat" else action_space(action_type == "discrete")
+
+
+def flatten_actions(actions: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers in the flat action space of discrete actions, shape (n, 3); shape (n,).
+
+    >>> flatten_actions(np.array([[0, 0, 1], [4, 4, 2]])).tolist()
+    [1, 74]
+    """
+    numbers: NDArray[np.int64] = np.ravel_multi_index(tuple(actions.T), _PARTS)
+    return numbers
+
+
+def unflatten_actions(numbers: Any, count: int | None = None) -> NDArray[np.int64]:
+    """Discrete actions, shape (n, 3), of numbers in the flat action space, shape (n,).
+
+    Args:
+        numbers: The numbers.
+        count: How many there should be; any number of them if None.
+
+    Raises:
+        OptionError: They are no whole numbers of one dimension, too few or many, or one is not in the space.
+
+    >>> unflatten_actions(np.array([1, 74])).tolist()
+    [[0, 0, 1], [4, 4, 2]]
+    """
+    array = np.asarray(numbers)
+    if array.ndim != 1 or array.dtype.kind not in "iu" or count not in (None, len(array)):
+        raise OptionError(
+            f"flat actions have shape {array.shape} and dtype {array.dtype}; give one whole number for each mission, "
+            f"from 0 to {FLAT_ACTIONS - 1}"
+        )
+    outside = np.flatnonzero((array < 0) | (array >= FLAT_ACTIONS))
+    if outside.size:
+        first = int(outside[0])
+        raise OptionError(
+            f"action {array[first]} of env {first} is not allowed; give a whole number from 0 to {FLAT_ACTIONS - 1}"
+        )
+    speed, sensing, mode = np.unravel_index(array, _PARTS)
+    return np.stack((speed, sensing, mode), axis=-1)
 
 
 def allowed_actions(discrete: bool) -> str:

@@ -116,7 +116,7 @@ class Batch:
         self._typed_generators: Any = None
         self.threads = Threads(count) if Threads.worthwhile(count) else None
         self._none = np.zeros(count, np.bool_)
-        self._discrete = options.action_type == "discrete"
+        self._discrete = options.action_type != "continuous"
         self._action_shape = (count, 3)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -178,7 +178,8 @@ class Batch:
     ) -> int:
         """Step every mission that is not over; write the results and return how many ended.
 
-        Where the mask `begin` of shape (count,) is true, a new mission begins instead; its action is not used.
+        Where the mask `begin` of shape (count,) is true, a new mission begins instead; its action is not used. Flat
+        actions are given by their three parts (`homeward.envs.actions.unflatten_actions`).
 
         Raises:
             OptionError: An action is not in the action space; no mission was stepped.

@@ -56,7 +56,7 @@ class MultiObjectiveEnv(HomewardEnv):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin a new mission; `options` are not used."""
+        """Begin a new mission; raises as `HomewardEnv.reset`."""
         self._drawn_j = 0.0
         return super().reset(seed=seed, options=options)
 

@@ -32,7 +32,7 @@ from homeward.physics import rules as physics_rules
 from homeward.physics.intervals import Bounds
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
-ACTION_TYPES = ("discrete", "continuous")
+ACTION_TYPES = ("discrete", "continuous", "flat")
 SHAPINGS = ("dmax", "none")
 RANDOMISATIONS = ("generic", "file")
 WEATHERS = ("still", "changing")
@@ -108,7 +108,8 @@ class Options:
             and `any_gauge` for `harsh`.
         weather: `still` (as at the start) or `changing` (`homeward.envs.conditions.weather`); by default that of the
             difficulty. Nothing changes at `known`.
-        action_type: `discrete` (`MultiDiscrete`) or `continuous` (`Box`).
+        action_type: `discrete` (`MultiDiscrete`), `continuous` (`Box`) or `flat` (`Discrete`: the combinations of
+            `discrete` as one list, for learners such as DQN).
         shaping: `dmax` (potential-based, from d_max) or `none` (only the score on coming home).
         discount: Discount factor of the shaping, in (0, 1].
         decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts at cruise, and
@@ -176,6 +177,26 @@ def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Opt
             hint = f" (did you mean {close[0]!r}?)" if close else ""
             raise OptionError(f"unknown keyword {name!r}{hint}; allowed: {', '.join((*known, *others))}")
     return Options(**keywords)
+
+
+def check_reset_options(options: Any, allowed: tuple[str, ...] = ()) -> None:
+    """Refuse options of `reset` that would have no effect.
+
+    Args:
+        options: Options as given to `reset`, or None.
+        allowed: Names that are known there.
+
+    Raises:
+        OptionError: They are no dictionary, or a name is not allowed.
+    """
+    if options is None:
+        return
+    if not isinstance(options, dict):
+        raise OptionError(f"options = {options!r} of reset is not allowed; give a dictionary or None")
+    unknown = [name for name in options if name not in allowed]
+    if unknown:
+        known = f"it knows {', '.join(allowed)}" if allowed else "it knows none; options of missions are given to make"
+        raise OptionError(f"reset does not know the option {unknown[0]!r}; {known}")
 
 
 def _number(name: str, value: Any, most: float) -> float:
@@ -275,7 +296,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     shared = np.zeros(1, SHARED_DTYPE)
     s = shared[0]
     s["mission"], s["route_is_known"] = mission, difficulty.route_is_known
-    s["shaped"], s["discrete"] = options.shaping == "dmax", options.action_type == "discrete"
+    s["shaped"], s["discrete"] = options.shaping == "dmax", options.action_type != "continuous"
     s["max_decisions"] = int(np.ceil(2.0 * lasts_s / decision_s))
     s["return_decisions"] = max(round(RETURN_SHARE * lasts_s / decision_s), 1)
     s["decision_s"], s["discount"] = decision_s, options.discount

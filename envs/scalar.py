@@ -8,9 +8,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.actions import action_space
+from homeward.envs.actions import space_of, unflatten_actions
 from homeward.envs.batch import Batch, EnergyLedger, info_of, observation_space
-from homeward.envs.options import parse_options
+from homeward.envs.options import check_reset_options, parse_options
 from homeward.envs.viewer.viewer import FRAMES_PER_S, MODES, Viewer
 
 
@@ -40,7 +40,8 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         self.render_mode = render_mode
         self.options = parse_options({"mission": mission, **options}, ("render_mode",))
         self.observation_space: Any = observation_space()
-        self.action_space = action_space(self.options.action_type == "discrete")
+        self.action_space = space_of(self.options.action_type)
+        self._flat = self.options.action_type == "flat"
         self.batch = Batch(self.options, 1)
         self._viewer = None if render_mode is None else Viewer(self.batch, render_mode)
         self._live = info_of(self.batch.records)
@@ -51,7 +52,12 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin a new mission; `options` are not used."""
+        """Begin a new mission.
+
+        Raises:
+            OptionError: `options` are given: there are none.
+        """
+        check_reset_options(options)
         super().reset(seed=seed)
         generators = self.batch.generators
         if not generators or generators[0] is not self.np_random:
@@ -73,7 +79,9 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         if not batch.generators or batch.records["over"][0]:
             raise gym.error.ResetNeeded("the mission is over or has not begun; call reset() before step()")
         observations = np.empty(self._observation_shape, np.float32)
-        batch.step(np.asarray(action)[None], observations, self._rewards, self._terminated, self._truncated)
+        actions = np.asarray(action)[None]
+        parts = unflatten_actions(actions) if self._flat else actions
+        batch.step(parts, observations, self._rewards, self._terminated, self._truncated)
         if self._viewer is not None:
             self._viewer.note()
         return (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import threading
 from collections.abc import Iterator
 
@@ -42,6 +43,8 @@ class Threads:
     """Whether this process was forked: the threads of its parent are gone, and OpenMP ends it where it needs others."""
 
     def __init__(self, missions: int) -> None:
+        if not Threads.forked:
+            _start_threads()
         self._worth = missions // _MISSIONS_A_THREAD
         self._one_s = 0.0  # a step on one thread
         self._lost_s, self._payback = 0.0, _PAYBACK  # by several
@@ -90,6 +93,19 @@ class Threads:
             finally:
                 if self.number < allowed:
                     numba.set_num_threads(allowed)
+
+
+def _start_threads() -> None:
+    """Start numba's threads, and keep torch's number.
+
+    The start sets the number of OpenMP threads of the process, which torch shares: a `torch.set_num_threads(1)` before
+    would be undone by the first step on several threads.
+    """
+    torch = sys.modules.get("torch")
+    torch_threads = None if torch is None else torch.get_num_threads()
+    numba.get_num_threads()
+    if torch is not None:
+        torch.set_num_threads(torch_threads)
 
 
 _AT_WORK = threading.Lock()

@@ -13,9 +13,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from homeward.envs.actions import action_space
+from homeward.envs.actions import space_of, unflatten_actions
 from homeward.envs.batch import INFO_KEYS, Batch, info_of, observation_space
-from homeward.envs.options import OptionError, parse_options
+from homeward.envs.options import OptionError, check_reset_options, parse_options
 
 
 class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any]]):
@@ -59,10 +59,11 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self.num_envs = num_envs
         self.render_mode = None
         self.single_observation_space = observation_space()
-        self.single_action_space = action_space(self.options.action_type == "discrete")
+        self.single_action_space = space_of(self.options.action_type)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.batch = Batch(self.options, num_envs)
+        self._flat = self.options.action_type == "flat"
         self._over = np.zeros(num_envs, np.bool_)
         self._any_over = False
         self._everyone = np.ones(num_envs, np.bool_)
@@ -80,8 +81,9 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             options: `reset_mask`, bool of shape (num_envs,): which missions to restart.
 
         Raises:
-            OptionError: The seeds or the mask have the wrong length or type.
+            OptionError: The seeds or the mask have the wrong length or type, or an option is not known.
         """
+        check_reset_options(options, ("reset_mask",))
         chosen = self._chosen(options)
         self._seed(seed, chosen)
         observations = np.empty(self._observation_shape, np.float32)
@@ -112,8 +114,9 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             raise OptionError(
                 f"missions {over} are over; reset them with options={{'reset_mask': mask}} before the step"
             )
+        parts = unflatten_actions(actions, count) if self._flat else actions
         ended = self.batch.step(
-            actions, observations, rewards, terminated, truncated, self._over if self._any_over else None
+            parts, observations, rewards, terminated, truncated, self._over if self._any_over else None
         )
         info = self._info()
         if ended or self._any_over:

@@ -150,7 +150,7 @@ def test_agents_do_not_look_behind_what_is_observed() -> None:
         if not {part.as_posix(), part.parts[0]} & MAY_LOOK:
             found = set(looks_behind(ast.parse(file.read_text("utf-8"))))
             # The potential of a state, which shaping takes back when a mission is lost for being late.
-            found -= {"self.env.batch.records"} if part.as_posix() == "learning/sb3_adapter.py" else set()
+            found -= {"self.missions.batch.records"} if part.as_posix() == "learning/sb3_adapter.py" else set()
             wrong += [f"agents/{part} names {name}" for name in sorted(found)]
     assert not wrong, "\n".join(wrong)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from homeward.agents.base import Policy
-from homeward.agents.evaluation.episodes import episode_seeds, run_episodes
+from homeward.agents.evaluation.episodes import Episodes, episode_seeds, run_episodes
 from homeward.agents.learning.settings import TrainingError
 from homeward.agents.trained.run_folder import CURVE
 from homeward.envs.options import Options
@@ -31,11 +32,44 @@ class Point:
     late_rate: float
 
 
+@dataclass(frozen=True)
+class EvaluatedCurve:
+    """The learning curve of a run on the missions of an evaluation.
+
+    Attributes:
+        present: The policy of each point.
+        kept: The policy that the run would have kept had it ended at that point; the last one is the policy kept.
+    """
+
+    present: list[Point]
+    kept: list[Point]
+
+
 def measure(policy: Policy, options: Options, steps: int, trained_s: float) -> Point:
     """Run the episodes of curves."""
     episodes = run_episodes(policy, options, episode_seeds(SEED, EPISODES)).episodes
+    return point_of(episodes, steps, trained_s)
+
+
+def point_of(episodes: Episodes, steps: int, trained_s: float) -> Point:
+    """The point of a policy by its episodes."""
     means = (float(values.mean()) for values in (episodes.score, episodes.stranded, episodes.timed_out))
     return Point(steps, trained_s, *means)
+
+
+def best_so_far(points: Sequence[Point]) -> list[int]:
+    """For each point, which one is kept if the run ends there: the best, the latest of equals; the first one counts
+    only while it is alone.
+
+    >>> scores = (7.0, 1.0, 3.0, 2.0, 3.0)
+    >>> best_so_far([Point(k, 0.0, score, 0.0, 0.0) for k, score in enumerate(scores)])
+    [0, 1, 2, 2, 4]
+    """
+    kept: list[int] = []
+    for index, point in enumerate(points):
+        first = not kept or points[kept[-1]].steps == 0
+        kept.append(index if first or point.score >= points[kept[-1]].score else kept[-1])
+    return kept
 
 
 def read_curve(folder: Path) -> list[Point]:

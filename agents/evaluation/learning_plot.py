@@ -5,34 +5,35 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from homeward.agents.evaluation.learning_curve import EPISODES, Point
+from homeward.agents.evaluation.learning_curve import EvaluatedCurve, Point
 from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of, unit_of
 from homeward.agents.evaluation.summary import Evaluation
 
 
 def learning_png(
-    evaluation: Evaluation, summary: dict[str, Any], curves: Mapping[str, Sequence[Sequence[Point]]]
+    evaluation: Evaluation, summary: dict[str, Any], curves: Mapping[str, Sequence[EvaluatedCurve]]
 ) -> bytes:
-    """Score and stranding rate over the decisions of training, and those of the other agents.
+    """Score and stranding rate over the decisions of training, and those of all agents, on the same missions.
+
+    The curve of what a run keeps ends at the agent's own level, which is their mean if there are several runs.
 
     Args:
         evaluation: Evaluation of all agents.
         summary: Its summary.
-        curves: Learning curve of each training seed, by agent.
+        curves: Learning curve of each training seed on the missions of the evaluation, by agent.
     """
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     for row, name in enumerate(evaluation.runs):
         one, colour = summary["agents"][name], colour_of(row)
         for index, curve in enumerate(curves.get(name, ())):
-            millions, label = [point.steps / 1e6 for point in curve], name if index == 0 else None
-            style = {"color": colour, "marker": "o", "markersize": 3.0, "linewidth": 1.5}
-            above.plot(millions, [point.score for point in curve], label=label, **style)
-            below.plot(millions, [100.0 * point.stranded_rate for point in curve], **style)
-        kept = f"{name}, the policy kept" if name in curves else name
-        above.axhline(one["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=kept)
+            kept_label, present_label = (f"{name}, kept", f"{name}, at that time") if index == 0 else (None, None)
+            _draw(above, below, curve.kept, colour=colour, label=kept_label, style="-", marker="o")
+            _draw(above, below, curve.present, colour=colour, label=present_label, style=":", marker="")
+        above.axhline(one["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=name)
         below.axhline(100.0 * one["stranded_rate"], color=colour, linestyle="--", linewidth=1.0)
     above.set_ylabel(f"score ({unit_of(evaluation.options.mission)})")
     below.set_ylabel("stranded, %")
@@ -41,6 +42,19 @@ def learning_png(
     tidy(above, below)
     figure.suptitle(f"{title_of(evaluation)}: learning curve", fontsize=11)
     figure.supxlabel(
-        f"curve: {EPISODES} missions of its own; dashed: the {len(evaluation.seeds)} of this evaluation", fontsize=8
+        f"all on the {len(evaluation.seeds)} missions of this evaluation; solid: what the run would keep if it ended "
+        "there,\nchosen on other missions; dotted: the policy at that time; dashed: the agents of the table",
+        fontsize=8,
     )
     return png(figure)
+
+
+def _draw(
+    above: Axes, below: Axes, points: Sequence[Point], *, colour: str, label: str | None, style: str, marker: str
+) -> None:
+    millions = [point.steps / 1e6 for point in points]
+    keywords: dict[str, Any] = {
+        "color": colour, "linestyle": style, "marker": marker, "markersize": 3.0, "linewidth": 1.5
+    }  # fmt: skip
+    above.plot(millions, [point.score for point in points], label=label, **keywords)
+    below.plot(millions, [100.0 * point.stranded_rate for point in points], **keywords)

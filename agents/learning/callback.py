@@ -14,12 +14,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from homeward.agents.evaluation.learning_curve import Point, read_curve, write_curve
 from homeward.agents.learning.checkpoint import Best, save_checkpoint
 from homeward.agents.learning.network import ResidualPolicy
+from homeward.agents.learning.settings import VALUE_FIRST
 from homeward.agents.learning.tracking import log_point
 from homeward.agents.trained.policy_file import Layer
-
-VALUE_FIRST = 6
-"""First updates that train the value only: an untrained value would destroy the first policy. Chosen: 384
-decisions of each mission, three times as many as a mission has."""
 
 
 class TrainingCallback(BaseCallback):

@@ -31,7 +31,7 @@ from homeward.agents.learning.settings import DMAX, DivergedError, PPOSettings
 from homeward.agents.learning.tracking import WandbOutput, log_settings
 from homeward.agents.trained.inputs import BeliefInputs, first_policy, make_inputs, valued
 from homeward.agents.trained.policy_file import ON_THE_GO, Layer, NetworkPolicy, save_policy
-from homeward.agents.trained.run_folder import FIRST, LAST, TENSORBOARD
+from homeward.agents.trained.run_folder import CURVE_POLICIES, FIRST, LAST, TENSORBOARD
 from homeward.envs.options import Known, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -65,7 +65,8 @@ def train(
 ) -> Trained:
     """Train a policy, and write the one with the best score on the missions of the learning curve.
 
-    The subfolders `first` and `last` hold the policies at the beginning and the end of training.
+    The subfolders `first` and `last` hold the policies at the beginning and the end of training, `curve` those of all
+    points of the learning curve.
 
     Args:
         options: Options of the environment; the shaping's discount is taken from the settings.
@@ -103,6 +104,7 @@ def train(
             log_settings(model.logger, details["training"])
 
         def measured(steps: int, trained_s: float) -> Point:
+            write(folder / CURVE_POLICIES / str(steps), layers_of(model), steps)
             return measure(deployed(model, inputs_of(settings, known)), options, steps, trained_s)
 
         def begin_anew() -> None:

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
@@ -21,53 +21,79 @@ from homeward.envs.batch import INFO_KEYS
 from homeward.envs.features import FEATURES, LIMIT
 from homeward.envs.vector import HomewardVectorEnv
 
+AnyVectorEnv = VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]
+
 
 class SB3Adapter(VecEnv):
     """A `HomewardVectorEnv` behind the interface of Stable-Baselines3's vector environments.
 
     Ended missions restart in the same step. Their entry of `infos` has the mission's `info`, its
     `terminal_observation`, `TimeLimit.truncated`, `is_success` (home), and `episode` with return `r`, length `l` and
-    time `t`, as Stable-Baselines3's `Monitor` writes them. The entries of other missions are empty.
+    time `t`, as Stable-Baselines3's `Monitor` writes them. The entries of other missions hold `info_keys`.
 
     Args:
-        env: Made with `autoreset_mode="SameStep"`.
-        stranding_cost: Subtracted from the reward of a mission that strands.
+        env: A `HomewardVectorEnv` made with `autoreset_mode="SameStep"` or, for Gymnasium's wrappers of observations,
+            which refuse that, `"Disabled"`; or Gymnasium's vector wrappers around one.
+        stranding_cost: Subtracted from the reward of a mission that strands, as it is after wrappers.
         inputs: Computes the learner's inputs from observations, if they are not the observations.
         late_is_lost: Whether the time limit ends a mission as stranding does, with a score of 0 and no value to
-            bootstrap: the time is observed and is a part of the task. Otherwise it truncates, as in Gymnasium. With
-            `inputs` it is always lost.
+            bootstrap: the time is observed and is a part of the task. Otherwise it truncates, as in Gymnasium, and a
+            mission that stays at home loses nothing. With `inputs` it is always lost. Terms that wrappers add stay;
+            wrappers that scale the reward do not scale this loss.
         senses_on_the_go: Whether a robot that stops or heads home does not sense, see `sensing_on_the_go`.
+        info_keys: Keys of the environment's `info` that `infos` also hold while missions go on; each takes time.
 
     Raises:
-        ValueError: The environment resets in another way, or `late_is_lost` is False with `inputs`.
+        ValueError: The environment resets in another way, `late_is_lost` is False with `inputs`, a wrapper or flat
+            actions change what `inputs` or `senses_on_the_go` need, or a key is no key of `info`.
     """
 
     def __init__(
         self,
-        env: HomewardVectorEnv,
+        env: AnyVectorEnv,
         stranding_cost: float = 0.0,
         inputs: BeliefInputs | None = None,
         *,
         late_is_lost: bool = False,
         senses_on_the_go: bool = False,
+        info_keys: Sequence[str] = (),
     ) -> None:
-        if env.autoreset_mode is not AutoresetMode.SAME_STEP:
-            raise ValueError(f"autoreset_mode is {env.autoreset_mode.value}; make the environment with SameStep")
+        missions = env.unwrapped
+        if not isinstance(missions, HomewardVectorEnv):
+            raise ValueError(f"{missions} is no HomewardVectorEnv; make one, or use Stable-Baselines3's own wrappers")
+        if missions.autoreset_mode is AutoresetMode.NEXT_STEP:
+            mode = missions.autoreset_mode.value
+            raise ValueError(f"autoreset_mode is {mode}; make the environment with SameStep, or Disabled")
         if inputs is not None and not late_is_lost:
             raise ValueError("late_is_lost = False is not possible with inputs; leave it out")
-        self.env = env
-        columns = len(FEATURES) + (0 if inputs is None else len(COLUMNS))
-        space = spaces.Box(-LIMIT, LIMIT, (columns,), np.float32)
+        if inputs is not None and env.single_observation_space != missions.single_observation_space:
+            raise ValueError("inputs need the observations of the missions; leave out the wrapper that changes them")
+        if senses_on_the_go and isinstance(env.single_action_space, spaces.Discrete):
+            raise ValueError("senses_on_the_go needs the three parts of an action; choose action_type 'discrete'")
+        for key in info_keys:
+            if key not in INFO_KEYS:
+                raise ValueError(f"info_keys has {key!r}; choose from {', '.join(INFO_KEYS)}")
+        self.env, self.missions = env, missions
+        space = env.single_observation_space
+        if inputs is not None:
+            space = spaces.Box(-LIMIT, LIMIT, (len(FEATURES) + len(COLUMNS),), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
         self._stranding_cost, self._inputs, self._late_is_lost = stranding_cost, inputs, late_is_lost
-        self._senses_on_the_go = senses_on_the_go
+        self._senses_on_the_go, self._info_keys = senses_on_the_go, tuple(info_keys)
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)
         self._start_s = time.time()
 
+    @property
+    def as_missions(self) -> bool:
+        """Whether observations and actions are those of the missions: no wrapper or input changes their spaces."""
+        missions = self.missions
+        own = missions.single_observation_space, missions.single_action_space
+        return (self.observation_space, self.action_space) == own
+
     def reset(self) -> NDArray[np.float32]:
         """Begin all missions, with the seeds given to `seed()` if there are any."""
-        batch = self.env.batch
+        batch = self.missions.batch
         if not batch.generators or any(seed is not None for seed in self._seeds):
             batch.generators = [seeding.np_random(seed)[0] for seed in self._seeds]
         self._reset_seeds()
@@ -87,33 +113,45 @@ class SB3Adapter(VecEnv):
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step all missions."""
-        potentials = self.env.batch.records["potential"].copy()
+        potentials = self.missions.batch.records["potential"].copy()
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        if "final_info" in info:
-            rewards = rewards - self._stranding_cost * info["final_info"]["stranded"]
+        after = info.get("final_info", info)  # after the decision, before missions restart
+        last_observations = info.get("final_obs", observations)
+        if ended.any():
+            rewards = rewards - self._stranding_cost * (after["stranded"] & ended)
             if self._late_is_lost:
-                rewards = np.where(truncated & ~terminated, -potentials, rewards)
+                late = truncated & ~terminated
+                rewards = np.where(late, rewards - after["reward_terms"]["shaping"] - potentials, rewards)
                 truncated = terminated
         self._returns += rewards
         self._lengths += 1
+        infos = self._infos(after)
         for i in np.flatnonzero(ended).tolist():
-            late = bool(truncated[i] and not terminated[i])
-            infos[i] = self._final_info(info, i) | {"TimeLimit.truncated": late}
+            cut_off = bool(truncated[i] and not terminated[i])
+            infos[i] = self._final_info(after, last_observations, i) | {"TimeLimit.truncated": cut_off}
         self._returns[ended], self._lengths[ended] = 0.0, 0
+        if ended.any() and self.missions.autoreset_mode is AutoresetMode.DISABLED:
+            observations, _ = self.env.reset(options={"reset_mask": ended})
         return self._seen(observations, ended), rewards.astype(np.float32), ended, infos
 
     def _seen(self, observations: NDArray[np.float32], begun: NDArray[np.bool_]) -> NDArray[np.float32]:
         return observations if self._inputs is None else self._inputs(observations, begun)
 
-    def _final_info(self, info: dict[str, Any], i: int) -> dict[str, Any]:
-        final = info["final_info"]
+    def _infos(self, after: dict[str, Any]) -> list[dict[str, Any]]:
+        """The chosen keys of `info`, for each mission."""
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for key in self._info_keys:
+            for info, value in zip(infos, _of_each(after[key]), strict=True):
+                info[key] = value
+        return infos
+
+    def _final_info(self, after: dict[str, Any], last_observations: Any, i: int) -> dict[str, Any]:
         elapsed_s = round(time.time() - self._start_s, 6)
         return {
-            **{key: _of_one(final[key], i) for key in INFO_KEYS},
-            "terminal_observation": info["final_obs"][i],
-            "is_success": bool(final["home"][i]),
+            **{key: _of_one(after[key], i) for key in INFO_KEYS},
+            "terminal_observation": last_observations[i],
+            "is_success": bool(after["home"][i]),
             "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": elapsed_s},
         }
 
@@ -122,8 +160,11 @@ class SB3Adapter(VecEnv):
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Attribute of the vector environment, once for each mission."""
-        return [getattr(self.env, attr_name)] * len(self._chosen(indices))
+        """Attribute of the vector environment, its wrappers first, once for each mission."""
+        layer: Any = self.env
+        while layer is not self.missions and not hasattr(layer, attr_name):
+            layer = layer.env
+        return [getattr(layer, attr_name)] * len(self._chosen(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Refused (NotImplementedError): missions share one environment."""
@@ -146,3 +187,11 @@ class SB3Adapter(VecEnv):
 def _of_one(values: Any, i: int) -> Any:
     """The values of one mission, from arrays or dictionaries of them."""
     return {name: one[i].item() for name, one in values.items()} if isinstance(values, dict) else values[i].item()
+
+
+def _of_each(values: Any) -> list[Any]:
+    """The values of all missions, from an array or a dictionary of arrays: one entry a mission."""
+    if not isinstance(values, dict):
+        return list(values.tolist())
+    columns = [column.tolist() for column in values.values()]
+    return [dict(zip(values, row, strict=True)) for row in zip(*columns, strict=True)]

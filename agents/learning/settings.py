@@ -8,6 +8,9 @@ from homeward.agents.trained.run_folder import TrainingError as TrainingError
 
 SCRATCH, DMAX = "scratch", "dmax"
 STARTS = (SCRATCH, DMAX)
+VALUE_FIRST = 6
+"""First updates that train the value only: an untrained value would destroy the first policy. Chosen: 384
+decisions of each mission, three times as many as a mission has."""
 _MOST_HIDDEN = 4096  # chosen: bounds memory, with 17 million weights in the second layer
 _MOST_ROLLOUT = 2**24  # decisions between updates; chosen: bounds memory to some 4 GB of inputs
 
@@ -95,6 +98,16 @@ class PPOSettings:
         """Settings whose defaults depend on the start, as given or by default."""
         given = {name: getattr(self, name) for name in _BY_START[self.start]}
         return _BY_START[self.start] | {name: value for name, value in given.items() if value is not None}
+
+    def too_few(self, steps: int) -> str | None:
+        """A line that says so if a run of so many steps leaves the policy as it is at first; None otherwise."""
+        least = VALUE_FIRST * self.rollout
+        if steps > least:
+            return None
+        return (
+            f"{steps:,} steps are too few to learn anything: the first {VALUE_FIRST} updates train the value only, so "
+            f"the policy stays as it begins; give more than {least:,} steps"
+        )
 
     @property
     def rollout(self) -> int:

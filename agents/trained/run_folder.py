@@ -19,6 +19,8 @@ RUN, LOCK, CURVE = "run.json", "run.lock", "curve.csv"
 TENSORBOARD, WANDB = "tensorboard", "wandb"
 FIRST, LAST = "first", "last"
 """Subfolders of the policies at the beginning and the end of training."""
+CURVE_POLICIES = "curve"
+"""Subfolder of the policies at the points of the learning curve, each in a folder named by its steps."""
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
@@ -170,7 +172,7 @@ def _steps_of_policy(folder: Path) -> int | None:
 
 def _remove(folder: Path) -> None:
     """Remove the files of a run, its description last: after a kill in between it is still another run."""
-    for part in (TENSORBOARD, WANDB, FIRST, LAST):
+    for part in (TENSORBOARD, WANDB, FIRST, LAST, CURVE_POLICIES):
         shutil.rmtree(folder / part, ignore_errors=True)
     for name in (DESCRIPTION, WEIGHTS, CURVE, CHECKPOINT, PREVIOUS, RUN):
         (folder / name).unlink(missing_ok=True)

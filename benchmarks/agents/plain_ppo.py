@@ -14,12 +14,10 @@ import time
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numba
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from rich.console import Console
 from stable_baselines3 import PPO
 
@@ -28,10 +26,11 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not s
 from benchmarks.kept import Kept
 from benchmarks.tables import rate, table
 from homeward import cli
-from homeward.agents.base import Observations, Policy
+from homeward.agents.base import Policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.learning.ppo import one_thread
 from homeward.agents.learning.sb3_adapter import SB3Adapter
+from homeward.agents.learning.sb3_policy import SB3Policy
 from homeward.agents.learning.settings import TrainingError
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
@@ -58,23 +57,6 @@ class Args:
     """Folder of the results."""
 
 
-@final
-class Learned(Policy):
-    """A trained PPO model as a policy.
-
-    Args:
-        model: The model.
-        greedy: Whether it takes the most probable action; otherwise it samples one.
-    """
-
-    def __init__(self, model: PPO, greedy: bool) -> None:
-        self._model, self._greedy = model, greedy
-
-    def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action for each mission, see `Policy.act`."""
-        return self._model.predict(observations, deterministic=self._greedy)[0]
-
-
 def make_model(options: Options, seed: int) -> PPO:
     """PPO with all defaults but the discount factor.
 
@@ -97,7 +79,7 @@ def run_seed(task: tuple[int, int, list[int]]) -> dict[str, Any]:
         model = make_model(OPTIONS, training_seed).learn(steps)
         trained_s = time.perf_counter() - start
         torch.manual_seed(training_seed)  # seed of the samples in evaluation
-        found = {how: figures(Learned(model, how == "greedy"), episodes) for how in ("greedy", "sampled")}
+        found = {how: figures(SB3Policy(model, how == "greedy"), episodes) for how in ("greedy", "sampled")}
     return {**found, "trained_s": trained_s}
 
 

@@ -2,7 +2,8 @@
 
 `homeward sweep --seeds 0 1 2 --vary learning_rate=1e-3,3e-4 --jobs 2 --out runs/sweep` trains six policies, each in a
 folder of its own, SETTINGS/seed_N. All options of `homeward train` are accepted and apply to every run. The same
-command again continues interrupted runs. `homeward evaluate --agents ppo=FOLDER` takes a folder of seeds.
+command again continues interrupted runs. It prints a table of the settings and draws their learning curves, sweep.png.
+`homeward evaluate --agents LABEL:ppo=FOLDER` takes a folder of seeds.
 
 `homeward sweep --optuna 20 --vary learning_rate=1e-4..1e-2 clip=0.1..0.3 --out runs/search` searches instead: each
 trial trains all seeds, in trial_N/seed_M, and its score is that of the best points of their learning curves. trials.csv
@@ -27,9 +28,11 @@ from rich import box
 from rich.table import Table
 
 from homeward import cli
-from homeward.agents.evaluation.learning_curve import read_curve
+from homeward.agents.evaluation.learning_curve import EPISODES, Point, best_so_far, read_curve
 from homeward.agents.learning.settings import DivergedError, PPOSettings, TrainingError, check_seed
 from homeward.commands import train
+from homeward.commands.sweep_plot import sweep_png
+from homeward.envs import IDS
 from homeward.envs.options import OptionError
 from homeward.envs.routes import RouteError
 from homeward.files import csv_text, write_whole
@@ -39,6 +42,9 @@ from homeward.search import SearchError, SearchRange, Trial, import_optuna, sear
 
 MARK = "sweep.txt"
 """File that the nodes of a cluster look for in the output folder."""
+PLOT = "sweep.png"
+"""Learning curves of a sweep, in its folder."""
+_ONLY = "as given"  # name of the only settings where nothing varies
 TRIALS, STUDY = "trials.csv", "study.journal"
 """Files of a search in its folder."""
 _SHOWN = 10  # number of best trials; chosen: a screen
@@ -79,9 +85,64 @@ def main(args: Args) -> dict[str, Path]:
     runs = runs_of(args)
     check_workers(args.jobs, args.cluster)
     write_whole(args.train.out / MARK, "".join(f"{name}\n" for name in runs))
+    _say_too_few(runs, set())
     folders = run_tasks(train_quietly, runs, jobs=args.jobs, cluster=args.cluster, title="runs")
-    cli.Terminal(stderr=True).print(f"{len(folders)} runs in {args.train.out}", soft_wrap=True)
+    curves = curves_of(folders)
+    mission = next(mission for mission, env_id in IDS.items() if env_id == args.train.env)
+    write_whole(args.train.out / PLOT, sweep_png(curves, args.train.env, mission))
+    cli.Terminal().show(_compared(curves))
+    console = cli.Terminal(stderr=True)
+    console.print(f"{len(folders)} runs in {args.train.out}, with {PLOT}", soft_wrap=True)
+    console.print(
+        "these missions chose the kept policies; compare on others by homeward evaluate --agents LABEL:ppo=FOLDER",
+        soft_wrap=True,
+    )
     return folders
+
+
+def curves_of(folders: Mapping[str, Path]) -> dict[str, list[list[Point]]]:
+    """Learning curve of each seed, by the settings that the name of a run begins with.
+
+    Raises:
+        TrainingError: A curve is missing or damaged.
+    """
+    curves: dict[str, list[list[Point]]] = {}
+    for name, folder in folders.items():
+        settings, _, _ = name.rpartition("/")
+        points = read_curve(folder)
+        if not points:
+            raise TrainingError(f"{folder} has no learning curve any more: delete the folder to train it anew")
+        curves.setdefault(settings or _ONLY, []).append(points)
+    return curves
+
+
+def _compared(curves: Mapping[str, list[list[Point]]]) -> Table:
+    """One row for each settings: means over seeds, and the range of the kept policies' scores."""
+    table = Table(title=f"{EPISODES} missions of the learning curves, means over seeds", box=box.SIMPLE_HEAD)
+    table.add_column("settings", overflow="fold")
+    for heading in ("seeds", "kept", "lowest to highest", "stranded", "last"):
+        table.add_column(heading, justify="right")
+    for settings, seeds in curves.items():
+        kept = [points[best_so_far(points)[-1]] for points in seeds]
+        scores = [point.score for point in kept]
+        table.add_row(
+            settings,
+            str(len(seeds)),
+            f"{statistics.fmean(scores):.4g}",
+            f"{min(scores):.4g} to {max(scores):.4g}",
+            f"{statistics.fmean(point.stranded_rate for point in kept):.1%}",
+            f"{statistics.fmean(points[-1].score for points in seeds):.4g}",
+        )
+    return table
+
+
+def _say_too_few(runs: Mapping[str, train.Args], said: set[str]) -> None:
+    """Say once of each kind that runs are too short to learn anything."""
+    for run in runs.values():
+        too_few = run.ppo.too_few(run.steps)
+        if too_few is not None and too_few not in said:
+            cli.Terminal(stderr=True).print(too_few, soft_wrap=True)
+            said.add(too_few)
 
 
 def runs_of(args: Args) -> dict[str, train.Args]:
@@ -159,10 +220,11 @@ def _search(args: Args, trials: int) -> dict[str, Path]:
     check_workers(args.jobs, args.cluster)
     import_optuna()
     write_whole(base.out / MARK, f"{trials} trials\n")
-    console, folders = cli.Terminal(stderr=True), dict[str, Path]()
+    console, folders, said = cli.Terminal(stderr=True), dict[str, Path](), set[str]()
 
     def objective(number: int, settings: dict[str, Any]) -> float:
         runs = _seeds_of(base, args.seeds, f"trial_{number}", settings)
+        _say_too_few(runs, said)
         scores = run_tasks(train_and_score, runs, jobs=args.jobs, cluster=args.cluster, title=f"trial {number}")
         folders.update((name, one.out) for name, one in runs.items())
         return statistics.fmean(scores.values())

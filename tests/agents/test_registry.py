@@ -83,3 +83,10 @@ def test_wrong_requests_say_what_is_allowed() -> None:
         make_policy("dmax", env, "file")
     with pytest.raises(AgentError, match=r"no/such.*homeward train` wrote"):
         make_policy("ppo", env, "no/such")
+
+
+def test_flat_actions_are_no_actions_of_agents() -> None:
+    with pytest.raises(
+        AgentError, match="three parts of an action, not its flat number; choose action_type 'discrete'"
+    ):
+        make_policy("dmax", HomewardVectorEnv(2, action_type="flat"))

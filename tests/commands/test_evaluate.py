@@ -16,6 +16,7 @@ import train
 from evaluate import Args, main, run
 from homeward import load_robot
 from homeward.agents.evaluation import tasks as evaluation_tasks
+from homeward.agents.evaluation.learning_curve import EvaluatedCurve, best_so_far, read_curve
 from homeward.agents.learning.settings import PPOSettings
 from homeward.agents.registry import SWEPT
 from homeward.agents.trained.policy_file import DESCRIPTION
@@ -268,6 +269,33 @@ def test_several_training_seeds_are_one_agent(form: str, trained: Path, tmp_path
     assert [row["score"] for row in rows[3:6]] == [row["score"] for row in rows[6:]]
 
 
+def test_a_label_names_an_agent_and_the_curve_ends_at_its_level(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A policy that got worse after half of its training: the run kept the better one."""
+    tiny = PPOSettings(start="scratch", n_envs=16, n_steps=16, batch_size=128, epochs=1, hidden=8)
+    run_folder = tmp_path / "run"
+    train.main(train.Args(out=run_folder, steps=9 * tiny.rollout, curve=9, ppo=tiny, decision_s=120.0))
+    points = read_curve(run_folder)
+    kept = json.loads((run_folder / DESCRIPTION).read_text())["after_steps"]
+    assert points[best_so_far(points)[-1]].steps == kept
+    drawn: dict[str, list[EvaluatedCurve]] = {}
+    monkeypatch.setattr(evaluate, "learning_png", lambda *given: drawn.update(given[2]) or b"")
+    agents = ("dmax", f"mine:ppo={run_folder}", f"its start:ppo={run_folder / 'first'}")
+    result = main(Args(agents=agents, episodes=6, decision_s=120.0, out=tmp_path / "out"))
+    assert list(result.runs) == ["dmax", "mine", "its start"]
+    (curve,) = drawn.pop("mine")
+    assert drawn == {}
+    means = {label: runs[0].episodes.score.mean() for label, runs in result.runs.items()}
+    assert (curve.kept[0].score, curve.kept[-1].score) == (means["its start"], means["mine"])
+    assert [point.steps for point in curve.present] == [point.steps for point in points]
+    for folder in (run_folder / "curve").iterdir():
+        (folder / DESCRIPTION).unlink()
+    capsys.readouterr()
+    main(Args(agents=agents, episodes=2, decision_s=120.0, out=tmp_path / "out"))
+    assert f"{run_folder} lacks policies of its learning curve, as older runs do" in capsys.readouterr().err
+
+
 def test_the_optimum_is_found_where_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     env = "homeward/OutAndBack-v0"
     result = main(Args(("dmax",), env, episodes=2, optimum=True, decision_s=120.0, out=tmp_path))
@@ -316,6 +344,9 @@ sys.exit(evaluate.run())
         (["--optimum", "--action-type", "continuous"], "the oracle acts on a grid"),
         (["--agents", "dmax=file"], "dmax takes no file"),
         (["--agents", "dmax", "dmax"], "given twice"),
+        (["--agents", "mine:dmax", "mine:soc50"], "an agent or a label is given twice"),
+        (["--agents", ":dmax"], ":dmax has an empty label: give LABEL:NAME, or NAME alone"),
+        (["--agents", "dmax", "--action-type", "flat"], "three parts of an action, not its flat number"),
         (["--agents", "ppo=no/such/folder"], "no/such/folder"),
         (["--env", "CartPole-v1"], "unknown env 'CartPole-v1'; choose from homeward/OutAndBack-v0"),
         (["--difficulty", "hard"], "choose from known, uncertain, harsh"),

@@ -13,7 +13,7 @@ import pytest
 
 from homeward import __main__ as command
 from homeward import load_robot
-from homeward.agents.evaluation.learning_curve import read_curve
+from homeward.agents.evaluation.learning_curve import Point, read_curve, write_curve
 from homeward.agents.learning.settings import DivergedError, TrainingError
 from homeward.agents.trained.run_folder import CHECKPOINT, PREVIOUS, RUN
 from homeward.commands import fleet, sweep, train
@@ -34,7 +34,7 @@ def test_a_sweep_is_every_setting_with_every_seed(tmp_path: Path) -> None:
     assert all(run.out == tmp_path / name and run.ppo.hidden == SETTINGS.hidden for name, run in runs.items())
 
 
-def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> None:
+def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("stable_baselines3")
 
     def args(jobs: int) -> sweep.Args:
@@ -50,6 +50,35 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path) -> No
     files = {file: file.stat().st_mtime_ns for file in (tmp_path / "1").rglob("policy.safetensors")}
     sweep.main(args(1))
     assert {file: file.stat().st_mtime_ns for file in files} == files  # finished: nothing is trained anew
+    capsys.readouterr()
+    sweep.main(args(1))
+    printed = capsys.readouterr()
+    assert (tmp_path / "1" / sweep.PLOT).read_bytes().startswith(b"\x89PNG")
+    assert "too few" not in printed.err
+    for rate in ("0.001", "0.01"):
+        points = read_curve(tmp_path / "1" / f"learning_rate={rate}" / "seed_0")
+        (row,) = (line.split() for line in printed.out.splitlines() if line.split()[:1] == [f"learning_rate={rate}"])
+        assert row[1:3] == ["1", f"{points[-1].score:.4g}"]
+    (tmp_path / "1" / "learning_rate=0.01" / "seed_0" / "curve.csv").unlink()
+    with pytest.raises(TrainingError, match=r"learning_rate=0.01/seed_0 has no learning curve any more"):
+        sweep.main(args(1))
+
+
+def test_seeds_without_varied_settings_are_one_row_and_too_few_steps_are_said_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = [Point(0, 0.0, 9.0, 0.0, 0.0), Point(64, 1.0, 5.0, 0.5, 0.0), Point(128, 2.0, 3.0, 0.0, 0.0)]
+
+    def trained(args: train.Args) -> Path:
+        write_curve(args.out, [dataclasses.replace(point, score=point.score + args.seed) for point in points])
+        return args.out
+
+    monkeypatch.setattr(sweep, "train_quietly", trained)
+    sweep.main(sweep.Args((0, 1), train=train.Args(steps=6 * SETTINGS.rollout, out=tmp_path, ppo=SETTINGS)))
+    printed = capsys.readouterr()
+    assert printed.err.count("384 steps are too few to learn anything") == 1
+    (row,) = (line.split() for line in printed.out.splitlines() if line.split()[:2] == ["as", "given"])
+    assert row[2:] == ["2", "5.5", "5", "to", "6", "50.0%", "3.5"]
 
 
 def searched(out: Path, **changes: Any) -> sweep.Args:

@@ -32,6 +32,7 @@ from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS, load_polic
 from homeward.agents.trained.run_folder import (
     CHECKPOINT,
     CURVE,
+    CURVE_POLICIES,
     FIRST,
     LAST,
     LOCK,
@@ -63,7 +64,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, short_curves: None) -> Pa
 
 def test_a_run_leaves_a_policy_checkpoints_and_logs(finished: Path) -> None:
     assert {entry.name for entry in finished.iterdir()} == {
-        RUN, LOCK, CHECKPOINT, PREVIOUS, TENSORBOARD, WEIGHTS, DESCRIPTION, CURVE, FIRST, LAST
+        RUN, LOCK, CHECKPOINT, PREVIOUS, TENSORBOARD, WEIGHTS, DESCRIPTION, CURVE, CURVE_POLICIES, FIRST, LAST
     }  # fmt: skip
     assert any((finished / TENSORBOARD).iterdir())
     description = load_policy(finished).description
@@ -409,6 +410,7 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
         ("--stranding-cost -1", "stranding_cost = -1.0 is not allowed"),
         ("--start planner", "start = 'planner' is not allowed; choose from scratch, dmax"),
         ("--curve 0", "curve = 0 is not allowed; give at least 1"),
+        ("--action-type flat", "action_type = 'flat' is for learners of one list of actions; train with 'discrete'"),
         ("--discount 1.5", "discount = 1.5 is not allowed"),
     ],
 )

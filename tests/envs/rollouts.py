@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 
 from homeward import Robot
 from homeward.envs import IDS
+from homeward.envs.actions import flatten_actions
 from homeward.envs.features import INDEX
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 
 MISSIONS = tuple(IDS)
 INFO_KEYS = ("energy_j", "reward_terms", "score", "cost", "position_m", "home", "stranded")
+IN_PARTS = ("discrete", "continuous")
+"""Types of actions that have three parts; flat ones are numbers of the discrete ones."""
 SHORT_S = 300.0
 """Decision step with which the battery of the default robot lasts about twenty decisions."""
 
@@ -35,10 +38,14 @@ def make(mission: str, **options: Any) -> HomewardEnv:
 
 
 def random_actions(rng: np.random.Generator, action_type: str, count: int, home: float = 0.06) -> NDArray[Any]:
-    """Any speed and sensing rate; mostly going, sometimes standing, and seldom turning home. Shape (count, 3)."""
+    """Any speed and sensing rate; mostly going, sometimes standing, and seldom turning home.
+
+    Shape (count, 3), of flat ones (count,).
+    """
     modes = rng.choice([STOP, GO, RETURN], count, p=[0.25, 0.75 - home, home])
-    if action_type == "discrete":
-        return np.column_stack((rng.integers(0, 5, (count, 2)), modes))
+    if action_type != "continuous":
+        parts = np.column_stack((rng.integers(0, 5, (count, 2)), modes))
+        return flatten_actions(parts) if action_type == "flat" else parts
     levels = rng.uniform(-1.0, 1.0, (count, 2))
     return np.column_stack((levels, (modes - 1.0 + rng.uniform(-0.3, 0.3, count)) * 2.0 / 3.0)).astype(np.float32)
 

@@ -8,8 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homeward.envs.actions import LEVELS, decode_actions, encode_actions
-from homeward.envs.options import Options, known_of
+from homeward.envs.actions import (
+    FLAT_ACTIONS,
+    LEVELS,
+    decode_actions,
+    encode_actions,
+    flatten_actions,
+    unflatten_actions,
+)
+from homeward.envs.options import OptionError, Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import load_robot
@@ -121,3 +128,35 @@ def test_a_robot_with_one_speed_drives_at_it() -> None:
     robot = dataclasses.replace(load_robot("rusti"), min_speed_mps=0.5, max_speed_mps=0.5)
     records = carried_out(HomewardVectorEnv(1, robot=robot), [0.5], 0.0, GO)
     assert records["speed_mps"].tolist() == [0.5]
+
+
+def test_every_flat_action_is_one_discrete_action() -> None:
+    numbers = np.arange(FLAT_ACTIONS)
+    parts = unflatten_actions(numbers)
+    assert len({tuple(one) for one in parts.tolist()}) == FLAT_ACTIONS == 75
+    np.testing.assert_array_equal(flatten_actions(parts), numbers)
+    flat, discrete = (
+        HomewardVectorEnv(FLAT_ACTIONS, mission="OutAndBack", action_type=name) for name in ("flat", "discrete")
+    )
+    for env in (flat, discrete):
+        env.reset(seed=0)
+    for _ in range(4):
+        for ours, theirs in zip(flat.step(numbers)[:4], discrete.step(parts)[:4], strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "expected"),
+    [
+        ([0, 75], "action 75 of env 1 is not allowed; give a whole number from 0 to 74"),
+        ([-1, 0], "action -1 of env 0 is not allowed"),
+        ([0.5, 1.0], r"flat actions have shape \(2,\) and dtype float64; give one whole number for each mission"),
+        ([[0, 0, 1], [0, 0, 1]], r"flat actions have shape \(2, 3\)"),
+        ([0, 1, 2], r"flat actions have shape \(3,\) and dtype int64; give one whole number for each mission"),
+    ],
+)
+def test_what_is_no_flat_action_is_refused(numbers: Any, expected: str) -> None:
+    env = HomewardVectorEnv(2, action_type="flat")
+    env.reset(seed=0)
+    with pytest.raises(OptionError, match=expected):
+        env.step(np.array(numbers))

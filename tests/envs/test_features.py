@@ -15,12 +15,22 @@ from homeward import load_robot
 from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.conditions.instruments import load_instruments
 from homeward.envs.features import FEATURES, GAINS, INDEX, LIMIT, NAMES, RANGES
-from homeward.envs.options import ACTION_TYPES
 from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import AHEAD, GO, IN_SIGHT, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
-from tests.envs.rollouts import MISSIONS, SHORT_S, drive, feature, make, mission, random_actions, route_file, windy
+from tests.envs.rollouts import (
+    IN_PARTS,
+    MISSIONS,
+    SHORT_S,
+    drive,
+    feature,
+    make,
+    mission,
+    random_actions,
+    route_file,
+    windy,
+)
 
 READ = {"energy", "metered", "power", "speed", "grade", "grade_1", "grade_2", "forecast_east", "forecast_north"}
 """Features that an instrument or a forecast gives, each with its own error."""
@@ -37,7 +47,7 @@ def differing(one: Any, other: Any) -> set[str]:
     return {name for name, a, b in zip(NAMES, one, other, strict=True) if a != b}
 
 
-@pytest.mark.parametrize("action_type", ACTION_TYPES)
+@pytest.mark.parametrize("action_type", IN_PARTS)
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_observations_stay_in_their_space(mission_id: str, difficulty: str, action_type: str) -> None:

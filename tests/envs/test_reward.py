@@ -9,11 +9,10 @@ import pytest
 
 from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.conditions.instruments import INSTRUMENTS, Instruments
-from homeward.envs.options import ACTION_TYPES
 from homeward.envs.reward import TERMS
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
-from tests.envs.rollouts import MISSIONS, drive, feature, make, mission, random_actions
+from tests.envs.rollouts import IN_PARTS, MISSIONS, drive, feature, make, mission, random_actions
 
 
 @pytest.mark.parametrize("discount", [1.0, 0.997, 0.6])
@@ -44,7 +43,7 @@ def test_shaped_rewards_telescope(mission_id: str, difficulty: str, instruments:
     assert len(ends) >= 2
 
 
-@pytest.mark.parametrize("action_type", ACTION_TYPES)
+@pytest.mark.parametrize("action_type", IN_PARTS)
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_without_shaping_the_score_is_paid_at_home_and_nothing_else(mission_id: str, action_type: str) -> None:
     env = make(mission_id, shaping="none", action_type=action_type)
@@ -87,7 +86,7 @@ def test_stranding_pays_less_than_coming_home(mission_id: str) -> None:
     assert returns[GO] < returns[RETURN]
 
 
-@pytest.mark.parametrize("action_type", ACTION_TYPES)
+@pytest.mark.parametrize("action_type", IN_PARTS)
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_the_return_latches(mission_id: str, action_type: str) -> None:
     """From then on the robot heads home whether told to go or to return; a stop is still a stop."""

@@ -23,14 +23,14 @@ from homeward.envs import IDS
 from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.conditions.instruments import INSTRUMENTS
 from homeward.envs.features import FEATURES
-from homeward.envs.options import ACTION_TYPES, OptionError
+from homeward.envs.options import OptionError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import CAUSES
-from tests.envs.rollouts import MISSIONS, SHORT_S, make, random_actions
+from tests.envs.rollouts import IN_PARTS, MISSIONS, SHORT_S, make, random_actions
 
-COMBINATIONS = list(itertools.product(MISSIONS, DIFFICULTIES, INSTRUMENTS, ACTION_TYPES))
+COMBINATIONS = list(itertools.product(MISSIONS, DIFFICULTIES, INSTRUMENTS, IN_PARTS))
 
 
 def made(mission: str, difficulty: str, instruments: str, action_type: str, **options: Any) -> gym.Env[Any, Any]:
@@ -49,12 +49,32 @@ def test_stable_baselines3_finds_nothing_to_say(combination: tuple[str, str, str
     checker.check_env(made(*combination).unwrapped)
 
 
-@pytest.mark.parametrize("others", [{"shaping": "none"}, {"weather": "still"}, {"route": "hidden_wind"}], ids=str)
+@pytest.mark.parametrize(
+    "others", [{"shaping": "none"}, {"weather": "still", "action_type": "flat"}, {"route": "hidden_wind"}], ids=str
+)
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_neither_has_anything_to_say_of_other_variants(mission: str, others: dict[str, Any]) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     for check in (check_env, checker.check_env):
         check(gym.make(IDS[mission], **others).unwrapped)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (
+            {"route": "flat"},
+            "reset does not know the option 'route'; it knows none; options of missions are given to make",
+        ),
+        (["route"], r"options = \['route'\] of reset is not allowed; give a dictionary or None"),
+    ],
+)
+def test_options_of_a_reset_that_would_do_nothing_are_refused(options: Any, expected: str) -> None:
+    env = make("Survey")
+    with pytest.raises(OptionError, match=expected):
+        env.reset(seed=0, options=options)
+    with pytest.raises(OptionError, match=r"does not know the option 'mask'; it knows reset_mask"):
+        HomewardVectorEnv(2).reset(options={"mask": np.ones(2, np.bool_)})
 
 
 def test_ids_hold_their_mission() -> None:
@@ -179,7 +199,7 @@ def travelled(env: Any, way: str) -> Any:
 
 
 @pytest.mark.parametrize("way", ["pickle", "deepcopy"])
-@pytest.mark.parametrize("action_type", ACTION_TYPES)
+@pytest.mark.parametrize("action_type", IN_PARTS)
 def test_a_copied_mission_goes_on_alike(way: str, action_type: str) -> None:
     env = make("Survey", action_type=action_type, difficulty="harsh")
     env.reset(seed=3)

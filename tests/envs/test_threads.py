@@ -6,11 +6,13 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import numpy as np
 import pytest
 
+from homeward.envs import threads as threads_module
 from homeward.envs.threads import Threads
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -148,3 +150,16 @@ def test_envs_of_several_threads_of_a_program_step_side_by_side(root: Path, laye
     environment = os.environ | {"NUMBA_NUM_THREADS": "2", "NUMBA_THREADING_LAYER": layer}
     done = subprocess.run([sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "home\n"), done.stderr
+
+
+def test_the_start_of_threads_keeps_the_number_that_torch_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both share the OpenMP threads of a process, and numba's start sets how many there are."""
+    shared = {"threads": 1}
+    torch = SimpleNamespace(
+        get_num_threads=lambda: shared["threads"], set_num_threads=lambda number: shared.update(threads=number)
+    )
+    started = SimpleNamespace(get_num_threads=lambda: shared.update(threads=2) or 2)
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    monkeypatch.setattr(threads_module, "numba", started)
+    Threads(4096)
+    assert shared["threads"] == 1

@@ -20,7 +20,7 @@ from homeward.envs.scalar import HomewardEnv
 from homeward.envs.threads import Threads
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import CAUSES
-from tests.envs.rollouts import INFO_KEYS, MISSIONS, SHORT_S, make, random_actions
+from tests.envs.rollouts import IN_PARTS, INFO_KEYS, MISSIONS, SHORT_S, make, random_actions
 
 COUNT, STEPS = 6, 45
 SEEDS = [11, 3, 3, 2**31, 0, 12345]  # two alike, and in no order
@@ -87,7 +87,7 @@ class Scalars:
         return observation, reward, terminated, truncated, info, None
 
 
-@pytest.mark.parametrize("action_type", ACTION_TYPES)
+@pytest.mark.parametrize("action_type", IN_PARTS)
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission", MISSIONS)
 @pytest.mark.parametrize("mode", AutoresetMode)
@@ -133,7 +133,7 @@ def test_vector_equals_scalar(
 def test_vector_equals_scalar_with_any_instruments(mission: str, instruments: str | Instruments, threads: str) -> None:
     """And with decisions so short that a return takes several of them."""
     mode = AutoresetMode.SAME_STEP
-    for difficulty, action_type in zip(DIFFICULTIES, (*ACTION_TYPES, "discrete"), strict=True):
+    for difficulty, action_type in zip(DIFFICULTIES, ACTION_TYPES, strict=True):
         options: dict[str, Any] = {
             "difficulty": difficulty, "action_type": action_type, "decision_s": 50.0, "instruments": instruments
         }  # fmt: skip

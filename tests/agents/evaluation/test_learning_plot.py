@@ -8,14 +8,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from homeward.agents.evaluation import learning_plot
-from homeward.agents.evaluation.learning_curve import Point
+from homeward.agents.evaluation.learning_curve import EvaluatedCurve, Point
 from homeward.agents.evaluation.learning_plot import learning_png
 from tests.agents.evaluation.runs import compared, made_up
 
 CURVES = {
     "ppo": [
-        [Point(0, 0.0, 1.0, 0.5, 0.0), Point(2_000_000, 9.0, 3.0, 0.25, 0.0)],
-        [Point(0, 0.0, 1.5, 0.75, 0.0), Point(2_000_000, 9.0, 2.0, 0.0, 0.0)],
+        EvaluatedCurve(
+            [Point(0, 0.0, 1.0, 0.5, 0.0), Point(2_000_000, 9.0, 2.5, 0.75, 0.0)],
+            [Point(0, 0.0, 1.0, 0.5, 0.0), Point(2_000_000, 9.0, 3.0, 0.25, 0.0)],
+        ),
+        EvaluatedCurve(
+            [Point(0, 0.0, 1.5, 0.75, 0.0), Point(2_000_000, 9.0, 2.0, 0.0, 0.0)],
+            [Point(0, 0.0, 1.5, 0.75, 0.0), Point(2_000_000, 9.0, 2.0, 0.0, 0.0)],
+        ),
     ]
 }
 
@@ -67,4 +73,4 @@ def test_every_agent_has_its_level(axes: list[Axes]) -> None:
 def test_the_legend_names_an_agent_once_and_says_which_policy_was_kept(axes: list[Axes]) -> None:
     legend = axes[0].get_legend()
     assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["ppo", "ppo, the policy kept", "dmax"]
+    assert [text.get_text() for text in legend.get_texts()] == ["ppo, kept", "ppo, at that time", "ppo", "dmax"]

@@ -13,10 +13,11 @@ from rich.console import Console
 from stable_baselines3 import PPO
 
 from homeward.agents.evaluation.learning_curve import Point, read_curve, write_curve
-from homeward.agents.learning.callback import VALUE_FIRST, TrainingCallback
+from homeward.agents.learning.callback import TrainingCallback
 from homeward.agents.learning.checkpoint import Best
 from homeward.agents.learning.network import layers_of
 from homeward.agents.learning.ppo import one_thread
+from homeward.agents.learning.settings import VALUE_FIRST
 from homeward.agents.trained.run_folder import CHECKPOINT, PREVIOUS
 from tests.agents.learning.small import SETTINGS, learner
 

@@ -75,7 +75,7 @@ def test_the_step_size_falls_linearly_to_a_hundredth() -> None:
 def test_the_discount_is_that_of_the_shaping_too() -> None:
     model = make_model(dataclasses.replace(OPTIONS, discount=0.5), SETTINGS, 0)
     env: Any = model.get_env()
-    assert model.gamma == SETTINGS.discount == env.env.batch.known.shared["discount"][0]
+    assert model.gamma == SETTINGS.discount == env.missions.batch.known.shared["discount"][0]
 
 
 def test_only_a_start_from_the_rule_has_inputs_beside_the_observation() -> None:

@@ -2,22 +2,26 @@
 
 import copy
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium import spaces
+from gymnasium.vector import VectorWrapper
+from gymnasium.wrappers.vector import RecordEpisodeStatistics, TransformObservation
 from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import homeward  # noqa: F401 - registers the environments
-from homeward.agents.learning import sb3_vec_env
+from homeward.agents.learning import sb3_vec_env, scratch_start, unseen_episodes
 from homeward.agents.learning.sb3_adapter import SB3Adapter
 from homeward.agents.trained.inputs import make_inputs
-from homeward.envs.features import INDEX, NAMES
+from homeward.envs.features import INDEX, LIMIT, NAMES
 from homeward.envs.options import OptionError
 from homeward.envs.vector import HomewardVectorEnv
+from homeward.physics import CAUSES
 
 COUNT = 6
 DECISION_S = 300.0  # short missions: some forty decisions until the time is over
@@ -134,6 +138,91 @@ def test_another_way_of_resetting_is_refused() -> None:
         SB3Adapter(HomewardVectorEnv(2))
 
 
+class DistanceTerm(VectorWrapper[Any, Any, Any, Any, Any]):
+    """Adds a term to the reward: the way of each decision, also of the last one of a mission."""
+
+    def reset(self, **keywords: Any) -> tuple[Any, dict[str, Any]]:
+        observations, info = super().reset(**keywords)
+        self._position_m = info["position_m"].copy()
+        return observations, info
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        observations, rewards, terminated, truncated, info = super().step(actions)
+        after_m = info.get("final_info", info)["position_m"]
+        rewards = rewards + np.abs(after_m - self._position_m)
+        self._position_m = info["position_m"].copy()
+        return observations, rewards, terminated, truncated, info
+
+
+def test_a_reward_term_in_a_wrapper_reaches_the_learner_and_infos_hold_what_it_needs() -> None:
+    plain, own = (
+        sb3_vec_env(
+            "homeward/Survey-v0", COUNT, decision_s=DECISION_S, late_is_lost=True, wrapper_class=wrapper,
+            info_keys=("position_m", "energy_j"),
+        )
+        for wrapper in (None, DistanceTerm)
+    )  # fmt: skip
+    np.testing.assert_array_equal(plain.reset(), own.reset())
+    rng, before_m, ended = np.random.default_rng(0), np.zeros(COUNT), 0
+    for _ in range(150):
+        actions = draw_actions(rng, "discrete")
+        (_, rewards, over, infos), (_, own_rewards, _, _) = plain.step(actions), own.step(actions)
+        after_m = np.array([info["position_m"] for info in infos])
+        np.testing.assert_allclose(own_rewards - rewards, np.abs(after_m - before_m), atol=1e-4)
+        assert all(set(info) == {"position_m", "energy_j"} for info in np.array(infos)[~over])
+        assert all(set(info["energy_j"]) == set(CAUSES) for info in infos)
+        before_m = np.where(over, 0.0, after_m)
+        ended += int(over.sum())
+    assert ended > COUNT and own.get_attr("options")[0].mission == "Survey"
+
+
+def test_wrappers_of_gymnasium_are_taken() -> None:
+    options: dict[str, Any] = {"decision_s": DECISION_S, "difficulty": "harsh"}
+    native_env = sb3_vec_env("homeward/Survey-v0", COUNT, **options)
+    counted, seen_otherwise = (
+        sb3_vec_env("homeward/Survey-v0", COUNT, autoreset_mode="Disabled", wrapper_class=wrapper, **options)
+        for wrapper in (RecordEpisodeStatistics, lambda env: TransformObservation(env, lambda values: 2.0 * values))
+    )
+    rng, ended = np.random.default_rng(0), 0
+    first = native_env.reset()
+    np.testing.assert_array_equal(counted.reset(), first)
+    np.testing.assert_array_equal(seen_otherwise.reset(), 2.0 * first)
+    assert counted.as_missions
+    for _ in range(60):
+        actions = draw_actions(rng, "discrete")
+        (seen, rewards, over, infos), *others = (env.step(actions) for env in (native_env, counted, seen_otherwise))
+        for (other_seen, other_rewards, other_over, other_infos), factor in zip(others, (1.0, 2.0), strict=True):
+            np.testing.assert_array_equal(other_seen, factor * np.asarray(seen))
+            np.testing.assert_array_equal(other_rewards, rewards)
+            np.testing.assert_array_equal(other_over, over)
+            for i in np.flatnonzero(over).tolist():
+                final, other_final = infos[i]["terminal_observation"], other_infos[i]["terminal_observation"]
+                np.testing.assert_array_equal(other_final, factor * final)
+                assert other_infos[i]["energy_j"] == infos[i]["energy_j"]
+                assert other_infos[i]["episode"]["r"] == infos[i]["episode"]["r"]
+        ended += int(over.sum())
+    assert ended > COUNT
+
+
+def test_what_a_wrapper_takes_away_is_said() -> None:
+    env = HomewardVectorEnv(2, autoreset_mode="Disabled")
+    scaled = TransformObservation(
+        env, lambda values: values[:, :1], single_observation_space=spaces.Box(-LIMIT, LIMIT, (1,), np.float32)
+    )
+    with pytest.raises(ValueError, match="inputs need the observations of the missions; leave out the wrapper"):
+        SB3Adapter(scaled, 0.0, make_inputs(env.batch.known), late_is_lost=True)
+    with pytest.raises(ValueError, match="a wrapper changes observations or actions"):
+        unseen_episodes(cast(Any, None), SB3Adapter(scaled), 2)
+    with pytest.raises(ValueError, match="the first policy needs the missions' own observations"):
+        scratch_start(SB3Adapter(scaled))
+    with pytest.raises(ValueError, match="info_keys has 'position'; choose from energy_j"):
+        SB3Adapter(env, info_keys=("position",))
+    with pytest.raises(ValueError, match="senses_on_the_go needs the three parts"):
+        SB3Adapter(HomewardVectorEnv(2, action_type="flat", autoreset_mode="SameStep"), senses_on_the_go=True)
+    with pytest.raises(ValueError, match="is no HomewardVectorEnv"):
+        SB3Adapter(gym.make_vec("CartPole-v1", 2))
+
+
 @pytest.mark.parametrize("mission", ["OutAndBack", "Survey", "Patrol"])
 def test_the_inputs_of_a_mission_begin_anew_with_it(mission: str) -> None:
     def make(count: int) -> SB3Adapter:
@@ -144,7 +233,7 @@ def test_the_inputs_of_a_mission_begin_anew_with_it(mission: str) -> None:
     env.seed(5)
     inputs = env.reset()
     assert env.observation_space.contains(inputs[0])
-    twin = make_inputs(env.env.batch.known)
+    twin = make_inputs(env.missions.batch.known)
     np.testing.assert_array_equal(twin(inputs[:, : len(NAMES)], np.ones(COUNT, np.bool_)), inputs)
     for _ in range(60):
         seen, rewards, over, infos = env.step(draw_actions(rng, "discrete"))
