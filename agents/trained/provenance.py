@@ -48,10 +48,11 @@ def made_with(options: Options) -> dict[str, str]:
 def robot_hash(known: Known) -> str:
     """Hash of a robot's parameters and effects, without its name and uncertainty.
 
-    A battery of constant voltage is left out: robots had no other when the first policies were trained.
+    A battery of constant voltage is left out: robots had no other when the first policies were trained. So is the
+    motors' current at rest, which no environment uses.
     """
-    battery = ("chemistry", "cells_in_series", "open_circuit_v")
-    left_out = ("name", "description", "uncertainty", *(battery if known.robot.curve.mean_v == 0.0 else ()))
+    battery = ("chemistry", "cells_in_series", "open_circuit_v") if known.robot.curve.mean_v == 0.0 else ()
+    left_out = ("name", "description", "uncertainty", "rest_current_a", *battery)
     values = {
         field.name: getattr(known.robot, field.name)
         for field in dataclasses.fields(known.robot)
