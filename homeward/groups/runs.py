@@ -55,7 +55,8 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     of_used = mean_residual_of_runs(evidence) | parameters_of_runs(evidence)
     values = {quantity: np.where(where >= 0, by_run[where], np.nan) for quantity, by_run in of_used.items()}
     levels, differences = compare(labels, values)
-    if changing := ", ".join(_contributions(evidence, steady=False)):
+    changing = ", ".join(_contributions(evidence, steady=False))
+    if changing:
         remarks.append(f"{changing}: counted in the mean residual, since what changes may be what the groups differ in")
     for estimate in evidence.estimates:
         if estimate.status != "fitted":
