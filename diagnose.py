@@ -5,7 +5,7 @@ writes DIR/diagnosis.json, DIR/report.html, DIR/corrected.toml, and recorded and
 DIR/series.parquet and DIR/series.mcap. RUN is a table, a ROS bag (read without ROS), or a log of PX4, ArduPilot or VESC
 Tool. Without RUN it diagnoses the synthetic recording that is part of the package.
 
-`--group NAME=RUNS --group NAME=RUNS` compares parameters and effects between groups of runs and writes
+`--group NAME=RUNS --group NAME=RUNS` compares mean residuals, parameters and effects of groups of runs and writes
 DIR/groups.json and DIR/groups.html.
 """
 

@@ -108,7 +108,9 @@ class Comparison:
 
 
 def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[list[Level], list[Difference]]:
-    """Levels of all groups, and the differences of all pairs that have at least two runs each, by p-value.
+    """Levels of all groups, and the differences of all pairs that have at least two runs each.
+
+    Differences come in the order of the quantities, those of one quantity by p-value.
 
     A difference is named where Holm's p-value is at most `rules.LEVEL` and held-out runs are predicted better from
     their own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
@@ -130,7 +132,8 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
         largest = max(largest, min((len(pairs) - rank) * pair.p_value, 1.0))
         predicts_better = pair.held_out_rmse < pair.held_out_rmse_without_groups
         named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= rules.LEVEL and predicts_better))
-    return levels, named
+    order = [quantity.name for quantity in values]
+    return levels, sorted(named, key=lambda pair: order.index(pair.quantity))
 
 
 def _differences(quantity: Quantity, known: Mapping[str, Array]) -> Iterator[Difference]:
@@ -191,11 +194,11 @@ def comparison_of(
 
 
 def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tuple[GroupVerdict, str]:
-    """Verdict by the differences of all pairs that can be tested, and one or two sentences on it, by p-value."""
+    """Verdict by the differences of all pairs that can be tested, and one or two sentences on it, in their order."""
     if not differences:
         return "not_testable", (
-            "Differences cannot be tested: no two groups have at least two runs each, so the spread between runs of "
-            "one group is unknown."
+            "Differences cannot be tested: no two groups have at least two usable runs each, so the spread between "
+            "runs of one group is unknown."
         )
     tested = f"{len(differences)} compared"
     named = [_sentence(one) for one in differences if one.named]

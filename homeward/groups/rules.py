@@ -14,16 +14,6 @@ beyond it."""
 SMALLEST_SPREAD = 1e-6
 """Least spread between runs, as a share of the largest value; chosen: a smaller spread is rounding."""
 
-# --- Driving: which parameters of a run count -------------------------------------------------------------------------
-
-OWN_SHARE = 0.01
-"""Least share of a column that is orthogonal to the others in a run; with less it is confounded: ten times the
-error."""
-
-TOO_UNCERTAIN = 0.5
-"""Largest standard error of a run's value, over that of all runs or a plausible change. Chosen: half or twice changes
-no test of tests/groups (test_runs, test_comparison)."""
-
 # --- Standing ---------------------------------------------------------------------------------------------------------
 
 STANDSTILL_RADPS = 0.02

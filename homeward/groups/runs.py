@@ -1,4 +1,4 @@
-"""From recordings of named groups to a comparison of power at rest, or of the parameters estimated from each run."""
+"""From recordings of named groups to a comparison of power at rest or, driving, of mean residuals and parameters."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,16 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.fit.refit import estimates, standard_errors
+from homeward.diagnosis.rules import COLLINEAR
 from homeward.diagnosis.tell.words import why_open
-from homeward.groups import rules
 from homeward.groups.comparison import Comparison, Difference, Quantity, compare, comparison_of
 from homeward.groups.standing import StandingRun, mean_interval, standing_run
 from homeward.layout.notation import interval, number
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording, RecordingError
 
-_OPEN = ("not excited", "confounded")  # parameters that are left out: not identifiable from all runs together
 _AT_REST = {"W": Quantity("P_anc, idle part", "W"), "A": Quantity("current at rest", "A")}
 
 
@@ -42,78 +40,94 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
 
 
 def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels: Sequence[str]) -> Comparison:
-    """Compare parameters and named effects between groups of recordings.
+    """Compare mean residuals, parameters and named effects between groups of recordings.
 
-    The diagnosis is of all runs together. Each run is then fitted by itself, linearised around it and without bounds,
-    so that groups that differ only in how they were driven scatter about the same values.
+    The diagnosis is of all runs together. Each run gives its mean residual of that model, which needs no parameter to
+    be identifiable. Each run is then fitted by itself, linearised around the model and without bounds, so that groups
+    that differ only in how they were driven scatter about the same values.
     """
     evidence = analysis.evidence
-    remarks = [f"{one.recording}: excluded, {one.text}" for one in analysis.findings if one.refused]
+    remarks = [f"{finding.recording}: excluded, {finding.text}" for finding in analysis.findings if finding.refused]
     if evidence is None:
         return comparison_of("driving", recordings, labels, {}, [], [], remarks)
     used = {name: index for index, name in enumerate(evidence.runs.names)}
-    where = np.array([used.get(one.name, -1) for one in recordings])
-    values = {name: np.where(where >= 0, one[where], np.nan) for name, one in values_of_runs(evidence).items()}
+    where = np.array([used.get(recording.name, -1) for recording in recordings])
+    of_used = mean_residual_of_runs(evidence) | parameters_of_runs(evidence)
+    values = {quantity: np.where(where >= 0, by_run[where], np.nan) for quantity, by_run in of_used.items()}
     levels, differences = compare(labels, values)
-    estimated = estimates(evidence.fitted, evidence.runs, evidence.block)
-    for one in (one for one in estimated if one.status in _OPEN):
-        others = f"; confounded with a difference in {', '.join(one.mixed_with)}" if one.mixed_with else ""
-        remarks.append(f"{one.group.symbol}: not compared, {why_open(one)}{others}")
+    changing = ", ".join(_contributions(evidence, steady=False))
+    if changing:
+        remarks.append(f"{changing}: counted in the mean residual, since what changes may be what the groups differ in")
+    for estimate in evidence.estimates:
+        if estimate.status != "fitted":
+            mixed = ", ".join(estimate.mixed_with)
+            others = f"; confounded with a difference in {mixed}" if mixed else ""
+            remarks.append(f"{estimate.group.symbol}: not compared, {why_open(estimate)}{others}")
     if analysis.diagnosis.verdict == "unknown_physics" or evidence.remaining is not None:
         remarks.append("no known effect explains the residual: it may be confounded with a difference between groups")
     return comparison_of("driving", recordings, labels, values, levels, differences, remarks)
 
 
-def values_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
-    """Estimate by each run alone of each parameter that is identifiable from all runs, and of each named effect.
+def mean_residual_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
+    """Mean of observed less predicted by the model of all runs, W or A, shape (runs,)."""
+    runs = evidence.runs
+    summed = np.bincount(runs.run, _unexplained(evidence) * runs.duration_s)
+    return {Quantity("mean residual", runs.unit): summed / np.bincount(runs.run, runs.duration_s)}
+
+
+def parameters_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
+    """Estimate by each run alone of each parameter that all runs together identify, and of each steady named effect.
 
     Parameters are in their own units, effects relative to their size in all runs together. Each array has shape
     (runs,), NaN where it is not identifiable from the run.
     """
-    runs, fit, effects = evidence.runs, evidence.fitted, _steady_effects(evidence)
-    estimated = estimates(fit, runs, evidence.block)
-    index = np.array([j for j, one in enumerate(estimated) if one.status not in _OPEN], dtype=np.intp)
-    problem = fit.parameters
-    per_step = (problem.scale * problem.to_group)[index]
-    quantities = [Quantity(problem.groups[j].symbol, problem.groups[j].unit) for j in index]
-    quantities += [Quantity(f"{name}, relative", "1") for name in effects]
-    centres = np.append((fit.theta * problem.to_group)[index], np.zeros(len(effects)))
-    per_step = np.append(per_step, np.ones(len(effects)))
-    sizes = np.maximum(np.abs(centres / per_step), 1.0)
-    table = np.column_stack([*fit.jacobian[:, index].T, *effects.values()])
-    residual = runs.observed - fit.predicted
-    steps = np.array([
-        _steps(table[runs.run == run], residual[runs.run == run], evidence.block[runs.run == run], sizes)
-        for run in range(len(runs.signals))
-    ])  # fmt: skip
-    return {one: centres[j] + steps[:, j] * per_step[j] for j, one in enumerate(quantities)}
+    runs, effects = evidence.runs, _contributions(evidence, steady=True)
+    fit = (evidence.fitted if evidence.corrected is None else evidence.corrected).groups
+    units = np.append(fit.parameters.scale * fit.parameters.to_group, np.ones(len(effects)))
+    of_all_runs = np.append(fit.theta * fit.parameters.to_group, np.ones(len(effects)))
+    columns, residual = np.column_stack([fit.jacobian, *effects.values()]), _unexplained(evidence)
+    in_run = [runs.run == run for run in range(len(runs.signals))]
+    values = of_all_runs + units * np.array([_steps(columns[windows], residual[windows]) for windows in in_run])
+    parameters = {
+        Quantity(estimate.group.symbol, estimate.group.unit): values[:, j]
+        for j, estimate in enumerate(evidence.estimates)
+        if estimate.status == "fitted"
+    }
+    first_effect = len(fit.theta)
+    sizes = {Quantity(f"{name}, relative", "1"): values[:, first_effect + j] for j, name in enumerate(effects)}
+    return parameters | sizes
 
 
-def _steady_effects(evidence: Evidence) -> dict[str, Array]:
-    """Contribution of each steady named effect; one with a schedule may be confounded with the groups."""
-    found: dict[str, Array] = {}
+def _unexplained(evidence: Evidence) -> Array:
+    """Observed less predicted by the refit and the steady named effects, fitted together, W or A, shape (windows,).
+
+    What an effect that changes adds is left in: the change may be the difference between the groups.
+    """
+    return sum(_contributions(evidence, steady=False).values(), evidence.residual)
+
+
+def _contributions(evidence: Evidence, steady: bool) -> dict[str, Array]:
+    """What each named effect adds to the prediction, those of one size in all runs or those that change."""
+    contributions: dict[str, Array] = {}
     if evidence.corrected is not None:
         for term, added in zip(evidence.corrected.model.terms, evidence.corrected.contribution, strict=True):
-            if term.axis == "steady":
+            if (term.axis == "steady") == steady:
                 name = term.effect.replace("_", " ")
-                found[name] = found.get(name, 0.0) + added
-    return found
+                contributions[name] = contributions.get(name, 0.0) + added
+    return contributions
 
 
-def _steps(columns: Array, residual: Array, block: Index, sizes: Array) -> Array:
-    """Least-squares step of each column in one run, NaN where it is confounded or too uncertain, shape (columns,)."""
+def _steps(columns: Array, residual: Array) -> Array:
+    """Least-squares step of each column in one run, shape (columns,), NaN where it is confounded with the others.
+
+    A step is that of the column's part that is orthogonal to the others (Frisch & Waugh, Econometrica 1, 1933).
+    """
     steps = np.full(columns.shape[1], np.nan)
-    total = np.einsum("ij,ij->j", columns, columns)
-    moving = np.flatnonzero(total > 0.0)
-    if len(moving) == 0 or len(residual) <= 2 * len(moving):
-        return steps
-    inverse = np.linalg.pinv(columns[:, moving].T @ columns[:, moving], rcond=1e-12)
-    own = 1.0 / np.maximum(np.diag(inverse) * total[moving], 1e-12)
-    found = inverse @ columns[:, moving].T @ residual
-    number_of_block = np.unique(block, return_inverse=True)[1]
-    errors = standard_errors(columns[:, moving], residual - columns[:, moving] @ found, number_of_block)
-    clear = (own > rules.OWN_SHARE) & (errors < rules.TOO_UNCERTAIN * sizes[moving])
-    steps[moving[clear]] = found[clear]
+    for j, column in enumerate(columns.T):
+        others = np.delete(columns, j, axis=1)
+        own = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
+        if own @ own > COLLINEAR * (column @ column):
+            steps[j] = own @ residual / (own @ own)
     return steps
 
 
