@@ -197,15 +197,16 @@ def comments(before: Robot, after: Robot, numbers: Sequence[FileNumber] = ()) ->
         low, high = number.ci95
         sure = "proven" if number.proven else "fitted, not proven"
         for name in _FIELDS.get(number.name.split(" / ")[0], (number.name.replace(" ", "."),)):
-            said[name] = f"{sure}: {number.name} = {number.value:.4g} ({low:.4g} to {high:.4g}) {number.unit}"
+            unit = "" if number.unit == "1" else f" {number.unit}"
+            said[name] = f"{sure}: {number.name} = {number.value:.4g} ({low:.4g} to {high:.4g}){unit}"
     changed = {}
     for quantity in dataclasses.fields(Robot):
         old, new = getattr(before, quantity.name), getattr(after, quantity.name)
         if isinstance(new, float) and new != old:
             how = said.get(quantity.name, "from the recorded state of charge against the energy drawn")
-            changed[quantity.name] = f"fitted by diagnose.py, {how}; it was {old:.6g}"
+            changed[quantity.name] = f"by diagnose.py, {how}; it was {old:.6g}"
     for effect, own in after.effects.items():
         for name in own:
             if f"{effect}.{name}" in said:
-                changed[f"{effect}.{name}"] = f"fitted by diagnose.py, {said[f'{effect}.{name}']}"
+                changed[f"{effect}.{name}"] = f"by diagnose.py, {said[f'{effect}.{name}']}"
     return changed

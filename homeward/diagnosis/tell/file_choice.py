@@ -19,7 +19,7 @@ from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.explain.uncertainty import Joint, joint
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.parameter_groups import GROUPS, with_effects_of
-from homeward.diagnosis.fit.predictive import FEW_RUNS, Predictive, fit_predictive
+from homeward.diagnosis.fit.predictive import FEW_RUNS, INERTIA, Predictive, fit_predictive
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import CorrectedFile, FileNumber, Verdict
@@ -221,8 +221,10 @@ def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> Fi
     fit = fit_predictive(runs, robot, base, lambda changed: replayed(changed, content, runs), evidence.fold)
     held = held_out(lambda chosen: by_file(fit.fitted_to(chosen, runs)), evidence.fold)
     names = tuple(_SYMBOLS.get(entry.name, entry.name.replace(".", " ")) for entry in fit.entries)
-    units = tuple(entry.unit for entry in fit.entries)
-    known = Joint(names, units, fit.values, fit.covariance(runs))
+    # The accelerated mass is in the file as a share of the mass.
+    share = np.array([1.0 / fit.numbers["mass"] if entry.name == INERTIA else 1.0 for entry in fit.entries])
+    units = tuple("1" if entry.name == INERTIA else entry.unit for entry in fit.entries)
+    known = Joint(names, units, share * fit.values, np.outer(share, share) * fit.covariance(runs))
     file = CorrectedFile("predictive", "", _numbers(evidence, known))
     return FileChoice(rounded_robot(robot, fit.changed), held, by_file(fit), file, known)
 

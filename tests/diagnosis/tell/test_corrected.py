@@ -45,7 +45,7 @@ def robot(husky: Robot) -> Robot:
 
 @pytest.fixture(scope="module")
 def runs(drive: Drive, robot: Robot) -> Runs:
-    """Two drives out and back in cold weather, with every channel that tells of an effect."""
+    """Two drives out and back, in the cold and in the heat, with every channel that tells of an effect."""
     recordings = []
     for number, run in enumerate(drive(robot, runs=2)):
         of = {name: values[:3000] for name, values in run.channels.items()}
@@ -53,7 +53,7 @@ def runs(drive: Drive, robot: Robot) -> Runs:
         way_m = 0.1 * np.cumsum(np.abs(of["speed_mps"]))
         of["base_distance_m"] = 300.0 * number + np.minimum(way_m, way_m[-1] - way_m)
         of["heading_rad"] = np.where(way_m < 0.5 * way_m[-1], 0.0, np.pi) + 0.3 * np.sin(time_s / 40.0)
-        of["temperature_c"] = -5.0 + 15.0 * number + 8.0 * time_s / time_s[-1]
+        of["temperature_c"] = -5.0 + 35.0 * number + 8.0 * time_s / time_s[-1]
         recordings.append(dataclasses.replace(run, channels=of))
     return average(usable_runs(recordings, robot)[0])
 
