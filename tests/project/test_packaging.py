@@ -123,7 +123,8 @@ def test_links_of_the_readme_are_absolute_where_the_project_has_an_address(
     assert links[0] == f"{address}/raw/{version}/docs/viewer.gif"
     for link in links[1:]:
         if link.startswith(address):
-            assert (ROOT / link.removeprefix(f"{address}/blob/{version}/")).is_file(), link
+            page = link.removeprefix(f"{address}/blob/{version}/").split("#")[0]
+            assert (ROOT / page).is_file(), link
 
 
 def test_version_is_that_of_the_project(project: dict[str, Any]) -> None:
