@@ -169,10 +169,6 @@ REVISITED = 1.8
 CLEARLY_BETTER = 0.6
 """Ratio of squared errors on held-out runs, trees over named effects, below which trees are better: as EQUIVALENT."""
 
-SMALLEST_GAIN_BESIDE = 0.01
-"""Least share of the refit's held-out squared error that a further effect must explain beside those that are named: a
-smaller one may come from the misspecified form of the first. Chosen on seed 2 of benchmarks/concealed."""
-
 SMALLEST_GAIN_OF_A_FAULT = 0.15
 """Least share of the squared error that a fault of an instrument must explain: its prior is lower than that of physics,
 and a lag or a scale absorbs part of any effect of the load. Chosen below what the Husky's late clock explains."""

@@ -43,7 +43,7 @@ def provable(case: Case) -> dict[str, bool]:
     residual = runs.observed - fit.predicted
     block = independent_blocks(fit, runs).channels
     bench = Bench(fit, terms, runs, residual, block, noise=power_noise(runs))
-    least, found = max(rules.SMALLEST_GAIN_BESIDE * float(residual @ residual), meter_error(runs)), {}
+    least, found = meter_error(runs), {}
     for index, effect in enumerate(case.hidden):
         beside = bench if len(terms) == 1 else bench.with_base(1 - index)
         share, squared_error = beside.share(index), beside.squared_error(index)

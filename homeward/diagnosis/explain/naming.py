@@ -362,9 +362,9 @@ def _supported(
     if delta_bic < rules.STRONG_BIC or share < least_to_name(least, error, bench.noise):
         return None
     loose = term.axis == "time" and not _is_clear(term, share)
-    of_refit = rules.SMALLEST_GAIN if loose else rules.SMALLEST_GAIN_BESIDE
+    of_refit = rules.SMALLEST_GAIN * bench.refit_error if loose else 0.0
     of_channels = bench.channel_error * _followed(bench, chosen)
-    if share * error < max(of_refit * bench.refit_error, meter_error(bench.runs)) or share * error <= of_channels:
+    if share * error < max(of_refit, meter_error(bench.runs)) or share * error <= of_channels:
         return None  # as much may come from another effect's form, or from errors of the instruments
     sudden = bench.is_in_steps(chosen)
     if term.schedule is not None and term.hypothesis.is_sudden and not sudden:
