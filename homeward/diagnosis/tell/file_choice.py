@@ -153,22 +153,27 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     if verdict == "unknown_physics":
         reasons.append("its parameters absorb a part of the unknown physics and are no measurement")
     named = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
-    candidates = [FileChoice(robot, nominal, nominal, CorrectedFile("nominal", "")), _refitted(robot, evidence)]
+    given = FileChoice(robot, nominal, nominal, CorrectedFile("nominal", ""))
+    candidates = [given, _refitted(robot, evidence)]
     candidates += [] if named is None else [_named(robot, named, evidence)]
-    best, how = min(candidates, key=lambda one: _error(one, evidence)), "the best on held-out drives is"
+    ranked = sorted(candidates, key=lambda candidate: _error(candidate, evidence))
+    how = "the best on held-out drives is"
     # Beyond what the instruments explain, drives are consumed by what nothing proven models.
-    if error_parts(best.predicted, runs, trip)[1] > rules.CLEAR * rules.GAIN_ERROR:
-        fit = _predictive(robot, named, evidence)
-        candidates.append(fit)
+    if error_parts(ranked[0].predicted, runs, trip)[1] > rules.CLEAR * rules.GAIN_ERROR:
+        ranked.insert(0, _predictive(robot, named, evidence))
         if len(runs.signals) < FEW_RUNS:
-            best, how = fit, "as few drives cannot tell, it is"
-        elif _error(fit, evidence) < _error(best, evidence):
-            best = fit
-    if worse := worse_than(nominal, best.predicted, runs, trip, rng):
-        reasons.append(f"with {_WORDS[best.file.holds]}, {worse}")
-        best, how = candidates[0], "what is kept is"
+            how = "as few drives cannot tell, it is"
+        else:
+            ranked.sort(key=lambda candidate: _error(candidate, evidence))
+    best = given
+    for candidate in ranked:
+        worse = "" if candidate is given else worse_than(nominal, candidate.predicted, runs, trip, rng)
+        if not worse:
+            best = candidate
+            break
+        reasons.append(f"with {_WORDS[candidate.file.holds]}, {worse}")
     share = " and ".join(f"{100.0 * part:.3g} %" for part in error_parts(best.predicted, runs, trip))
-    why = f"of {len(candidates)} candidates {how} {_WORDS[best.file.holds]}, off by {share} there (power, energy)"
+    why = f"of {len(ranked)} candidates {how} {_WORDS[best.file.holds]}, off by {share} there (power, energy)"
     why = "; ".join([why, *dict.fromkeys(filter(None, reasons))])
     return replace(best, file=replace(best.file, why=why))
 
