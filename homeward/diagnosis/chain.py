@@ -26,9 +26,9 @@ from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import Finding, usable_runs
-from homeward.diagnosis.made_by import made_by
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
 from homeward.diagnosis.tell.file_choice import choose_file, determined
+from homeward.diagnosis.tell.made_by import made_by
 from homeward.diagnosis.tell.missing import missing_physics
 from homeward.diagnosis.tell.next_drive import next_experiment
 from homeward.diagnosis.tell.words import nothing_usable, summary

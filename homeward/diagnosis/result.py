@@ -174,7 +174,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class MadeBy:
-    """What made the verdict beside the recordings; see `homeward.diagnosis.made_by`."""
+    """What made the verdict beside the recordings; see `homeward.diagnosis.tell.made_by`."""
 
     version: str  # of homeward
     seed: int

@@ -13,8 +13,8 @@ from homeward import load_robot
 from homeward.datasets import shipped_recording
 from homeward.diagnosis import Analysis, Diagnosis, analyse, read_recording
 from homeward.diagnosis import diagnose as diagnose_runs
-from homeward.diagnosis.made_by import made_by
 from homeward.diagnosis.result import VERDICTS, Verdict
+from homeward.diagnosis.tell.made_by import made_by
 from tests.command_line import diagnosed
 
 

@@ -11,7 +11,7 @@ from benchmarks.concealed.scoring.ceiling import provable
 
 @pytest.fixture(scope="module")
 def pair() -> Case:
-    """A late clock and a no-load loss of a Jackal, with low noise."""
+    """A computer and an internal resistance of a Jackal, with low noise."""
     return make_case("pairs", 1, 0, short=True)
 
 
@@ -21,7 +21,7 @@ def test_recordings_without_an_effect_have_the_same_drives_and_noise(pair: Case)
         pd.testing.assert_frame_equal(whole, left)
     for effect in pair.hidden:
         whole, left = pair.recordings[0], pair.without(effect)[0]
-        assert (whole["current_a"] != left["current_a"]).any()
+        assert (whole["power_w"] != left["power_w"]).any()
         pd.testing.assert_series_equal(whole["time_s"], left["time_s"])
 
 

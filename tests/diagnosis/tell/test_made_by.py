@@ -4,7 +4,7 @@ import json
 
 import homeward
 from homeward.diagnosis import rules
-from homeward.diagnosis.made_by import made_by
+from homeward.diagnosis.tell.made_by import made_by
 from homeward.logs import rules as logs_rules
 
 
