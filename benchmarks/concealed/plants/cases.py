@@ -195,9 +195,10 @@ def _pick(vehicles: Sequence[Plant], rng: Generator) -> Plant:
 
 
 def _go_together(first: str, second: str) -> bool:
-    """Whether at most one effect is an instrument's, and at most one a law of the battery."""
+    """Whether at most one effect is an instrument's, and at most one a law of the battery, and not heat meets cold."""
     both = {first, second}
-    return first != second and not both <= set(INSTRUMENTS) and not both <= set(BATTERY_LAWS)
+    in_the_heat = "cooler" in both and bool(both & {"heater", "cold_battery"})
+    return first != second and not both <= set(INSTRUMENTS) and not both <= set(BATTERY_LAWS) and not in_the_heat
 
 
 def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Plant:

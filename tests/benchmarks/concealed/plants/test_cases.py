@@ -110,10 +110,12 @@ def test_a_refit_misses_nothing_of_the_papers_model_and_what_no_parameter_makes_
     assert missed() < 0.01 < 0.03 < missed("turning")
 
 
-def test_two_faults_of_instruments_or_two_laws_of_a_battery_are_not_hidden_together() -> None:
+def test_two_faults_of_instruments_two_laws_of_a_battery_and_heat_and_cold_are_not_hidden_together() -> None:
     apart = {(one, other) for one in EFFECTS for other in EFFECTS if not _go_together(one, other)}
     alike = [(name, name) for name in EFFECTS]
-    assert apart == {*alike, *itertools.product(INSTRUMENTS, repeat=2), *itertools.product(BATTERY_LAWS, repeat=2)}
+    weather = [pair for cold in ("heater", "cold_battery") for pair in ((cold, "cooler"), ("cooler", cold))]
+    of_kind = (itertools.product(kind, repeat=2) for kind in (INSTRUMENTS, BATTERY_LAWS))
+    assert apart == {*alike, *weather, *itertools.chain(*of_kind)}
 
 
 def test_an_effect_is_visible_from_three_per_cent() -> None:
