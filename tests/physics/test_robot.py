@@ -332,3 +332,15 @@ def test_deep_files_are_refused_at_once(tmp_path: Path, text: str) -> None:
     began = time.monotonic()
     assert "not a readable TOML file" in refusal(path)
     assert time.monotonic() - began < 1.0
+
+
+def test_a_current_at_rest_is_read_from_where_older_files_have_it(tmp_path: Path) -> None:
+    """It was in `[uncertainty]`, and is a number of the drive."""
+    older = load_robot("husky").to_toml().replace("rest_current_a", "# rest_current_a")
+    older += '\n[uncertainty]\nof = "charge"\nrest_current_a = 1.5\nunexplained = 0.1\n'
+    (tmp_path / "older.toml").write_text(older)
+    robot = load_robot(tmp_path / "older.toml")
+    assert robot.rest_current_a == 1.5
+    assert robot.uncertainty is not None and robot.uncertainty.unexplained == 0.1
+    (tmp_path / "newer.toml").write_text(robot.to_toml())
+    assert load_robot(tmp_path / "newer.toml") == robot
