@@ -18,6 +18,7 @@ import numpy as np
 
 from homeward.diagnosis import rules
 from homeward.diagnosis.fit.fitted import bounded
+from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import parameters, with_ancillary, with_effects_of
 from homeward.diagnosis.fit.replay import Runs, thrust_n_per_a
 from homeward.logs.channels import Array, Index, Mask
@@ -234,13 +235,20 @@ class Predictive:
         """The robot with the fitted numbers."""
         return robot_of(self.robot, self.numbers)
 
-    def covariance(self, runs: Runs) -> Array:
-        """Of the numbers in their units, by the windows and the prior, shape (entries, entries)."""
+    def covariance(self, runs: Runs, block: Index) -> Array:
+        """Of the numbers in their units, by the windows and the prior, shape (entries, entries).
+
+        By the sandwich estimator, the windows clustered by `block`, (windows,), and the prior as one more observation
+        of each number.
+        """
         scale = np.array([entry.scale for entry in self.entries])
-        gram = self.jacobian.T @ (self.jacobian * runs.duration_s[:, None])
-        squared = float(runs.duration_s @ (runs.observed - self.predicted) ** 2)
-        precision = _minutes(runs) * gram / squared + self.penalty * np.eye(len(scale))
-        return np.asarray(np.linalg.inv(precision) * np.outer(scale, scale))
+        residual = runs.observed - self.predicted
+        weight = _minutes(runs) / float(runs.duration_s @ residual**2)
+        scores = weight * per_block(self.jacobian * (residual * runs.duration_s)[:, None], block)
+        gram = weight * self.jacobian.T @ (self.jacobian * runs.duration_s[:, None])
+        prior = self.penalty * np.eye(len(scale))
+        bread = np.linalg.inv(gram + prior)
+        return np.asarray(bread @ (scores.T @ scores + prior) @ bread * np.outer(scale, scale))
 
     def fitted_to(self, chosen: Mask, runs: Runs) -> Predictive:
         """The same fitted to the chosen windows only, linearised at this fit."""

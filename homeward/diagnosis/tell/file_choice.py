@@ -225,16 +225,18 @@ def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> Fi
 
     fit = fit_predictive(runs, robot, base, lambda changed: replayed(changed, content, runs), evidence.fold)
     held = held_out(lambda chosen: by_file(fit.fitted_to(chosen, runs)), evidence.fold)
-    names = tuple(_SYMBOLS.get(entry.name, entry.name.replace(".", " ")) for entry in fit.entries)
+    symbols = {group.name: group.symbol for group in GROUPS[runs.unit]}
+    names = tuple(symbols.get(entry.name, entry.name.replace(".", " ")) for entry in fit.entries)
     # The accelerated mass is in the file as a share of the mass.
     share = np.array([1.0 / fit.numbers["mass"] if entry.name == INERTIA else 1.0 for entry in fit.entries])
     units = tuple("1" if entry.name == INERTIA else entry.unit for entry in fit.entries)
-    known = Joint(names, units, share * fit.values, np.outer(share, share) * fit.covariance(runs))
-    file = CorrectedFile("predictive", "", _numbers(evidence, known))
+    known = Joint(names, units, share * fit.values, np.outer(share, share) * fit.covariance(runs, evidence.block))
+    numbers = []
+    for number, entry, factor in zip(_numbers(evidence, known), fit.entries, share.tolist(), strict=True):
+        low, high = (min(max(end, factor * entry.low), factor * entry.high) for end in number.ci95)
+        numbers.append(replace(number, ci95=(low, high)))
+    file = CorrectedFile("predictive", "", tuple(numbers))
     return FileChoice(rounded_robot(robot, fit.changed), held, by_file(fit), file, known)
-
-
-_SYMBOLS = {group.name: group.symbol for group in (*GROUPS["A"], *GROUPS["W"])}
 
 
 def _numbers(evidence: Evidence, known: Joint) -> tuple[FileNumber, ...]:
