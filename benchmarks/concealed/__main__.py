@@ -1,6 +1,6 @@
 """Diagnose recordings with concealed physics, and count the correct diagnoses.
 
-`python -m benchmarks.concealed --seed 1 --part all --cases 78 --workers 2 --out runs/concealed` writes
+`python -m benchmarks.concealed --seed 1 --part all --cases 81 --workers 2 --out runs/concealed` writes
 DIR/concealed.json (every outcome), DIR/concealed.md (the tables), and the outputs of the diagnosis of each case.
 """
 
@@ -34,8 +34,8 @@ class Args:
     """Seed of all cases."""
     part: Literal["singles", "pairs", "controls", "outside", "later", "coverage", "rover", "cell", "all"] = "all"
     """Part of the benchmark; later: singles and pairs, of which half the cases are each; all: those installed."""
-    cases: int = 78
-    """Cases of each part. Every kind occurs once in 78 singles, 26 pairs, 30 controls, 17 outside, 16 of coverage, 85
+    cases: int = 81
+    """Cases of each part. Every kind occurs once in 81 singles, 27 pairs, 30 controls, 17 outside, 16 of coverage, 85
     of the rover and 51 of the cell."""
     workers: int = 2
     """Processes."""
