@@ -240,9 +240,13 @@ def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> Fi
 
 
 def _numbers(evidence: Evidence, known: Joint) -> tuple[FileNumber, ...]:
-    """The fitted numbers with their intervals; proven are those of named effects and of parameters that are off."""
+    """The fitted numbers with their intervals; proven are those of named effects and of parameters that are off.
+
+    An effect that may be a fault of the meter is not proven to be one of the robot.
+    """
     off = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
-    named = {one.term.effect for one in evidence.naming.named}
+    explaining = evidence.naming.named
+    named = {effect.term.effect for effect in explaining if not _excluded(effect, effect.term.plain or effect.term)}
     wide = rules.NORMAL_95 * np.sqrt(np.maximum(np.diag(known.covariance), 0.0))
     numbers = []
     for name, unit, value, half in zip(known.names, known.units, known.values.tolist(), wide.tolist(), strict=True):
