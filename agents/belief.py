@@ -14,7 +14,7 @@ from homeward.envs.options import Known
 from homeward.envs.routes.route import HIDDEN_WIND_MPS, KNOTS, NEW_PATCH, WIND_SCALE_MPS
 from homeward.envs.state import RETURN
 from homeward.estimation import READING_DTYPE, Estimator, Margin, Prior, StateEstimate, Vehicle
-from homeward.estimation import rules as estimation_rules
+from homeward.estimation import thresholds as estimation_thresholds
 from homeward.estimation.excitation import looks_back
 
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
@@ -66,7 +66,7 @@ def prior_of(known: Known, missed: float) -> Prior:
         slope_noise=i.grade_noise,
         slope_within_place=0.0,
         model_knows_slopes=0.0,
-        model_error=estimation_rules.MODEL_ERRORS[conditions],
+        model_error=estimation_thresholds.MODEL_ERRORS[conditions],
     )
 
 

@@ -36,7 +36,7 @@ from sklearn.preprocessing import StandardScaler
 
 from homeward.datasets import DatasetError, fetch
 from homeward.diagnosis import Recording, analyse, read_recording
-from homeward.diagnosis import rules as thresholds
+from homeward.diagnosis import thresholds as thresholds
 from homeward.diagnosis.fit.predictive import SCALES, Scales, fit_predictive
 from homeward.diagnosis.fit.replay import Runs, average, predict
 from homeward.diagnosis.fit.usable import usable_runs

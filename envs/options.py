@@ -28,7 +28,7 @@ from homeward.envs.state import (
     SURVEY,
 )
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, optimal_speed
-from homeward.physics import rules as physics_rules
+from homeward.physics import thresholds as physics_thresholds
 from homeward.physics.intervals import Bounds
 
 MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
@@ -364,7 +364,7 @@ def _by_file(
     )
     if own_s is not None:
         read: dict[str, Any] = {
-            name: value if name == "soc_lag_s" else min(value, physics_rules.MOST_ERROR)
+            name: value if name == "soc_lag_s" else min(value, physics_thresholds.MOST_ERROR)
             for name, value in sure.instruments
         }
         reading_s = dict(sure.instruments).get("reading_s", own_s)

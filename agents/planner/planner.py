@@ -18,7 +18,7 @@ from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.turn_back import BelievingRule, sees_posts
 from homeward.envs.actions import LEVELS, at_level, encode_actions, limits
 from homeward.envs.options import Known
-from homeward.envs.routes import rules as routes_rules
+from homeward.envs.routes import thresholds as routes_thresholds
 from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
 from homeward.envs.sensing import information
 from homeward.envs.state import AHEAD, GO, PATROL, RETURN, STOP, SURVEY
@@ -78,8 +78,8 @@ class Planner(Policy):
         model["speeds_mps"], model["rates_hz"] = (at_level(np.arange(LEVELS), *ends) for ends in limits(known))
         idle_w = ancillary_power(robot, 0.0)
         model["sensing"] = (ancillary_power(robot, model["rates_hz"]) - idle_w) / s["usable_j"]
-        model["standing"], model["steepest"] = idle_w / s["usable_j"], routes_rules.STEEPEST_SINE
-        sines = np.linspace(-routes_rules.STEEPEST_SINE, routes_rules.STEEPEST_SINE, model["per_m"].shape[1])
+        model["standing"], model["steepest"] = idle_w / s["usable_j"], routes_thresholds.STEEPEST_SINE
+        sines = np.linspace(-routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, model["per_m"].shape[1])
         for level, speed_mps in enumerate(model["speeds_mps"]):
             model["per_m"][level] = 1.0 / np.asarray(d_max(robot, float(speed_mps), np.arcsin(sines)))
         model["interest"] = s["information_per_m"] / _TYPICAL_SHARE

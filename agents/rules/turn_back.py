@@ -12,7 +12,7 @@ from homeward.agents import thresholds
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.rules.pace import Pace
 from homeward.envs.options import Known
-from homeward.envs.routes import rules as routes_rules
+from homeward.envs.routes import thresholds as routes_thresholds
 from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
 
@@ -52,7 +52,7 @@ class TurnBackRule(Policy):
         self._turned = np.zeros(0, np.bool_)
         s = known.shared[0]
         self._patrol = bool(s["mission"] == PATROL)
-        self._sines = np.linspace(-routes_rules.STEEPEST_SINE, routes_rules.STEEPEST_SINE, 281)
+        self._sines = np.linspace(-routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, 281)
         # Eq. 8 with a full battery: share of it that a metre consumes at each grade.
         self._shares_per_m = 1.0 / np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
         self._reach_m = float(s["reach_m"])

@@ -13,7 +13,7 @@ from homeward.agents.belief import Belief
 from homeward.envs.actions import Commands, decode_actions, encode_actions
 from homeward.envs.options import Known
 from homeward.envs.state import RETURN
-from homeward.estimation import rules as estimation_rules
+from homeward.estimation import thresholds as estimation_thresholds
 from homeward.physics import ancillary_power
 
 
@@ -35,7 +35,7 @@ class Shield(Policy):
 
     def __init__(self, policy: Policy, known: Known, risk: float = thresholds.RISK) -> None:
         self._policy, self._known, self._risk = policy, known, risk
-        self._belief = Belief(known, estimation_rules.MISSED)
+        self._belief = Belief(known, estimation_thresholds.MISSED)
         self._safe_action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, RETURN)[0]
         self._home_mps = float(decode_actions(known, self._safe_action[None]).speed_mps[0])
         self._overruled = np.zeros(0, np.bool_)

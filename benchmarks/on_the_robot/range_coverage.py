@@ -39,8 +39,8 @@ from homeward.diagnosis import Recording, analyse, read_recording
 from homeward.diagnosis.fit.replay import current_a
 from homeward.diagnosis.read.signals import signals, steps_s
 from homeward.diagnosis.tell.report import write_outputs
-from homeward.estimation.rules import DEGREES
 from homeward.estimation.tails import deviations
+from homeward.estimation.thresholds import DEGREES
 from homeward.physics import Robot, d_max, load_robot
 from homeward.watch.predictions import Watched, rest_of
 from homeward.watch.replay import watch

@@ -14,7 +14,7 @@ from homeward.envs.conditions.draws import GRADE, POWER, SOC, SPEED, normal
 from homeward.envs.conditions.gauges import COUNTER, GAUGES
 from homeward.files import read_toml
 from homeward.physics import battery
-from homeward.physics import rules as physics_rules
+from homeward.physics import thresholds as physics_thresholds
 from homeward.physics.intervals import Bounds
 from homeward.physics.jit import inline
 
@@ -63,7 +63,9 @@ class Instruments:
             value = getattr(self, field.name)
             if field.name == "gauges":
                 continue
-            bounds = Bounds(0.0, physics_rules.MOST_LAG_S if field.name == "soc_lag_s" else physics_rules.MOST_ERROR)
+            bounds = Bounds(
+                0.0, physics_thresholds.MOST_LAG_S if field.name == "soc_lag_s" else physics_thresholds.MOST_ERROR
+            )
             if isinstance(value, bool) or not isinstance(value, int | float) or not bounds.hold(value):
                 raise InstrumentError(f"{field.name} = {value!r} is not allowed; give a number in {bounds}")
 

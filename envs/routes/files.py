@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.routes import rules
+from homeward.envs.routes import thresholds
 from homeward.envs.routes.route import (
     GENERATED,
     HIDDEN_WIND,
@@ -115,7 +115,7 @@ def _with_slope(route: Path) -> tuple[Path, float | None]:
     if given == "flat":
         return Path(name), 0.0
     text = given.removeprefix("grade_rad=")
-    steepest_rad = float(np.arcsin(rules.STEEPEST_OF_TRACK))
+    steepest_rad = float(np.arcsin(thresholds.STEEPEST_OF_TRACK))
     try:
         slope_rad = float(text) if text != given else np.nan
     except ValueError:
@@ -230,7 +230,7 @@ def _cut(path: Any, columns: dict[str, NDArray[np.float64]], place_m: float) -> 
     if "elevation_m" in columns:
         rise = np.diff(np.interp(edges, distance, columns["elevation_m"]))
         steepest = int(np.abs(rise).argmax())
-        if abs(rise[steepest]) > rules.STEEPEST_SINE * length:
+        if abs(rise[steepest]) > thresholds.STEEPEST_SINE * length:
             raise RouteError(
                 f"{path}: elevation_m changes by {rise[steepest]:g} m in {length:g} m of way, which is too steep; feet?"
             )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward import rules as shared
+from homeward import thresholds as shared
 from homeward.physics.jit import inline
 
 GENERATED = "generated"

@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.envs.routes import rules
+from homeward.envs.routes import thresholds
 from homeward.envs.routes.route import MOST_ROUTE_BYTES, RouteError, without_heights
 from homeward.files import read_bytes, read_text
 from homeward.installed import advice
@@ -140,7 +140,7 @@ def _driven(segments: list[Array], name: str) -> Array:
         warnings.warn(f"{name}: {lone} segments of one point: left out", stacklevel=2)
     joined: list[list[Array]] = []
     for segment in kept:
-        near = bool(joined) and _apart_m(joined[-1][-1][-1], segment[0]) <= rules.SEGMENT_GAP_M
+        near = bool(joined) and _apart_m(joined[-1][-1][-1], segment[0]) <= thresholds.SEGMENT_GAP_M
         if near:
             joined[-1].append(segment)
         else:
@@ -152,8 +152,8 @@ def _driven(segments: list[Array], name: str) -> Array:
     if len(whole) > 1:
         counts = ", ".join(str(len(way)) for way in whole)
         warnings.warn(
-            f"{name}: {len(whole)} parts with gaps of more than {rules.SEGMENT_GAP_M:.0f} m between them ({counts} "
-            "points): the longest is used; what was not recorded was not driven",
+            f"{name}: {len(whole)} parts with gaps of more than {thresholds.SEGMENT_GAP_M:.0f} m between them "
+            f"({counts} points): the longest is used; what was not recorded was not driven",
             stacklevel=2,
         )
     return longest
@@ -216,14 +216,14 @@ def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
     elevation = _filled(track.elevation_m, name) if slope_rad is None else np.zeros(len(track.elevation_m))
     distance, elevation, east_m, north_m = _way(track, elevation, name)
     length_m = float(distance[-1])
-    if not length_m <= rules.LONGEST_M:
+    if not length_m <= thresholds.LONGEST_M:
         raise RouteError(
             f"{name}: is {length_m / 1e3:.3g} km long; give a track of one drive, of at most "
-            f"{rules.LONGEST_M / 1e3:.0f} km"
+            f"{thresholds.LONGEST_M / 1e3:.0f} km"
         )
-    if length_m < rules.SHORTEST_M:
+    if length_m < thresholds.SHORTEST_M:
         raise RouteError(
-            f"{name}: is {length_m:.0f} m long; give at least {rules.SHORTEST_M:.0f} m, or a CSV profile with "
+            f"{name}: is {length_m:.0f} m long; give at least {thresholds.SHORTEST_M:.0f} m, or a CSV profile with "
             "distance_m and grade_rad for a shorter way: heights of a track are too coarse for it"
         )
     count = max(int(np.ceil(length_m / GRID_M)), 1) + 1
@@ -236,14 +236,14 @@ def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
     smooth, threshold_m = _smooth(np.interp(grid, distance, elevation), step_m, length_m / (len(distance) - 1))
     level = _without_wiggles(smooth, threshold_m)
     rise = np.diff(level)
-    steep = np.abs(rise) > rules.STEEPEST_OF_TRACK * np.hypot(step_m, rise)
-    if steep.mean() > rules.CAPPED_SHARE:
-        steepest_deg = np.degrees(np.arcsin(rules.STEEPEST_OF_TRACK))
+    steep = np.abs(rise) > thresholds.STEEPEST_OF_TRACK * np.hypot(step_m, rise)
+    if steep.mean() > thresholds.CAPPED_SHARE:
+        steepest_deg = np.degrees(np.arcsin(thresholds.STEEPEST_OF_TRACK))
         raise RouteError(
             f"{name}: {steep.mean():.0%} of the way is steeper than {steepest_deg:.0f} degrees; no "
             "ground robot climbs that: feet, or an elevation that jumps?"
         )
-    most = step_m * np.tan(np.arcsin(rules.STEEPEST_OF_TRACK))
+    most = step_m * np.tan(np.arcsin(thresholds.STEEPEST_OF_TRACK))
     rise = np.clip(rise, -most, most)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(step_m, rise))))
     height = level[0] + np.concatenate(([0.0], np.cumsum(rise)))
@@ -267,7 +267,7 @@ def _without_null_island(track: Track, name: str) -> Track:
 
 
 def _refuse_jump(step_m: Array, name: str) -> None:
-    if len(step_m) and step_m.max() > rules.JUMP_M:
+    if len(step_m) and step_m.max() > thresholds.JUMP_M:
         raise RouteError(
             f"{name}: point {int(step_m.argmax()) + 2} is {step_m.max() / 1e3:.0f} km from the one before; "
             "remove it, or give a track of one drive"
@@ -275,8 +275,8 @@ def _refuse_jump(step_m: Array, name: str) -> None:
 
 
 def _filled(elevation: Array, name: str) -> Array:
-    is_known = (np.abs(elevation) <= rules.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
-    if is_known.mean() < 1.0 - rules.MISSING_SHARE:
+    is_known = (np.abs(elevation) <= thresholds.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
+    if is_known.mean() < 1.0 - thresholds.MISSING_SHARE:
         raise RouteError(
             f"{name}: {int((~is_known).sum())} of {len(is_known)} points have no elevation; {without_heights(name)}"
         )
@@ -329,7 +329,7 @@ def _apart(east_m: Array, north_m: Array) -> NDArray[np.intp]:
     """Indices of points at least `SPACING_M` from the last one."""
     kept, last_east, last_north = [0], east_m[0], north_m[0]
     for index, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
-        if (east - last_east) ** 2 + (north - last_north) ** 2 >= rules.SPACING_M**2:
+        if (east - last_east) ** 2 + (north - last_north) ** 2 >= thresholds.SPACING_M**2:
             kept.append(index)
             last_east, last_north = east, north
     return np.array(kept, dtype=np.intp)
@@ -348,7 +348,7 @@ def _smooth(elevation: Array, step_m: float, spacing_m: float) -> tuple[Array, f
     noise_m = 1.4826 * float(np.median(np.abs(taken - np.median(taken))))
     # A Gaussian of deviation SIGMA_M averages 2 sqrt(pi) SIGMA_M / spacing independent errors.
     left_m = noise_m / np.sqrt(max(2.0 * np.sqrt(np.pi) * SIGMA_M / spacing_m, 1.0))
-    return smooth, max(rules.LEAST_RISE_M, rules.NOISE_DEVIATIONS * left_m)
+    return smooth, max(thresholds.LEAST_RISE_M, thresholds.NOISE_DEVIATIONS * left_m)
 
 
 def _without_wiggles(elevation: Array, threshold_m: float) -> Array:

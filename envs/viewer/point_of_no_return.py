@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.options import Known
-from homeward.envs.routes import rules as routes_rules
+from homeward.envs.routes import thresholds as routes_thresholds
 from homeward.envs.state import IN_SIGHT, PATROL
 from homeward.physics import ancillary_power, d_max
 
 # Chosen: steps of 0.025, linear in between.
-_SINES = np.linspace(-routes_rules.STEEPEST_SINE, routes_rules.STEEPEST_SINE, 57)
+_SINES = np.linspace(-routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, 57)
 _HOPELESS_J_PER_M = 1e12  # of a slope that no battery can climb; chosen: finite, and far above any
 
 

@@ -23,7 +23,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homeward import Robot, RobotError, cli, load_robot, quantities
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.companion.readings import CompanionError
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
@@ -52,7 +52,7 @@ class Args:
     """Sensing rate, Hz."""
     route: str | None = None
     """Track (.gpx, .fit, .csv) or profile to drive there and back instead, with the uncertainty of robot and wind."""
-    risk: float = rules.RISK
+    risk: float = thresholds.RISK
     """Accepted risk of not getting home, for the point of no return with --route."""
     plot: Path | None = None
     """Plot to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed; with --route the energy

@@ -31,7 +31,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from homeward import cli, installed, quantities
-from homeward.companion import CompanionError, rules
+from homeward.companion import CompanionError, thresholds
 from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.logs.plausible import within_top_speed
@@ -58,7 +58,7 @@ class Args:
     """State of charge at the start, 0 to 1; by default as recorded, or full."""
     cutoff_v: float | None = None
     """Voltage at which the battery is cut off, V."""
-    risk: float = rules.RISK
+    risk: float = thresholds.RISK
     """Accepted risk of not getting home, for the point of no return."""
     speed: float = 0.0
     """Speed of the view in a terminal as a multiple of real time; 0: as fast as possible."""

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.companion.gauge import GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_at, charge_share, energy_share, open_circuit_v
@@ -130,8 +130,8 @@ class BatteryBelief:
         self._most = math.inf
         self._charge = starts.copy()
         self._volts = np.zeros((CAPACITIES * STARTS, 2))
-        self._volts[:, 1] = rules.RESISTANCE
-        self._volts_covariance = np.diag([self._curve_variance, rules.RESISTANCE_SD**2])
+        self._volts[:, 1] = thresholds.RESISTANCE
+        self._volts_covariance = np.diag([self._curve_variance, thresholds.RESISTANCE_SD**2])
         shown = math.nan if start.told else start.charge
         self.see(Witnesses(0.0, 0.0, math.nan, math.nan, -math.inf, shown))
 
@@ -148,7 +148,7 @@ class BatteryBelief:
         steps = shares[:: _FACTOR_STEPS // 8]
         derated = derating[0] + (derating[1] - derating[0]) * shares
         # What is lost in the resistance is not metered at the terminals.
-        sag = 1.0 - self._cells.beyond_label_per_h(conditions.rate_per_h) * rules.RESISTANCE * 2.0 * steps
+        sag = 1.0 - self._cells.beyond_label_per_h(conditions.rate_per_h) * thresholds.RESISTANCE * 2.0 * steps
         metered = np.maximum(1.0 + conditions.gain_sd * ndtri(steps), 0.1)
         modelled = 1.0 + math.sqrt(3.0) * conditions.modelled_sd * (2.0 * steps - 1.0)
         factors = [self._aged, derated, np.maximum(sag, 0.1), metered, np.maximum(modelled, 0.1)]
@@ -172,7 +172,7 @@ class BatteryBelief:
 
     @property
     def _curve_variance(self) -> float:
-        return self._cells.facts.curve_sd**2 + rules.VOLTAGE_GAIN_SD**2 if self._cells.has_curve else 0.0
+        return self._cells.facts.curve_sd**2 + thresholds.VOLTAGE_GAIN_SD**2 if self._cells.has_curve else 0.0
 
     def see(self, read: Witnesses) -> None:
         """Weigh the possible batteries by what was read in a window."""
@@ -188,7 +188,7 @@ class BatteryBelief:
 
     def _drives(self, energy: Floats, read: Witnesses) -> Floats:
         """Likelihood of driving still, given that it did before."""
-        unsure = np.hypot(read.used_sd / self._capacity, rules.EMPTY_SD)
+        unsure = np.hypot(read.used_sd / self._capacity, thresholds.EMPTY_SD)
         holds = np.minimum(ndtr(energy / unsure), self._holds)
         likelihood = np.maximum(holds / self._holds, _LEAST_LIKELIHOOD)
         self._holds = np.maximum(holds, _LEAST_LIKELIHOOD)
@@ -204,19 +204,19 @@ class BatteryBelief:
         self._rate = max(self._rate, rate, cells.rate_per_h(read.peak_a))
         moved = abs(float(self.trust.weights @ (self._charge - charge_before)))
         # The error of the curve is another one some tenths of the charge further on, the resistance a little.
-        stays = math.exp(-moved / rules.CURVE_ERROR_LASTS)
+        stays = math.exp(-moved / thresholds.CURVE_ERROR_LASTS)
         self._volts[:, 0] *= stays
         fade = np.diag([stays, 1.0])
-        renewed = np.diag([self._curve_variance * (1.0 - stays * stays), rules.RESISTANCE_SD**2 * moved])
+        renewed = np.diag([self._curve_variance * (1.0 - stays * stays), thresholds.RESISTANCE_SD**2 * moved])
         covariance = fade @ self._volts_covariance @ fade + renewed
         row = np.array([1.0, -rate])
         at_rest = open_circuit_v(cells.curve, self._charge) / cells.curve.mean_v
         surprise = read.voltage_v / cells.curve.mean_v - (at_rest + self._volts @ row)
-        noise = math.hypot(rules.VOLTAGE_NOISE, rules.SAG_ERROR * rate * self.resistance)
+        noise = math.hypot(thresholds.VOLTAGE_NOISE, thresholds.SAG_ERROR * rate * self.resistance)
         variance = float(row @ covariance @ row) + noise**2
         density = np.exp(-0.5 * surprise**2 / variance)
-        inlier = (1.0 - rules.VOLTAGE_OUTLIERS) * density
-        outlier = rules.VOLTAGE_OUTLIERS * math.sqrt(2.0 * math.pi * variance) / rules.VOLTAGE_RANGE
+        inlier = (1.0 - thresholds.VOLTAGE_OUTLIERS) * density
+        outlier = thresholds.VOLTAGE_OUTLIERS * math.sqrt(2.0 * math.pi * variance) / thresholds.VOLTAGE_RANGE
         gain = covariance @ row / variance
         self._volts += (surprise * inlier / (inlier + outlier))[:, None] * gain
         self._volts_covariance = covariance - np.outer(gain, gain) * variance
@@ -282,15 +282,15 @@ def _starts(start: Start) -> tuple[Floats, Floats]:
     if start.told:
         # Chargers end, and cells lose, some per cent; nobody tells more than full.
         charge = np.linspace(
-            max(start.charge - 4.0 * rules.TOLD_SD, 0.005), min(start.charge + rules.TOLD_SD, 1.0), STARTS
+            max(start.charge - 4.0 * thresholds.TOLD_SD, 0.005), min(start.charge + thresholds.TOLD_SD, 1.0), STARTS
         )
-        weight = np.exp(-0.5 * ((charge - start.charge) / rules.TOLD_SD) ** 2)
+        weight = np.exp(-0.5 * ((charge - start.charge) / thresholds.TOLD_SD) ** 2)
         return charge, weight / weight.sum()
     coarse = np.linspace(0.04, 1.0, STARTS // 2 + 1)
     fine = np.clip(start.charge + np.linspace(-0.05, 0.05, STARTS // 2), 0.005, 1.0)
     charge = np.sort(np.concatenate([coarse, fine]))
     width = np.gradient(charge)
-    full = np.exp(-0.5 * ((1.0 - charge) / rules.TOLD_SD) ** 2) * width
+    full = np.exp(-0.5 * ((1.0 - charge) / thresholds.TOLD_SD) ** 2) * width
     any_charge = width / width.sum()
-    weight = rules.STARTS_FULL * full / full.sum() + (1.0 - rules.STARTS_FULL) * any_charge
+    weight = thresholds.STARTS_FULL * full / full.sum() + (1.0 - thresholds.STARTS_FULL) * any_charge
     return charge, weight / weight.sum()

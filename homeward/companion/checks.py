@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from homeward import rules as shared
-from homeward.companion import rules
+from homeward import thresholds as shared
+from homeward.companion import thresholds
 from homeward.companion.readings import CompanionError, as_float, checked_position
 
 
@@ -37,7 +37,8 @@ def check_route(route: Any, most_m: float) -> None:
         raise CompanionError("the places of the route are no numbers; give what load_route returns") from None
     if not 0.0 < length_m <= most_m:
         raise CompanionError(
-            f"the route is {length_m:.4g} m long; the robot can drive {most_m:.4g} m at most, {rules.RANGES:g} charges"
+            f"the route is {length_m:.4g} m long; the robot can drive {most_m:.4g} m at most, "
+            f"{thresholds.RANGES:g} charges"
         )
     if len(grades) != len(headings):
         raise CompanionError(
@@ -57,7 +58,7 @@ def check_home(home: Any) -> None:
     if home is None or home == "here":
         return
     place = checked_position("home", home)
-    if not isinstance(place, tuple) or not math.hypot(*place) <= rules.EARTH_M:
+    if not isinstance(place, tuple) or not math.hypot(*place) <= thresholds.EARTH_M:
         raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
 
 

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward import rules as shared
-from homeward.companion import rules
+from homeward import thresholds as shared
+from homeward.companion import thresholds
 from homeward.companion.advice import Action, Advice, UncertainValue
 from homeward.companion.battery import Start
 from homeward.companion.checks import check_home, check_number, check_route, check_wind
@@ -93,7 +93,7 @@ class Companion:
         *,
         home: Position | str | None = None,
         route: RouteLike | None = None,
-        risk: float = rules.RISK,
+        risk: float = thresholds.RISK,
         soc: float | None = None,
         forecast_mps: tuple[float, float] | None = None,
         cutoff_v: float | None = None,
@@ -109,14 +109,15 @@ class Companion:
         range_m = self._range_m = float(d_max(self.robot))
         if not math.isfinite(range_m):
             raise CompanionError(f"robot {self.robot.name!r} never runs empty on level ground; check its effects")
-        most_v = rules.MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)
+        most_v = thresholds.MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)
         for name, value, low, high in (
-            ("risk", risk, *rules.RISKS), ("soc", soc, 0.0, 1.0),
-            ("cutoff_v", cutoff_v, rules.LEAST_VOLTAGE_V, most_v),
-            ("cruise_mps", cruise_mps, rules.SLOWEST_MPS, self.robot.max_speed_mps),
-            ("window_s", window_s, *rules.WINDOWS_S), ("place_m", place_m, rules.SHORTEST_PLACE * range_m, range_m),
-            ("reaction_s", reaction_s, 0.0, rules.LONGEST_REACTION_S),
-            ("arrived_m", arrived_m, 0.0, rules.LARGEST_HOME_M),
+            ("risk", risk, *thresholds.RISKS), ("soc", soc, 0.0, 1.0),
+            ("cutoff_v", cutoff_v, thresholds.LEAST_VOLTAGE_V, most_v),
+            ("cruise_mps", cruise_mps, thresholds.SLOWEST_MPS, self.robot.max_speed_mps),
+            ("window_s", window_s, *thresholds.WINDOWS_S),
+            ("place_m", place_m, thresholds.SHORTEST_PLACE * range_m, range_m),
+            ("reaction_s", reaction_s, 0.0, thresholds.LONGEST_REACTION_S),
+            ("arrived_m", arrived_m, 0.0, thresholds.LARGEST_HOME_M),
         ):  # fmt: skip
             if value is not None:
                 check_number(name, value, low, high)
@@ -314,11 +315,11 @@ class Companion:
         soc, believed = window.soc, self._estimator.gauge.believed
         differs = soc - self._estimator.charge
         # Nobody changes a battery while the robot drives; while it is off, readings are missing.
-        stops = window.stood_s > 0.0 or window.time_s > rules.GAP_INTERVALS * self._window_s
+        stops = window.stood_s > 0.0 or window.time_s > thresholds.GAP_INTERVALS * self._window_s
         self._since_stop = 0.0 if stops else self._since_stop + 1.0
         if believed == FOLLOWS:
             self._mismatched = 0
-            self._may_be_swapped = self._since_stop < rules.SOC_MISMATCH_WINDOWS
+            self._may_be_swapped = self._since_stop < thresholds.SOC_MISMATCH_WINDOWS
             return
         kind = "the state of charge"
         less_or_more = f"{abs(differs):.0%} {'more' if differs > 0.0 else 'less'}"
@@ -327,9 +328,9 @@ class Companion:
             self._readings.say(f"{text}; power alone is used", kind)
             return
         text = f"{kind} has jumped or stays: it reads {less_or_more} than the energy drawn implies"
-        lower = self._may_be_swapped and differs < -rules.SOC_MISMATCH
+        lower = self._may_be_swapped and differs < -thresholds.SOC_MISMATCH
         self._mismatched = self._mismatched + 1 if lower else 0
-        if self._mismatched < rules.SOC_MISMATCH_WINDOWS:
+        if self._mismatched < thresholds.SOC_MISMATCH_WINDOWS:
             self._readings.say(f"{text}; power alone is used", kind)
             return
         self._readings.say(f"{text}: another battery? Estimates of the old one are dropped", kind)
@@ -340,7 +341,7 @@ class Companion:
         """Warn if the robot stands by its speed and drives by its power; which is wrong cannot be known."""
         stands = window.stood_s >= window.time_s and window.power_w > self._estimator.driving_w
         self._stands = self._stands + 1 if stands else 0
-        if self._stands >= rules.STANDS_WINDOWS:
+        if self._stands >= thresholds.STANDS_WINDOWS:
             kind = "the speed reads 0 while"
             text = (
                 f"{kind} {window.power_w:.3g} W are drawn, as in driving: is it stuck, or a load that its file lacks?"
@@ -372,13 +373,13 @@ class Companion:
 
     def _way_home(self) -> WayHome:
         """The way home from here: along the way out, or another one."""
-        unsure_m = rules.DEAD_RECKONING_ERROR * self._way.reckoned_m
+        unsure_m = thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m
         if self._other_way is not None and self._other_way_m is not None:
             ways = along_route(self._other_way, self._other_way_m, self.vehicle.cruise_mps)
         elif self._way.moved_home is not None:
             from_m, leg_m = self._way.beyond(self._way.moved_home)
             here_m = self._way.position_m
-            ways = back_over(self._estimator.places, self.vehicle, here_m, from_m, rules.DETOUR * leg_m)
+            ways = back_over(self._estimator.places, self.vehicle, here_m, from_m, thresholds.DETOUR * leg_m)
         else:
             return self._estimator.way_home(self._way.position_m, unsure_m)
         return self._estimator.way_home(float(ways["way_m"].sum()), unsure_m, ways)
@@ -397,7 +398,7 @@ class Companion:
         needs_m = self._reaction_s * estimator.pace_mps
         self._turned |= turn_in_m <= needs_m or turn_in_s <= self._reaction_s
         # A way from dead reckoning has a relative error: a robot that may be elsewhere has not arrived.
-        self._turned &= home.way_m + rules.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
+        self._turned &= home.way_m + thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
         chance_there = None
         if self._way.route_m is not None and home.ways is None:
             onwards_m = max(self._way.route_m - home.way_m, 0.0)
@@ -428,7 +429,7 @@ class Companion:
         recovered_j = max(self._used_j - used_j, 0.0)
         rises_j = left_j - self._left_j - recovered_j
         self._left_j, self._used_j = left_j, used_j
-        if rises_j > rules.LEAST_RISE * self.vehicle.full_j:
+        if rises_j > thresholds.LEAST_RISE * self.vehicle.full_j:
             kind = "the energy left rises"
             share = rises_j / self.vehicle.full_j
             self._readings.say(f"{kind} by {share:.1%} of the battery: what is read shows a fuller one", kind)
@@ -444,7 +445,7 @@ class Companion:
 
     def _off_route(self) -> tuple[str, ...]:
         off_m = self._way.off_route_m
-        return (f"{off_m:.0f} m off the route",) if off_m > rules.OFF_ROUTE_M else ()
+        return (f"{off_m:.0f} m off the route",) if off_m > thresholds.OFF_ROUTE_M else ()
 
     def _what_home(self) -> str:
         if self._other_way is not None:

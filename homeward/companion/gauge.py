@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.estimation import Prior
 
 Floats = NDArray[np.float64]
@@ -28,9 +28,9 @@ FOLLOWS, JUMPED, OWN = range(3)
 
 _TRANSITIONS = np.array(
     [
-        [1.0 - rules.GAUGE_CHANGES, rules.GAUGE_CHANGES, 0.0],
-        [rules.GAUGE_CHANGES, 1.0 - rules.GAUGE_CHANGES, 0.0],
-        [rules.GAUGE_CHANGES, 0.0, 1.0 - rules.GAUGE_CHANGES],
+        [1.0 - thresholds.GAUGE_CHANGES, thresholds.GAUGE_CHANGES, 0.0],
+        [thresholds.GAUGE_CHANGES, 1.0 - thresholds.GAUGE_CHANGES, 0.0],
+        [thresholds.GAUGE_CHANGES, 0.0, 1.0 - thresholds.GAUGE_CHANGES],
     ]
 )
 """Probability of an explanation in a window (column), given that of the window before (row)."""
@@ -65,17 +65,17 @@ class GaugeTrust:
     ) -> None:
         self._prior = prior
         self._noise_variance = prior.soc_sd**2
-        of_lag = rate_per_h * max(prior.soc_lag_s, rules.GAUGE_LAG_S) / 3600.0
-        self._offset_variance = max(prior.soc_error, rules.COUNTER_SD) ** 2 + of_lag**2
-        self.joint = np.outer([1.0 - rules.OWN_COURSE, 0.0, rules.OWN_COURSE], weights)
+        of_lag = rate_per_h * max(prior.soc_lag_s, thresholds.GAUGE_LAG_S) / 3600.0
+        self._offset_variance = max(prior.soc_error, thresholds.COUNTER_SD) ** 2 + of_lag**2
+        self.joint = np.outer([1.0 - thresholds.OWN_COURSE, 0.0, thresholds.OWN_COURSE], weights)
         self.start = start
         self._offset, self._gain = np.zeros_like(weights), gain.copy()
-        gain_variance = gain_sd**2 + rules.COUNTER_GAIN_SD**2
+        gain_variance = gain_sd**2 + thresholds.COUNTER_GAIN_SD**2
         # Of offset and gain: variance of the first, covariance, variance of the second.
         self._covariance = np.stack([np.full_like(weights, self._offset_variance), 0.0 * weights, gain_variance])
         self._drawn = np.zeros_like(weights)
         self._last, self._fallen = math.nan, 0.0
-        self._wanders = rules.GAUGE_WANDERS**2  # variance of the change from reading to reading, beyond the fall
+        self._wanders = thresholds.GAUGE_WANDERS**2  # variance of the change from reading to reading, beyond the fall
 
     @property
     def has_begun(self) -> bool:
@@ -113,16 +113,18 @@ class GaugeTrust:
             if not self.has_begun:
                 by_explanation[FOLLOWS] = self._follow(reading, drawn, variance)
                 # One with a course of its own still shows a full battery as rather full.
-                by_explanation[JUMPED:] = _likelihood(reading - self.start + drawn, np.array(rules.OWN_START_SD**2))
+                by_explanation[JUMPED:] = _likelihood(
+                    reading - self.start + drawn, np.array(thresholds.OWN_START_SD**2)
+                )
             elif reading == self._last:
                 off = np.abs(reading - self._expected(drawn))
-                near = ndtr((rules.COARSEST - off) / rules.COARSEST_SD)
-                by_explanation[FOLLOWS] = np.maximum(near, rules.GAUGE_OUTLIERS)
+                near = ndtr((thresholds.COARSEST - off) / thresholds.COARSEST_SD)
+                by_explanation[FOLLOWS] = np.maximum(near, thresholds.GAUGE_OUTLIERS)
             else:
                 by_explanation = self._weigh_change(reading, 0.5 * (drawn_before + drawn), variance)
             self._last = reading
         # A gauge that jumps may show anything, so that its reading then is no evidence.
-        jumps = rules.GAUGE_CHANGES * self.joint[FOLLOWS]
+        jumps = thresholds.GAUGE_CHANGES * self.joint[FOLLOWS]
         joint = (_TRANSITIONS.T @ self.joint) * by_explanation
         joint[JUMPED] += jumps * (1.0 - by_explanation[JUMPED])
         joint *= likelihood
@@ -158,7 +160,7 @@ class GaugeTrust:
         step = min(abs(change), abs(self._fallen)) if change * self._fallen < 0.0 else 0.0
         shown = reading - 0.5 * math.copysign(step, change)
         by_explanation[FOLLOWS] = self._follow(shown, drawn, variance + step * step / 12.0)
-        self._wanders += rules.GAUGE_LEARNS * (surprise**2 - self._wanders)
+        self._wanders += thresholds.GAUGE_LEARNS * (surprise**2 - self._wanders)
         self._fallen = 0.0
         return by_explanation
 
@@ -175,7 +177,7 @@ class GaugeTrust:
         likelihood = _likelihood(surprise, total)
         # As far as it is this explanation that holds, the errors explain the surprise.
         holds = self.joint[FOLLOWS] / np.maximum(self.joint.sum(axis=0), 1e-300)
-        most = rules.GAUGE_DOUBT * np.sqrt(total)
+        most = thresholds.GAUGE_DOUBT * np.sqrt(total)
         surprise = holds * np.clip(surprise, -most, most)
         of_offset, of_both, of_gain = self._covariance
         shared_offset, shared_gain = of_offset - drawn * of_both, of_both - drawn * of_gain
@@ -195,4 +197,4 @@ class GaugeTrust:
 def _likelihood(error: Floats, variance: Floats) -> Floats:
     """Density of a reading, of which a few are outliers, anywhere between empty and full."""
     normal = np.exp(-0.5 * error * error / variance) / np.sqrt(2.0 * math.pi * variance)
-    return np.asarray((1.0 - rules.GAUGE_OUTLIERS) * normal + rules.GAUGE_OUTLIERS)
+    return np.asarray((1.0 - thresholds.GAUGE_OUTLIERS) * normal + thresholds.GAUGE_OUTLIERS)

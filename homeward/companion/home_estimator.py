@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.companion.advice import UncertainValue
 from homeward.companion.battery import BatteryBelief, Conditions, Start, Witnesses
 from homeward.companion.gauge import GaugeTrust
@@ -221,9 +221,9 @@ class HomeEstimator:
     @property
     def driving_w(self) -> float:
         """Power half way between standing and driving at cruise on level ground, by the robot's own model."""
-        return self.vehicle.idle_w + rules.DRIVES * modelled_driving(self.vehicle, 0.0, self.vehicle.cruise_mps) * (
-            self.vehicle.cruise_mps
-        )
+        return self.vehicle.idle_w + thresholds.DRIVES * modelled_driving(
+            self.vehicle, 0.0, self.vehicle.cruise_mps
+        ) * (self.vehicle.cruise_mps)
 
     def begin_battery(self, start: Start) -> None:
         """Replace the battery by one of which only the prior and the charge are known."""
@@ -321,7 +321,7 @@ class HomeEstimator:
         place_m, here = self.vehicle.place_m, place_of(self.vehicle, position_m, self._extra)
         self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
         self.pace_w = (1.0 - _PACE) * self.pace_w + _PACE * ((window.other_j - window.extra_j) / window.time_s)
-        if window.way_m > rules.DRIVEN_SHARE * place_m:
+        if window.way_m > thresholds.DRIVEN_SHARE * place_m:
             extra = window.extra_j / window.way_m
             share = min(window.way_m / place_m, 1.0)
             self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
@@ -352,7 +352,7 @@ class HomeEstimator:
         prior = self.known.with_unexplained(window.way_m)
         changes: dict[str, float] = {}
         if math.isnan(window.sine) and window.way_m > 0.0 and self._route is None:
-            changes["slope_noise"] = rules.NO_SLOPE_SD
+            changes["slope_noise"] = thresholds.NO_SLOPE_SD
         if math.isnan(window.sine) or self._route is not None:
             changes["slope_offset"] = 0.0  # a route's slopes are known, whatever the sensor reads
         changes["power_noise"] = math.hypot(prior.power_noise * window.of_the_mean, window.power_noise)
@@ -446,7 +446,7 @@ class HomeEstimator:
         plan, v = plans[0], self.vehicle
         pace_mps = max(self.pace_mps, self._robot.min_speed_mps)
         plan["onwards_m"], plan["onwards_s"] = onwards_m, onwards_m / pace_mps
-        plan["speed_mps"] = min(max(pace_mps, rules.SLOWEST_MPS), self._robot.max_speed_mps)
+        plan["speed_mps"] = min(max(pace_mps, thresholds.SLOWEST_MPS), self._robot.max_speed_mps)
         plan["onwards_j"] = max(self.pace_w, v.idle_w) * plan["onwards_s"]
         plan["home_mps"], plan["home_cost_j"], plan["sine"] = v.cruise_mps, home_cost_j, np.nan
         plan["knows_ahead"] = float(self._route is not None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.physics import Robot, ancillary_power, model
 
 
@@ -31,12 +31,12 @@ def limits_of(robot: Robot, range_m: float) -> Limits:
         robot: The robot.
         range_m: Distance that it drives on one charge, m.
     """
-    way_m = rules.RANGES * range_m
-    force_n = float(model.traction_force(robot, robot.max_speed_mps, rules.STEEP_RAD))
+    way_m = thresholds.RANGES * range_m
+    force_n = float(model.traction_force(robot, robot.max_speed_mps, thresholds.STEEP_RAD))
     full_w = float(model.drive_power(robot, force_n, robot.max_speed_mps))
     return Limits(
         way_m=way_m,
         gap_s=way_m / robot.min_speed_mps,
-        speed_mps=rules.TOP_SPEEDS * robot.max_speed_mps,
-        power_w=rules.POWERS * (full_w + float(ancillary_power(robot, robot.max_sensing_hz))),
+        speed_mps=thresholds.TOP_SPEEDS * robot.max_speed_mps,
+        power_w=thresholds.POWERS * (full_w + float(ancillary_power(robot, robot.max_sensing_hz))),
     )

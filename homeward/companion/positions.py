@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 
 Pair = NDArray[np.float64]
 _NONE = np.zeros(2)
@@ -62,7 +62,7 @@ class PositionFilter:
     def _learn(self, difference: Pair) -> None:
         """Learn from the change of the positions less that of dead reckoning."""
         self._count += 1
-        weight = max(1.0 / self._count, rules.POSITION_LEARNS)
+        weight = max(1.0 / self._count, thresholds.POSITION_LEARNS)
         self._mean = self._mean + weight * (difference - self._mean)
         self._square += weight * (float(difference @ difference) - self._square)
 
@@ -74,15 +74,15 @@ class PositionFilter:
 
     def _update(self, position: Pair) -> None:
         noise = self.noise_variance
-        counted = min(self._count, 1.0 / rules.POSITION_LEARNS)
+        counted = min(self._count, 1.0 / thresholds.POSITION_LEARNS)
         # A sum of differences holds the noise of its ends only.
         of_ends = 2.0 * _AXES * noise / counted**2
         reckoning = max(float(self._mean @ self._mean) - of_ends, 0.0) / _AXES
-        drift = reckoning + (rules.DEAD_RECKONING_ERROR * self._reckoned_m) ** 2
+        drift = reckoning + (thresholds.DEAD_RECKONING_ERROR * self._reckoned_m) ** 2
         surprise = position - self.place
         predicted = self._variance + drift if math.isfinite(self._variance) else noise
         # A surprise beyond the noise is a jump of the positions, or dead reckoning that went wrong: it is followed.
-        predicted = max(predicted, float(surprise @ surprise) / rules.POSITION_DOUBT - noise)
+        predicted = max(predicted, float(surprise @ surprise) / thresholds.POSITION_DOUBT - noise)
         gain = predicted / max(predicted + noise, 1e-12)
         self.place = self.place + gain * surprise
         self._variance = (1.0 - gain) * predicted

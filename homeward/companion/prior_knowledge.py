@@ -7,22 +7,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.estimation import Prior
-from homeward.estimation import rules as estimation_rules
+from homeward.estimation import thresholds as estimation_thresholds
 from homeward.estimation.tails import scale_of
 from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.uncertainty import Uncertainty
 
 _GENERIC = Prior(
-    missed=estimation_rules.MISSED,
+    missed=estimation_thresholds.MISSED,
     gain_sd=0.01 / 3.0**0.5,  # the instruments `meter` of the environments
     power_noise=0.005,
     soc_step=1e-3,
     slope_noise=1e-3,
-    slope_offset=rules.SLOPE_OFFSET,
+    slope_offset=thresholds.SLOPE_OFFSET,
     model_knows_slopes=0.0,
-    model_error=rules.OMITTED,
+    model_error=thresholds.OMITTED,
 )
 """The ranges of `uncertain` missions: capacity 0.8 to 1 of the file's, rolling resistance 0.8 to 1.3, payload up to a
 fifth of the mass, wind within 1.5 m/s. The errors of a gauge that counts are COUNTER_SD and those that follow it."""
@@ -69,7 +69,8 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
     if given is None or given.of != "energy":
         return PriorKnowledge(prior, (
             f"the file of {robot.name!r} states no uncertainty: generic ranges (capacity 80 to 100 %, rolling "
-            f"resistance 80 to 130 %, payload up to 20 %, {rules.OMITTED:.0%} of a way's energy that the model omits)",
+            f"resistance 80 to 130 %, payload up to 20 %, {thresholds.OMITTED:.0%} of a way's energy that the "
+            "model omits)",
             wind,
         ))  # fmt: skip
     prior, weight_sd = _as_sure_as(given, prior, robot)
@@ -91,7 +92,7 @@ def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, 
     rolling, mass, idle, capacity = variances.values()
     own = (rolling or 0.0) * share**2, (idle or 0.0) * (1.0 - share) ** 2  # as shares of the total power
     if given.between_runs is None:
-        own, rest = (prior.rolling_sd**2 * share**2, own[1]), rules.BETWEEN_RUNS**2
+        own, rest = (prior.rolling_sd**2 * share**2, own[1]), thresholds.BETWEEN_RUNS**2
     else:
         rest = max(scale_of(given.between_runs) ** 2 - sum(own), 0.0)  # it includes the file's own error
     # Differences between runs may be due to the ground or anything else: one half each.
@@ -99,17 +100,17 @@ def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, 
         rolling=1.0, rolling_sd=math.sqrt(own[0] + 0.5 * rest) / share,
         # The fit is of rolling resistance times mass; mass alone matters on climbs.
         mass=1.0, mass_sd=0.0, gain_sd=math.sqrt(own[1] + 0.5 * rest),
-        model_error=rules.LEAST_MODEL_ERROR,
+        model_error=thresholds.LEAST_MODEL_ERROR,
     )  # fmt: skip
     if "drag" in given.fitted:
         # Power that grows with the square of the speed need not be air drag: the wind acts at most on the frontal area.
-        felt = min(rules.MOST_AIR * robot.mass_kg ** (2.0 / 3.0) / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
+        felt = min(thresholds.MOST_AIR * robot.mass_kg ** (2.0 / 3.0) / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
         prior = prior._replace(
             wind_sd_mps=felt * prior.wind_sd_mps, missed_mps=felt * prior.missed_mps,
             missed_sd_mps=felt * prior.missed_sd_mps,
         )  # fmt: skip
     if capacity is not None:
-        prior = prior._replace(capacity=1.0, capacity_sd=max(math.sqrt(capacity), rules.LEAST_CAPACITY_SD))
+        prior = prior._replace(capacity=1.0, capacity_sd=max(math.sqrt(capacity), thresholds.LEAST_CAPACITY_SD))
     read = dict(given.instruments)
     if "power_gain" in read:
         prior = prior._replace(gain_sd=math.hypot(prior.gain_sd, read["power_gain"] / 3.0**0.5))

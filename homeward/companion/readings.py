@@ -7,8 +7,8 @@ import numbers
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
-from homeward import rules as shared
-from homeward.companion import rules
+from homeward import thresholds as shared
+from homeward.companion import thresholds
 from homeward.companion.limits import Limits
 
 Position = float | tuple[float, float]
@@ -53,14 +53,14 @@ class _Held:
                 if math.isnan(self.every_s):
                     self.every_s = since_s
                 else:
-                    new, step_s = rules.NEW_INTERVAL, min(since_s, rules.LONGEST_INTERVAL * self.every_s)
+                    new, step_s = thresholds.NEW_INTERVAL, min(since_s, thresholds.LONGEST_INTERVAL * self.every_s)
                     self.every_s = (1.0 - new) * self.every_s + new * step_s
             self.value, self.at_s = value, now_s
 
     def now(self, now_s: float, dt_s: float) -> float:
         """The value for the time since the last reading, NaN if it is too old or held for too long."""
         usual_s = self.every_s if math.isfinite(self.every_s) else dt_s
-        allowed_s = max(rules.HELD_INTERVALS * usual_s, rules.LEAST_HOLD_S) * (1.0 + 1e-9)
+        allowed_s = max(thresholds.HELD_INTERVALS * usual_s, thresholds.LEAST_HOLD_S) * (1.0 + 1e-9)
         return self.value if now_s - self.at_s <= allowed_s and dt_s <= allowed_s else math.nan
 
 
@@ -113,14 +113,16 @@ class Readings:
         self.clock_s += dt_s
         usual_s = self._clock.every_s
         self._clock.see(0.0, self.clock_s)
-        if dt_s > rules.GAP_INTERVALS * usual_s and dt_s > rules.LEAST_HOLD_S:
+        if dt_s > thresholds.GAP_INTERVALS * usual_s and dt_s > thresholds.LEAST_HOLD_S:
             self.say(f"no reading for {dt_s:.0f} s")
         speed = self._within("speed_mps", given["speed_mps"], -self._limits.speed_mps, self._limits.speed_mps, "km/h?")
-        voltage = self._within("voltage_v", given["voltage_v"], rules.LEAST_VOLTAGE_V, shared.MOST_VOLTAGE_V, "mV?")
+        voltage = self._within(
+            "voltage_v", given["voltage_v"], thresholds.LEAST_VOLTAGE_V, shared.MOST_VOLTAGE_V, "mV?"
+        )
         current = self._within("current_a", given["current_a"], -shared.MOST_CURRENT_A, shared.MOST_CURRENT_A, "mA?")
         power = given["power_w"] if math.isfinite(given["power_w"]) else voltage * current
         power = self._within("power_w", power, -self._limits.power_w, self._limits.power_w, "mW?")
-        soc = self._within("soc", given["soc"], -rules.SOC_SLACK, 1.0 + rules.SOC_SLACK, "per cent?")
+        soc = self._within("soc", given["soc"], -thresholds.SOC_SLACK, 1.0 + thresholds.SOC_SLACK, "per cent?")
         grade = self._within("grade_rad", given["grade_rad"], -shared.STEEPEST_RAD, shared.STEEPEST_RAD, "degrees?")
         heading = self._within(
             "heading_rad", given["heading_rad"], -shared.MOST_HEADING_RAD, shared.MOST_HEADING_RAD, "degrees?"
@@ -155,7 +157,7 @@ class Readings:
         if math.isfinite(self._motion.value):
             silent_s = max(self.clock_s - self._motion.at_s, dt_s)
             self.say(f"{kind} for {silent_s:.0f} s: assumed to drive on as before", kind)
-        elif self.clock_s <= rules.STAYS_S:
+        elif self.clock_s <= thresholds.STAYS_S:
             self.say(f"{kind} was read yet: assumed to stand", kind)
         else:
             raise CompanionError(
@@ -171,7 +173,7 @@ class Readings:
 
     def warnings(self) -> tuple[str, ...]:
         """Present warnings, a sentence each."""
-        return tuple(text for at_s, text in self._said if self.clock_s - at_s <= rules.STAYS_S)
+        return tuple(text for at_s, text in self._said if self.clock_s - at_s <= thresholds.STAYS_S)
 
     def _passed_s(self, time_s: float, speed_mps: float, position: Position | None) -> float | None:
         """Time since the last reading; None if this one is not later."""
@@ -184,7 +186,7 @@ class Readings:
         dt_s = time_s - self._last_s
         if dt_s > self._limits.gap_s or self._drove_less(dt_s, speed_mps, position):
             return self._clock_was_set("forward", time_s, 1)
-        if dt_s >= rules.LEAST_STEP_S:
+        if dt_s >= thresholds.LEAST_STEP_S:
             self._last_s, self._back = time_s, 0
             return dt_s
         if dt_s >= 0.0:
@@ -192,20 +194,20 @@ class Readings:
             return None
         self._back = self._back + 1 if self._back == 0 or time_s > self._ignored_s else 1
         self._ignored_s = time_s
-        if self._back < rules.LATE:
+        if self._back < thresholds.LATE:
             self._leave_out("late readings")
             return None
-        return self._clock_was_set("back", time_s, rules.LATE)
+        return self._clock_was_set("back", time_s, thresholds.LATE)
 
     def _drove_less(self, dt_s: float, speed_mps: float, position: Position | None) -> bool:
         """Whether the position contradicts the speed over a gap: then it is the clock that moved on."""
         usual_s = self._clock.every_s
-        if dt_s <= rules.GAP_INTERVALS * usual_s or position is None or self._place is None:
+        if dt_s <= thresholds.GAP_INTERVALS * usual_s or position is None or self._place is None:
             return False
         if isinstance(position, float) != isinstance(self._place, float):
             return False
         driven_m = abs(speed_mps) * dt_s
-        return driven_m > rules.CLOCK_SET * (_apart_m(position, self._place) + 2.0 * shared.POSITION_M)
+        return driven_m > thresholds.CLOCK_SET * (_apart_m(position, self._place) + 2.0 * shared.POSITION_M)
 
     def _clock_was_set(self, way: str, time_s: float, readings: int) -> float:
         """Time since the last reading if the clock cannot say it: that of so many readings."""
@@ -228,7 +230,7 @@ class Readings:
     def _place_now(self, position: Position | None, driven_m: float) -> Position | None:
         """The position, None if there is none or the robot cannot have come there."""
         if position is None:
-            if self._place is not None and self.clock_s - self._place_at_s > rules.LEAST_HOLD_S:
+            if self._place is not None and self.clock_s - self._place_at_s > thresholds.LEAST_HOLD_S:
                 away_s = self.clock_s - self._place_at_s
                 self.say(f"no position for {away_s:.0f} s: dead reckoning", "no position")
             return None
@@ -237,14 +239,14 @@ class Readings:
             return None
         if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
             apart_m = _apart_m(position, self._place)
-            error_m = max(2.0 * shared.POSITION_M, rules.NOISY * self._noise_m())
+            error_m = max(2.0 * shared.POSITION_M, thresholds.NOISY * self._noise_m())
             most_m = self._limits.speed_mps * (self.clock_s - self._place_at_s) + error_m
-            if apart_m > most_m and self._jumps < rules.JUMPS:
+            if apart_m > most_m and self._jumps < thresholds.JUMPS:
                 self._jumps += 1
                 self._leave_out("impossible position", f" (the last {apart_m:.0f} m away from the one before)")
                 return None
             if apart_m > most_m:
-                self.say(f"{rules.JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump")
+                self.say(f"{thresholds.JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump")
         if self._stays(position, driven_m):
             return None
         self._place, self._place_at_s, self._jumps = position, self.clock_s, 0
@@ -254,12 +256,15 @@ class Readings:
         """Whether positions stay while the speed is not 0: dead reckoning is then the safer of both."""
         self._driven_m += driven_m
         same_kind = isinstance(position, float) == isinstance(self._anchor, float)
-        if self._anchor is None or not same_kind or _apart_m(position, self._anchor) > rules.STILL_M:
+        if self._anchor is None or not same_kind or _apart_m(position, self._anchor) > thresholds.STILL_M:
             self._anchor, self._driven_m = position, 0.0
-        elif self._driven_m > rules.DRIVEN_M:
-            text = f"the positions stay within {rules.STILL_M:g} m while the speed integrates to {self._driven_m:.0f} m"
-            self.say(f"{text}: degrees, or spinning wheels? Dead reckoning is used", "the positions stay")
-        return self._driven_m > rules.DRIVEN_M
+        elif self._driven_m > thresholds.DRIVEN_M:
+            still = f"the positions stay within {thresholds.STILL_M:g} m"
+            driven = f"the speed integrates to {self._driven_m:.0f} m"
+            self.say(
+                f"{still} while {driven}: degrees, or spinning wheels? Dead reckoning is used", "the positions stay"
+            )
+        return self._driven_m > thresholds.DRIVEN_M
 
 
 def _number(name: str, value: Any) -> float:

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.companion.positions import PositionFilter
 from homeward.companion.readings import CompanionError, Position, Reading
 from homeward.estimation import WAY_DTYPE, Vehicle
@@ -202,7 +202,7 @@ class Way:
         apart_m = np.hypot(*(starts + share[:, None] * along - self._xy).T)
         at_m = (np.arange(len(share)) + share) * self._place_m
         # If a route crosses itself, points far along it count as further away, by the error of dead reckoning.
-        best = int(np.argmin(apart_m + rules.DEAD_RECKONING_ERROR * np.abs(at_m - self.position_m)))
+        best = int(np.argmin(apart_m + thresholds.DEAD_RECKONING_ERROR * np.abs(at_m - self.position_m)))
         self.off_route_m = float(apart_m[best])
         return float(at_m[best] + self.off_route_m)
 
@@ -218,7 +218,7 @@ class Way:
             return abs(position - home_m) <= self._most_m
         home = self._home_place()
         if home is None:
-            return math.hypot(*position) <= rules.EARTH_M
+            return math.hypot(*position) <= thresholds.EARTH_M
         return math.dist(position, home) <= self._most_m
 
     def _home_place(self) -> tuple[float, float] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.companion.readings import Reading
 from homeward.companion.way import Step
 
@@ -73,12 +73,16 @@ class Window:
     @property
     def power_w(self) -> float:
         """Mean power as read, NaN if it was read for too little of the time."""
-        return self._read_j / self._read_s if self._read_s >= rules.COVERED * self.time_s and self._read_s else math.nan
+        return (
+            self._read_j / self._read_s
+            if self._read_s >= thresholds.COVERED * self.time_s and self._read_s
+            else math.nan
+        )
 
     @property
     def power_noise(self) -> float:
         """Relative error of that beyond the meter's, due to the time without a reading."""
-        return rules.UNREAD * (1.0 - self._read_s / self.time_s) if self.time_s else 0.0
+        return thresholds.UNREAD * (1.0 - self._read_s / self.time_s) if self.time_s else 0.0
 
     @property
     def of_the_mean(self) -> float:
@@ -111,4 +115,4 @@ class Window:
 
     def straight(self, change_m: float) -> bool:
         """Whether the way home changed by the distance driven: straight away from home, or back the same way."""
-        return abs(abs(change_m) - self.way_m) <= rules.STRAIGHT * max(self.way_m, abs(change_m)) + 1e-6
+        return abs(abs(change_m) - self.way_m) <= thresholds.STRAIGHT * max(self.way_m, abs(change_m)) + 1e-6

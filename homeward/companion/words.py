@@ -6,14 +6,15 @@ import math
 from collections.abc import Mapping
 from functools import cache
 
-from homeward.companion import rules
+from homeward.companion import thresholds
 from homeward.companion.prior_knowledge import PriorKnowledge
 
 _HOME = {
     "trail": "the way home is back along the way out",
     "route": "the way home is back along the route, whose slopes and directions are known",
     "loop": "the route ends where it begins, and the way home is back along all of it",
-    "moved": f"home has moved: back along the way out as far as that helps, then straight on, times {rules.DETOUR:g}",
+    "moved": "home has moved: back along the way out as far as that helps, then straight on, times "
+    f"{thresholds.DETOUR:g}",
     "other way": "the way home is the one given, over ground with the rolling resistance estimated here",
 }
 
@@ -42,12 +43,12 @@ def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, battery: tupl
     if "position" in has and "heading" in has:
         sentences.append("positions filtered by speed and heading, which takes their noise away")
     if "grade" in has and home not in ("route", "loop"):
-        tilt_deg = math.degrees(rules.SLOPE_OFFSET)
+        tilt_deg = math.degrees(thresholds.SLOPE_OFFSET)
         sentences.append(f"slopes from a sensor that is mounted within {tilt_deg:.1g} degrees, one standard deviation")
     if "position" not in has:
         sentences.append("no position: the robot started at home, and its way is reckoned from speed and heading")
     if "grade" not in has and home not in ("route", "loop"):
-        sentences.append(f"no slopes: the ground is assumed to be flat, within {100.0 * rules.NO_SLOPE_SD:g} %")
+        sentences.append(f"no slopes: the ground is assumed to be flat, within {100.0 * thresholds.NO_SLOPE_SD:g} %")
     if "heading" not in has:
         sentences.append("no heading: the way is assumed to be straight, so a tail wind becomes a head wind")
     sentences += words

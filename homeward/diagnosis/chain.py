@@ -9,7 +9,7 @@ from numpy.random import Generator
 from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY, find_effects
@@ -41,7 +41,7 @@ from homeward.physics import Robot, d_max, load_robot
 
 Progress = Callable[[str], None]
 
-_CLEAR_OF_TILT = float(norm.isf(rules.FALSE_ALARM_RATE / 2.0))  # standard errors of the tilt of a slope sensor
+_CLEAR_OF_TILT = float(norm.isf(thresholds.FALSE_ALARM_RATE / 2.0))  # standard errors of the tilt of a slope sensor
 
 STAGES = ("reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving")
 """Names that `progress` is called with, in order."""
@@ -101,7 +101,7 @@ def analyse(
         return Analysis(untestable, robot, robot, tuple(findings), None)
     rng = np.random.default_rng(seed)
     with threadpool_limits(1):
-        runs, gauge = weigh_gauge(average(usable, rules.SAMPLES_A_WINDOW), robot)
+        runs, gauge = weigh_gauge(average(usable, thresholds.SAMPLES_A_WINDOW), robot)
         evidence, fit = _gather(runs, robot, rng, progress)
         if gauge is not None:
             gauge = dataclasses.replace(gauge, question=capacity_question(evidence.capacity, robot))
@@ -147,7 +147,7 @@ def _gather(runs: Runs, robot: Robot, rng: Generator, progress: Progress) -> tup
     blocks = independent_blocks(fitted, runs)
     block = blocks.channels
     fold, held_out_by = cut_folds(runs, block)
-    enough = int(block.max()) + 1 >= rules.FEWEST_BLOCKS
+    enough = int(block.max()) + 1 >= thresholds.FEWEST_BLOCKS
     progress("testing what remains")
     found = dependences(fitted, runs, blocks, fold, rng) if enough else []
     explanation = explain(fitted, runs, found, block, fold, rng, progress)
@@ -228,7 +228,7 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     if capacity is not None and capacity.written:
         interval, rivals = capacity.ci95, capacity.rivals
         off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, interval, "J", rivals))
-    if evidence.blocks < rules.FEWEST_BLOCKS:
+    if evidence.blocks < thresholds.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.channel_effects:
         return "missing_physics", off
@@ -242,10 +242,12 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     observed = evidence.runs.observed
     before, after = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
     # A gain below the instruments' own errors, or below that required of an effect, is no wrong parameter.
-    least = max(rules.SMALLEST_GAIN * before, (rules.CLEAR * rules.GAIN_ERROR) ** 2 * float(np.mean(observed**2)))
+    least = max(
+        thresholds.SMALLEST_GAIN * before, (thresholds.CLEAR * thresholds.GAIN_ERROR) ** 2 * float(np.mean(observed**2))
+    )
     least = max(least, (_CLEAR_OF_TILT * tilt_error(evidence.fitted, evidence.runs)) ** 2)
     p_value = better(refitted, nominal, observed, evidence.block)
-    if p_value > rules.FALSE_ALARM_RATE or before - after < least:
+    if p_value > thresholds.FALSE_ALARM_RATE or before - after < least:
         other_capacity = capacity is not None and capacity.written
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
     if any(one.status == "at bound" for one in evidence.estimates):

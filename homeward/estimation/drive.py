@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from homeward.estimation import rules
+from homeward.estimation import thresholds
 from homeward.estimation.prior import (
     CLIMB,
     EAST,
@@ -138,7 +138,7 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
         part[ROLLING], part[ROLLED], part[CLIMB] = 0.0, s.rolled * roll, -misread_climb(prior, x) * s.climb_share
     energy += part[ROLLING] * x[ROLLING] + part[ROLLED] * x[ROLLED] + part[CLIMB] * x[CLIMB]
     share, residual_variance = 1.0, 0.0
-    if energy < rules.SURELY_CONSUMES * roll:
+    if energy < thresholds.SURELY_CONSUMES * roll:
         variance = 0.0
         for a in range(_DRIVING):
             half = 0.5 * part[a] * p[a, a]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.estimation import rules
+from homeward.estimation import thresholds
 
 
 def looks_back(
@@ -24,6 +24,6 @@ def looks_back(
     >>> [looks_back(k, 500.0, 1.0, 30.0) for k in (9, 10, 30)]
     [False, True, True]
     """
-    due = np.asarray(decisions) % rules.EXCITATION_EVERY[int(weather_changes)] == rules.EXCITATION_AT
-    due = due & (np.asarray(position_m) > rules.EXCITATION_FAR * cruise_mps * decision_s)
+    due = np.asarray(decisions) % thresholds.EXCITATION_EVERY[int(weather_changes)] == thresholds.EXCITATION_AT
+    due = due & (np.asarray(position_m) > thresholds.EXCITATION_FAR * cruise_mps * decision_s)
     return due if due.ndim else bool(due)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.estimation import rules
+from homeward.estimation import thresholds
 from homeward.estimation.drive import Stretch, climbing, misread_climb, modelled_driving, predict, rolling
 from homeward.estimation.kalman import add_to_used, bend_along, carry, kalman_update, spread
 from homeward.estimation.prior import (
@@ -178,7 +178,7 @@ def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
 def _speed(robot: Any, reading: Any, dt_s: float) -> float:
     """Speed while it moved: distance over time, unless it stood for a part of the time."""
     by_way_mps = abs(reading.position_m - robot.position_m) / dt_s
-    return float(reading.speed_mps if reading.speed_mps > rules.STOOD * by_way_mps else by_way_mps)
+    return float(reading.speed_mps if reading.speed_mps > thresholds.STOOD * by_way_mps else by_way_mps)
 
 
 @called
@@ -243,7 +243,7 @@ def _drive(
         shared[CLIMB] += weight * climb_variance
     else:
         # The sum of rolling is known better than that of each place: what one consumed more, the others consumed less.
-        uneven = (rules.UNEVEN * prior.patch_sd * rolls) ** 2
+        uneven = (thresholds.UNEVEN * prior.patch_sd * rolls) ** 2
         p[ROLLED, ROLLED] += uneven
         p[USED, USED] += uneven
         p[ROLLED, USED] -= uneven
@@ -277,7 +277,7 @@ def _drive(
         jump,
         change,
         coasts,
-        rules.MOST_LOADS * (v.idle_w * dt_s + rolling(v, 0.0) * way_m) / v.full_j,
+        thresholds.MOST_LOADS * (v.idle_w * dt_s + rolling(v, 0.0) * way_m) / v.full_j,
     )
     _map(v, robot, reading, h, places, rollings, rolls)
     return coasts
@@ -306,11 +306,11 @@ def _update_with_power(
         return coasts
     variance += (prior.power_noise * read) ** 2
     if math.isnan(coasts):
-        coasts = 1.0 if read - predicted + drive < rules.COASTS * rolls and rolls > 0.0 else 0.0
+        coasts = 1.0 if read - predicted + drive < thresholds.COASTS * rolls and rolls > 0.0 else 0.0
     if coasts == 1.0:
         # All hypotheses use the same decision, as the density of one and the probability of another cannot be compared.
-        may = 0.5 * math.erfc((drive - rules.COASTS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
-        h.log_weight += rules.TEMPER * np.log(max(may, rules.LEAST_CHANCE))
+        may = 0.5 * math.erfc((drive - thresholds.COASTS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
+        h.log_weight += thresholds.TEMPER * np.log(max(may, thresholds.LEAST_CHANCE))
         if residual_variance > 0.0:
             # The prediction includes that it may coast: the other states keep their estimates.
             x[USED] += read - predicted
@@ -323,9 +323,9 @@ def _update_with_power(
         x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read, most
     )
     if coasts == 0.0:
-        h.log_weight += rules.TEMPER * log_likelihood
+        h.log_weight += thresholds.TEMPER * log_likelihood
     # A normalised innovation squared above 1 indicates gusts that change faster.
-    gust_s = h.gust_s * np.exp(-rules.ADAPT * (min(nis, rules.DOUBT) - 1.0))
+    gust_s = h.gust_s * np.exp(-thresholds.ADAPT * (min(nis, thresholds.DOUBT) - 1.0))
     h.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
     by_mean_mps = x[EAST] - east_mps, x[NORTH] - north_mps
     by_gust_mps = x[GUST_EAST] - gust_east_mps, x[GUST_NORTH] - gust_north_mps
@@ -407,7 +407,7 @@ def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, r
             total += rollings[k] * rolling(v, places[k].sine_driven) * max(min(v.place_m, kept_m - k * v.place_m), 0.0)
         h.rolled = total / v.full_j
         return
-    rolling_now, reached_m = max(h.mean[ROLLING], rules.LEAST_ROLLING), robot.position_m
+    rolling_now, reached_m = max(h.mean[ROLLING], thresholds.LEAST_ROLLING), robot.position_m
     k = place_of(v, reached_m, places)
     while reached_m < reading.position_m:
         border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
@@ -462,14 +462,16 @@ def _update_with_charge(
     if soc != robot.soc:
         robot.soc, robot.soc_since = soc, used
     else:
-        most = rules.STUCK_STEPS * prior.soc_step + rules.STUCK_NOISE * prior.soc_noise + rules.STUCK
+        most = thresholds.STUCK_STEPS * prior.soc_step + thresholds.STUCK_NOISE * prior.soc_noise + thresholds.STUCK
         if used - robot.soc_since > most:
             return
     # Rounding errors repeat until noise or consumption changes the reading by a step.
     step, noise = max(prior.soc_step, 1e-9), prior.soc_noise
     alike = np.exp(-((2.0 * np.pi * noise / step) ** 2)) * max(1.0 - abs(used - robot.soc_taken) / step, 0.0)
     robot.soc_taken = used
-    error = (step * step / 12.0 + noise * noise + rules.LEAST_SOC_ERROR**2) / max(1.0 - alike, rules.LEAST_INDEPENDENT)
+    error = (step * step / 12.0 + noise * noise + thresholds.LEAST_SOC_ERROR**2) / max(
+        1.0 - alike, thresholds.LEAST_INDEPENDENT
+    )
     for k in range(len(hypotheses)):
         h = hypotheses[k]
         if h.log_weight > -np.inf:
@@ -481,7 +483,7 @@ def _update_with_charge(
             for a in range(STATES):
                 gain[a] = spent * p[a, PER_CAPACITY] + per_capacity * p[a, USED] - p[a, SOC_ERROR]
             variance += spent * gain[PER_CAPACITY] + per_capacity * gain[USED] - gain[SOC_ERROR]
-            variance = max(variance, innovation * innovation / rules.DOUBT)
+            variance = max(variance, innovation * innovation / thresholds.DOUBT)
             for a in range(STATES):
                 x[a] += gain[a] * innovation / variance
                 for b in range(STATES):
@@ -497,7 +499,7 @@ def _normalise(hypotheses: Any) -> None:
         most = max(most, hypotheses[k].log_weight)
     for k in range(len(hypotheses)):
         if hypotheses[k].log_weight > -np.inf:
-            hypotheses[k].log_weight = max(hypotheses[k].log_weight - most, rules.LEAST_LOG_WEIGHT)
+            hypotheses[k].log_weight = max(hypotheses[k].log_weight - most, thresholds.LEAST_LOG_WEIGHT)
             total += np.exp(hypotheses[k].log_weight)
     for k in range(len(hypotheses)):
         hypotheses[k].log_weight -= np.log(total)

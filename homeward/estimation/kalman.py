@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.estimation import rules
+from homeward.estimation import thresholds
 from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES, USED
 from homeward.physics.jit import called, inline
 
@@ -101,7 +101,7 @@ def kalman_update(
     square = innovation * innovation
     same = (1.0 - change) * np.exp(-0.5 * square / variance) / np.sqrt(2.0 * np.pi * variance)
     other = change * np.exp(-0.5 * square / changed) / np.sqrt(2.0 * np.pi * changed)
-    nothing = rules.OUTLIER / max(abs(read), abs(read - innovation), 1e-9)
+    nothing = thresholds.OUTLIER / max(abs(read), abs(read - innovation), 1e-9)
     total = same + other + nothing
     same, other, outlier = same / total, other / total, nothing / total
     weight_0, weight_1 = same * (square - variance), other * (square - changed)

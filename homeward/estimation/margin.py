@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.estimation import rules
+from homeward.estimation import thresholds
 from homeward.estimation.drive import Stretch, modelled_driving, predict, rolling
 from homeward.estimation.filter import place_of
 from homeward.estimation.prior import (
@@ -175,7 +175,7 @@ def _below(z: float, skewness: float) -> float:
 @inline
 def _standardised(z: float, skewness: float) -> float:
     """Standard deviations at which a number without skewness has the same probability, see `_below`."""
-    if abs(skewness) > rules.LEAST_SKEWNESS:
+    if abs(skewness) > thresholds.LEAST_SKEWNESS:
         return float(6.0 / skewness * (np.cbrt(max(1.0 + 0.5 * skewness * z, 0.0)) - 1.0) + skewness / 6.0)
     return z
 
@@ -183,7 +183,7 @@ def _standardised(z: float, skewness: float) -> float:
 @inline
 def _deviations(z: float, skewness: float) -> float:
     """The inverse of `_below`, for the probability that a normal distribution has below `z`."""
-    if abs(skewness) > rules.LEAST_SKEWNESS:
+    if abs(skewness) > thresholds.LEAST_SKEWNESS:
         return float(2.0 / skewness * (max(1.0 + skewness / 6.0 * (z - skewness / 6.0), 0.0) ** 3 - 1.0))
     return z
 
@@ -273,7 +273,7 @@ def _below_by_student(z: float) -> float:
 
     In closed form, as for all odd numbers of them (Abramowitz and Stegun, 26.7.3).
     """
-    angle = math.atan2(z, math.sqrt(rules.DEGREES))
+    angle = math.atan2(z, math.sqrt(thresholds.DEGREES))
     cosine = math.cos(angle)
     square = cosine * cosine
     series = cosine * (1.0 + square * (2.0 / 3.0 + square * (8.0 / 15.0)))

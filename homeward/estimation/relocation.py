@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.estimation import rules
+from homeward.estimation import thresholds
 from homeward.estimation.drive import rolling
 from homeward.estimation.filter import place_of
 from homeward.estimation.kalman import carry
@@ -64,7 +64,7 @@ def _lengthen(v: Any, robot: Any, h: Any, places: Any, rollings: Any, position_m
     rolls = rolling(v, places[first].sine_driven) * (position_m - robot.position_m) / v.full_j
     carry(h.covariance, ROLLED, 1.0, ROLLING, rolls)
     h.mean[ROLLED] += rolls * h.mean[ROLLING]
-    now = max(h.mean[ROLLING], rules.LEAST_ROLLING)
+    now = max(h.mean[ROLLING], thresholds.LEAST_ROLLING)
     for k in range(first, place_of(v, position_m, places) + 1):
         rollings[k] = now if k > first or rollings[k] == 0.0 else rollings[k]
     h.rolled += now * rolls

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from scipy.special import ndtri, stdtrit
 
-from homeward.estimation import rules
+from homeward.estimation import thresholds
 
 
 def deviations(share: float) -> float:
@@ -18,7 +18,7 @@ def deviations(share: float) -> float:
     >>> round(deviations(0.95), 2)
     1.89
     """
-    return float(stdtrit(rules.DEGREES, share))
+    return float(stdtrit(thresholds.DEGREES, share))
 
 
 def scale_of(sd: float) -> float:

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import t as student
 
-from homeward.groups import rules
+from homeward.groups import thresholds
 from homeward.groups.standing import mean_interval
 from homeward.layout.notation import interval, number
 from homeward.logs.channels import Array
@@ -93,7 +93,7 @@ class Comparison:
     levels: tuple[Level, ...]
     differences: tuple[Difference, ...]
     remarks: tuple[str, ...]
-    level: float = rules.LEVEL
+    level: float = thresholds.LEVEL
     schema: int = SCHEMA
 
     @property
@@ -112,7 +112,7 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
 
     Differences come in the order of the quantities, those of one quantity by p-value.
 
-    A difference is named where Holm's p-value is at most `rules.LEVEL` and held-out runs are predicted better from
+    A difference is named where Holm's p-value is at most `thresholds.LEVEL` and held-out runs are predicted better from
     their own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
     where the quantity is not identifiable from a run.
     """
@@ -131,7 +131,7 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
     for rank, pair in enumerate(sorted(pairs, key=lambda one: one.p_value)):
         largest = max(largest, min((len(pairs) - rank) * pair.p_value, 1.0))
         predicts_better = pair.held_out_rmse < pair.held_out_rmse_without_groups
-        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= rules.LEVEL and predicts_better))
+        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= thresholds.LEVEL and predicts_better))
     order = [quantity.name for quantity in values]
     return levels, sorted(named, key=lambda pair: order.index(pair.quantity))
 
@@ -143,7 +143,8 @@ def _differences(quantity: Quantity, known: Mapping[str, Array]) -> Iterator[Dif
     freedom = {name: len(runs) - 1 for name, runs in several.items()}
     every = sum(freedom.values())
     own = {
-        name: max(float(np.var(runs, ddof=1)), (rules.SMALLEST_SPREAD * largest) ** 2) for name, runs in several.items()
+        name: max(float(np.var(runs, ddof=1)), (thresholds.SMALLEST_SPREAD * largest) ** 2)
+        for name, runs in several.items()
     }
     pooled = sum(own[name] * freedom[name] for name in several) / max(every, 1)
     for second, first in combinations(several, 2):
@@ -155,7 +156,7 @@ def _differences(quantity: Quantity, known: Mapping[str, Array]) -> Iterator[Dif
         error = float(np.sqrt(sum(shares)))
         degrees = min(sum(shares) ** 2 / squares, every)  # Satterthwaite (Biometrics Bulletin 2, 1946)
         value = float(several[first].mean() - several[second].mean())
-        half = float(student.ppf(rules.UPPER_95, degrees)) * error
+        half = float(student.ppf(thresholds.UPPER_95, degrees)) * error
         p_value = float(2.0 * student.sf(abs(value) / error, degrees))
         runs = several[first], several[second]
         yield Difference(

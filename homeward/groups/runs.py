@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from homeward.diagnosis.evidence import Analysis, Evidence
-from homeward.diagnosis.rules import COLLINEAR
 from homeward.diagnosis.tell.words import why_open
+from homeward.diagnosis.thresholds import COLLINEAR
 from homeward.groups.comparison import Comparison, Difference, Quantity, compare, comparison_of
 from homeward.groups.standing import StandingRun, mean_interval, standing_run
 from homeward.layout.notation import interval, number

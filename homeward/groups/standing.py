@@ -7,9 +7,9 @@ import numpy as np
 from scipy.stats import t as student
 
 from homeward.diagnosis.read.signals import WINDOW_S, Unit, observed_of, windows
-from homeward.diagnosis.rules import FEWEST_SAMPLES
-from homeward.groups import rules
-from homeward.logs import rules as logs_rules
+from homeward.diagnosis.thresholds import FEWEST_SAMPLES
+from homeward.groups import thresholds
+from homeward.logs import thresholds as logs_thresholds
 from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import MOTION
 from homeward.logs.columns import RecordingError
@@ -31,7 +31,7 @@ class StandingRun:
     @property
     def unsteady(self) -> bool:
         """Whether the power varies more than is typical at standstill."""
-        return self.variation > rules.STEADY
+        return self.variation > thresholds.STEADY
 
 
 def stands(recording: Recording) -> bool:
@@ -40,8 +40,8 @@ def stands(recording: Recording) -> bool:
     speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
     turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
     known = np.isfinite(speeds)
-    still = bool(known.any() and (np.abs(speeds[known]) <= logs_rules.STANDSTILL_MPS).all())
-    return still and not (turning > rules.STANDSTILL_RADPS).any()
+    still = bool(known.any() and (np.abs(speeds[known]) <= logs_thresholds.STANDSTILL_MPS).all())
+    return still and not (turning > thresholds.STANDSTILL_RADPS).any()
 
 
 def standing_run(recording: Recording) -> StandingRun:
@@ -61,14 +61,14 @@ def standing_run(recording: Recording) -> StandingRun:
             f"{recording.name}: holds fewer than {FEWEST_SAMPLES} values of power or current, or one value only"
         )
     values = windows(time_s, max(WINDOW_S, median_step_s(time_s))).means(observed)
-    if len(values) < rules.FEWEST_WINDOWS:
+    if len(values) < thresholds.FEWEST_WINDOWS:
         raise RecordingError(
             f"{recording.name}: is too short ({time_s[-1] - time_s[0]:.3g} s) for a mean with an error"
         )
     mean, third = float(observed.mean()), len(observed) // 3
     change = float(observed[-third:].mean() - observed[:third].mean())
     correlation = correlation_windows(values, np.zeros(len(values), dtype=np.intp))
-    count = int(np.clip(len(values) // np.ceil(rules.BATCH_TIMES * correlation), 2, rules.MOST_BATCHES))
+    count = int(np.clip(len(values) // np.ceil(thresholds.BATCH_TIMES * correlation), 2, thresholds.MOST_BATCHES))
     ci95 = mean_interval([float(batch.mean()) for batch in np.array_split(values, count)], mean)
     voltage_v = float(np.nanmean(recording.channels["voltage_v"])) if "voltage_v" in recording.channels else np.nan
     return StandingRun(unit, mean, ci95, change, float(values.std() / max(abs(mean), 1e-12)), voltage_v)
@@ -85,5 +85,5 @@ def mean_interval(values: Sequence[float], mean: float | None = None) -> tuple[f
     (9.73, 9.84)
     """
     centre = float(np.mean(values)) if mean is None else mean
-    half = float(student.ppf(rules.UPPER_95, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
+    half = float(student.ppf(thresholds.UPPER_95, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
     return centre - half, centre + half

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from homeward.logs.channels import Array, Index
-from homeward.logs.rules import LONGEST_LAG, MOST_CORRELATED, UNCORRELATED
+from homeward.logs.thresholds import LONGEST_LAG, MOST_CORRELATED, UNCORRELATED
 
 _PAST = 5  # windows from which the next is predicted: longer than a change of a load is refined in the diagnosis
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward import rules as shared
+from homeward import thresholds as shared
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

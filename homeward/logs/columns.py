@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from homeward.files import STANDARD_INPUT, read_toml
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import CHANNELS
 
 _MAPS = files("homeward.logs") / "maps"
@@ -190,7 +190,7 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     header, sample_hz = data.get("header", []), data.get("sample_hz")
     if sample_hz is not None and not _is_number(sample_hz):
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not a finite number")
-    if sample_hz is not None and not 0.0 < sample_hz < rules.FASTEST_SAMPLE_HZ:
+    if sample_hz is not None and not 0.0 < sample_hz < thresholds.FASTEST_SAMPLE_HZ:
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not between 0 and 1e6")
     if not isinstance(columns, dict) or not isinstance(constants, dict) or ("time_s" in columns) == bool(sample_hz):
         raise RecordingError(f"{name}: needs a table [columns] with at least time_s, or with sample_hz instead of it")
@@ -274,7 +274,7 @@ def _spread(stamps: pd.Series[Any]) -> pd.Series[Any]:
     if second.isna().any():
         raise RecordingError(f"the time stamp {str(stamps[second.isna()].iloc[0])[:30]!r} is not a number or HH:MM:SS")
     values = second.to_numpy(dtype=np.float64, copy=True)
-    values += 86400.0 * np.cumsum(np.diff(values, prepend=values[:1]) < -rules.HALF_A_DAY_S)  # past midnight
+    values += 86400.0 * np.cumsum(np.diff(values, prepend=values[:1]) < -thresholds.HALF_A_DAY_S)  # past midnight
     first = np.flatnonzero(np.diff(values) != 0.0) + 1
     if len(first) < 2 or (np.diff(values) < 0.0).any():
         raise RecordingError("the time stamps go back or change less than twice, so the sampling rate is not known")

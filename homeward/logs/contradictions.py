@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import Array
 from homeward.logs.columns import RecordingError
 from homeward.logs.doubts import drawn_w
@@ -63,19 +63,21 @@ class Twice(NamedTuple):
         near = (
             (factor, unit)
             for factor, unit in _UNITS[self.what, self.reference].items()
-            if abs(np.log(self.ratio / factor)) < rules.UNIT_LOG_RATIO
+            if abs(np.log(self.ratio / factor)) < thresholds.UNIT_LOG_RATIO
         )
         return next(near, None)
 
     @property
     def is_long_enough(self) -> bool:
         """Whether two ways are long enough to be compared; other amounts always are."""
-        return self.what not in ("speed_mps", WHEELS) or min(self.amount, self.by_reference) > rules.LEAST_ODOMETER_M
+        return (
+            self.what not in ("speed_mps", WHEELS) or min(self.amount, self.by_reference) > thresholds.LEAST_ODOMETER_M
+        )
 
     @property
     def agree(self) -> bool:
         """Whether both agree as well as instruments do."""
-        return bool(abs(np.log(self.ratio)) <= np.log(rules.MOST_ODOMETER_RATIO))
+        return bool(abs(np.log(self.ratio)) <= np.log(thresholds.MOST_ODOMETER_RATIO))
 
 
 def measured_twice(channels: Mapping[str, Array]) -> list[Twice]:
@@ -116,7 +118,7 @@ def refuse_contradictions(channels: Mapping[str, Array]) -> list[str]:
     Raises:
         RecordingError: The channels contradict each other.
     """
-    if "heading_rad" in channels and np.nanmax(np.abs(np.diff(channels["heading_rad"]))) > rules.HEADING_JUMP:
+    if "heading_rad" in channels and np.nanmax(np.abs(np.diff(channels["heading_rad"]))) > thresholds.HEADING_JUMP:
         raise RecordingError("heading_rad jumps by more than 180; this looks like degrees (factor 0.0174533)")
     notes = []
     for pair in measured_twice(channels):

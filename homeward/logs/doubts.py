@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import Array
 
 _COUNTED = {
@@ -56,7 +56,7 @@ def _in_degrees(channels: Mapping[str, Array]) -> str | None:
 
 def _in_fahrenheit(channels: Mapping[str, Array]) -> str | None:
     temperature_c = _known(channels, "temperature_c")
-    if not len(temperature_c) or np.median(temperature_c) <= rules.HOTTEST_AIR_C:
+    if not len(temperature_c) or np.median(temperature_c) <= thresholds.HOTTEST_AIR_C:
         return None
     return (
         f"temperature_c has a median of {np.median(temperature_c):.3g}, hotter than any air on earth: is it in "
@@ -70,7 +70,7 @@ def _used_for_left(channels: Mapping[str, Array]) -> str | None:
         return None
     steps = np.diff(soc)
     mostly_up = (steps > 0.0).sum() > (steps < 0.0).sum()
-    if soc[-1] - soc[0] <= rules.SOC_RISE or not mostly_up:
+    if soc[-1] - soc[0] <= thresholds.SOC_RISE or not mostly_up:
         return None
     energy_j = float(np.nanmean(power_w)) * float(np.ptp(channels["time_s"]))
     return (
@@ -82,7 +82,7 @@ def _used_for_left(channels: Mapping[str, Array]) -> str | None:
 def _counter(name: str, channels: Mapping[str, Array]) -> str | None:
     steps = np.diff(_known(channels, name))
     rises, falls = int((steps > 0.0).sum()), int((steps < 0.0).sum())
-    if min(rises, falls) > 0 or max(rises, falls) < rules.COUNTS:
+    if min(rises, falls) > 0 or max(rises, falls) < thresholds.COUNTS:
         return None
     how = f"rises {rises} times and never falls" if rises else f"falls {falls} times and never rises"
     return f"{name} {how}: is it a counter of {_COUNTED[name]}? A mapping file (--columns) names another column"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.columns import Columns, RecordingError
 from homeward.logs.tables import SUFFIXES
 from homeward.logs.times import is_epoch
@@ -84,7 +84,7 @@ def _late_s(first_name: str, first_s: pd.Series[float], name: str, other_s: pd.S
             "between their starts"
         )
     durations_s = np.array([np.ptp(first_s), np.ptp(other_s)])
-    if durations_s.min() < rules.TOGETHER_SHARE * durations_s.max():
+    if durations_s.min() < thresholds.TOGETHER_SHARE * durations_s.max():
         raise RecordingError(
             f"{first_name} lasts {durations_s[0]:.4g} s and {name} {durations_s[1]:.4g} s, on different clocks: "
             "give both times of one clock"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import median_filter
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import CHANNELS, MOTION, Array, Index, Mask
 from homeward.logs.times import median_step_s
 
@@ -24,16 +24,16 @@ def leave_out_spikes(channels: Mapping[str, Array]) -> list[str]:
     are noise. Many of them are no spikes, but another unit or a wrong clock, which is said and left as it is.
     """
     notes = []
-    half_s = rules.SPIKE_SAMPLES // 2 * median_step_s(channels["time_s"])
-    for name, per_s in rules.FASTEST_CHANGES.items():
+    half_s = thresholds.SPIKE_SAMPLES // 2 * median_step_s(channels["time_s"])
+    for name, per_s in thresholds.FASTEST_CHANGES.items():
         if name not in channels:
             continue
         values = channels[name]
         known_places = np.flatnonzero(np.isfinite(values))
-        if len(known_places) <= rules.SPIKE_SAMPLES:
+        if len(known_places) <= thresholds.SPIKE_SAMPLES:
             continue
-        usual = median_filter(values[known_places], rules.SPIKE_SAMPLES, mode="nearest")
-        most = per_s * max(half_s, rules.SPIKE_S)
+        usual = median_filter(values[known_places], thresholds.SPIKE_SAMPLES, mode="nearest")
+        most = per_s * max(half_s, thresholds.SPIKE_S)
         spikes = known_places[np.abs(values[known_places] - usual) > most]
         off = f"are more than {most:.3g} {CHANNELS[name].unit} off those beside them"
         notes += _left_out(name, values, spikes, off)
@@ -48,11 +48,11 @@ def within_top_speed(recording: Recording, max_speed_mps: float) -> Recording:
         max_speed_mps: Top speed of its robot, m/s.
     """
     channels, notes = dict(recording.channels), []
-    most_mps = rules.FASTER_THAN_TOP * max_speed_mps
+    most_mps = thresholds.FASTER_THAN_TOP * max_speed_mps
     for name in (name for names in MOTION for name in names if name in channels):
         values = channels[name].copy()
         fast: Mask = np.abs(np.nan_to_num(values)) > most_mps
-        if 0 < fast.sum() <= rules.STRAY_SHARE * len(values):  # more are another robot, or another unit
+        if 0 < fast.sum() <= thresholds.STRAY_SHARE * len(values):  # more are another robot, or another unit
             notes += _left_out(
                 name, values, np.flatnonzero(fast), f"exceed {most_mps:.3g} m/s, which the robot does not"
             )
@@ -63,7 +63,7 @@ def within_top_speed(recording: Recording, max_speed_mps: float) -> Recording:
 def _left_out(name: str, values: Array, places: Index, why: str) -> list[str]:
     if not len(places):
         return []
-    if len(places) > rules.STRAY_SHARE * len(values):
+    if len(places) > thresholds.STRAY_SHARE * len(values):
         return [f"{len(places)} of {len(values)} values of {name} {why}: too many to be spikes; check unit and clock"]
     values[places] = np.nan
     return [f"{len(places)} of {len(values)} values of {name} {why}, and are left out"]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from homeward.logs import rules, tables
+from homeward.logs import tables, thresholds
 from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
 from homeward.logs.guess import LEAST_SURE, OFFSETS, UNITS, Guess, one_line
@@ -160,7 +160,7 @@ def _dated(offered: list[Guess], table: pd.DataFrame) -> list[Guess]:
 
 def _of_few_days(column: pd.Series[Any]) -> bool:
     """Whether a column holds dates without times of day: a recording has few of them."""
-    return column.nunique() <= max(rules.LONGEST_RUN_S / 86400.0, 1.0)
+    return column.nunique() <= max(thresholds.LONGEST_RUN_S / 86400.0, 1.0)
 
 
 def _rank(guess: Guess) -> tuple[int, int, int]:
@@ -306,10 +306,10 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
             sure = 1 if factor == 1.0 else 2
             why = f"its name says no unit; values fit {word}" if about.unit != "1" else "its values lie in 0 to 1"
             why = why if sure == 1 else f"values fit {word}"
-            if channel == "time_s" and values[0] > rules.EPOCH_COUNT:
+            if channel == "time_s" and values[0] > thresholds.EPOCH_COUNT:
                 why = "its name says no unit; a count since 1970, whose size shows its unit"
             step = float(np.median(np.diff(values))) if channel == "time_s" and len(values) > 1 else 0.0
-            if factor != 1.0 and rules.SLOW_STEP_S < step < rules.LONGEST_STEP_S:
+            if factor != 1.0 and thresholds.SLOW_STEP_S < step < thresholds.LONGEST_STEP_S:
                 why = f"{why}, or seconds with a sample every {step:.3g} s"
             return _signed(Guess(name, channel, factor, 0.0, sure, why, by_values=True), values)
     return None
@@ -318,8 +318,10 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
 def _possible(channel: str, values: Array) -> bool:
     if channel == "time_s":
         steps = np.diff(values[np.isfinite(values)])
-        return bool(len(steps) and (steps >= 0.0).mean() > rules.INCREASING_SHARE and values[0] > rules.EARLIEST_S)
-    return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= rules.STRAY_SHARE
+        return bool(
+            len(steps) and (steps >= 0.0).mean() > thresholds.INCREASING_SHARE and values[0] > thresholds.EARLIEST_S
+        )
+    return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= thresholds.STRAY_SHARE
 
 
 def _plausible(channel: str, values: Array) -> bool:
@@ -328,8 +330,8 @@ def _plausible(channel: str, values: Array) -> bool:
     largest, step = float(finite.max()), float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     if channel == "time_s":
         # The reader infers the unit of an epoch in ms to ns.
-        return 0.0 < step < rules.SLOW_STEP_S or values[0] > rules.EPOCH_COUNT
-    return largest <= rules.TYPICAL_SIZES.get(channel, np.inf)
+        return 0.0 < step < thresholds.SLOW_STEP_S or values[0] > thresholds.EPOCH_COUNT
+    return largest <= thresholds.TYPICAL_SIZES.get(channel, np.inf)
 
 
 def _signed(guess: Guess, values: Array) -> Guess:

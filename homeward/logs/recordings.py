@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
-from homeward.logs import limits, rules, tables, unknown
+from homeward.logs import limits, tables, thresholds, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
 from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
@@ -222,7 +222,7 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
             for name, value in zip(wanted, values, strict=True):
                 whole[name].append(value)
     count = broken + len(numbers)
-    if broken > rules.MOST_BROKEN_SHARE * count:
+    if broken > thresholds.MOST_BROKEN_SHARE * count:
         meant = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
         raise RecordingError(f"{broken} of {count} lines do not hold {meant}")
     if broken:
@@ -354,7 +354,7 @@ def _wanted(header: list[str], mapping: Columns | None, standing: bool = False, 
 def _refuse_nameless(header: list[str]) -> None:
     """Refuse a table whose first line holds numbers where names should be."""
     numbers = sum(_is_number(name) for name in header)
-    if numbers > rules.TOGETHER_SHARE * len(header):
+    if numbers > thresholds.TOGETHER_SHARE * len(header):
         raise RecordingError(
             f"has no line of names (the first is {', '.join(map(_shown, header[:6]))}, ...): give a mapping with a "
             "header (--columns); those of `ros2 topic echo --csv` are ros2_echo_odometry and ros2_echo_battery"
@@ -424,7 +424,7 @@ def _aligned(channels: dict[str, Array], notes: list[str]) -> dict[str, Array]:
         return channels
     is_known = np.array([np.isfinite(channels[name]) for name in needed])
     fewest = int(is_known.sum(axis=1).min())
-    if fewest < 2 or is_known.all(axis=0).sum() >= rules.TOGETHER_SHARE * fewest:
+    if fewest < 2 or is_known.all(axis=0).sum() >= thresholds.TOGETHER_SHARE * fewest:
         return channels
     from homeward.logs.bags import clock  # only now, as it needs a part of SciPy that takes a while to load
 
@@ -468,9 +468,13 @@ def _refuse_bad_time(time_s: Array) -> None:
             "sort the samples, drop repeated ones, one run a file"
         )
     step_s, duration_s = float(np.median(steps)), float(time_s[-1] - time_s[0])
-    if step_s > rules.LONGEST_STEP_S or duration_s > rules.LONGEST_RUN_S or abs(time_s[0]) > CHANNELS["time_s"].high:
+    if (
+        step_s > thresholds.LONGEST_STEP_S
+        or duration_s > thresholds.LONGEST_RUN_S
+        or abs(time_s[0]) > CHANNELS["time_s"].high
+    ):
         units = CHANNELS["time_s"].mistaken
-        unit, factor = min(units, key=lambda u: abs(np.log(step_s * u[1] / rules.TYPICAL_STEP_S)))
+        unit, factor = min(units, key=lambda u: abs(np.log(step_s * u[1] / thresholds.TYPICAL_STEP_S)))
         raise RecordingError(
             f"time_s steps by {step_s:.6g} over {duration_s:.6g}; this looks like {unit}, not seconds "
             f"(factor {factor:g} in a mapping file)"
@@ -483,11 +487,11 @@ def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
     count, allowed = int(impossible.sum()), f"{channel.low:g} to {channel.high:g} {channel.unit}"
     beyond = f"{count} of {len(values)} values of {channel.name} are outside {allowed}"
     moving = np.isfinite(values) & (values != 0.0)
-    if count > rules.STRAY_SHARE * len(values) and impossible[moving].mean() > rules.MOST_BROKEN_SHARE:
+    if count > thresholds.STRAY_SHARE * len(values) and impossible[moving].mean() > thresholds.MOST_BROKEN_SHARE:
         typical, worst = (float(pick(np.abs(values[impossible]))) for pick in (np.median, np.max))
         at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= typical * f <= channel.high]
         guess = f"; this looks like {at_hand[0][0]} (factor {at_hand[0][1]:.6g} in a mapping file)" if at_hand else ""
-        if channel.name == "temperature_c" and np.nanmin(values) > rules.COLDEST_K:
+        if channel.name == "temperature_c" and np.nanmin(values) > thresholds.COLDEST_K:
             guess = "; this looks like kelvin (offset -273.15 in a mapping file)"
         raise RecordingError(f"{channel.name} reaches {worst:.6g}, outside {allowed}{guess}")
     values[impossible] = np.nan

@@ -20,7 +20,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from homeward.files import open_regular
-from homeward.logs import limits, rules
+from homeward.logs import limits, thresholds
 from homeward.logs.columns import RecordingError
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".txt")
@@ -211,7 +211,7 @@ def _encoding(start: bytes) -> str:
         start[: start.rfind(b"\n") + 1 or None].decode("utf-8")
     except UnicodeDecodeError:
         header = start.splitlines()[0]
-        if sum(byte >= 0x80 for byte in header) > rules.MOST_NOT_ASCII_SHARE * len(header):
+        if sum(byte >= 0x80 for byte in header) > thresholds.MOST_NOT_ASCII_SHARE * len(header):
             raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from None
         return "cp1252"
     return "utf-8-sig"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import Array
 
 _TIME_OF_DAY = r"\s*\d{1,2}:\d{2}:\d{2}(\.\d+)?\s*"
@@ -60,7 +60,7 @@ def _from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:
 
 def is_epoch(time_s: float) -> bool:
     """Whether a time counts from 1970, and not from the start of a drive or of a computer."""
-    return rules.EPOCH_S[0] < time_s < rules.EPOCH_S[1]
+    return thresholds.EPOCH_S[0] < time_s < thresholds.EPOCH_S[1]
 
 
 def from_epoch(time_s: Array) -> tuple[Array, str | None]:
@@ -72,6 +72,6 @@ def from_epoch(time_s: Array) -> tuple[Array, str | None]:
     first = float(time_s[0]) if len(time_s) else np.nan
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     for unit, factor in _UNITS:
-        if is_epoch(first * factor) and step * factor <= rules.LONGEST_STEP_S:
+        if is_epoch(first * factor) and step * factor <= thresholds.LONGEST_STEP_S:
             return time_s * factor, unit if factor != 1.0 else None
     return time_s, None

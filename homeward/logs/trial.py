@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from homeward.logs import rules, unknown
+from homeward.logs import thresholds, unknown
 from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import numeric
 from homeward.logs.contradictions import Twice, measured_twice
@@ -75,7 +75,7 @@ def _by_changes_of_speed(guesses: Mapping[str, Guess], table: pd.DataFrame) -> d
     if not moving.any() or is_epoch(float(time_s[0])):
         return {}
     typical_mps2 = float(np.median(changes_mps[moving] / steps_s[moving]))
-    most_mps2 = rules.FASTEST_CHANGES["speed_mps"]
+    most_mps2 = thresholds.FASTEST_CHANGES["speed_mps"]
     if typical_mps2 <= most_mps2:
         return {}
     for word, factor in sorted(UNITS["s"].items(), key=lambda unit: unit[1]):
@@ -117,7 +117,7 @@ def _repairs(pair: Twice, guesses: Mapping[str, Guess]) -> list[tuple[Guess, str
         by_factor = {factor: word for word, factor in reversed(UNITS[CHANNELS[name].unit].items())}
         for factor, word in by_factor.items():
             ratio = pair.ratio * (factor / size) ** power
-            if factor != size and abs(np.log(ratio)) < rules.UNIT_LOG_RATIO:
+            if factor != size and abs(np.log(ratio)) < thresholds.UNIT_LOG_RATIO:
                 repairs.append((replace(guess, factor=float(np.copysign(factor, guess.factor))), word))
     return repairs
 

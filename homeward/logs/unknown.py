@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import Array, Mask
 
 WORDS = frozenset({
@@ -51,7 +51,7 @@ def zero_heights(elevation_m: Array) -> Mask:
     """Heights of 0 among others that are all far from it: a receiver without a fix writes them."""
     zero: Mask = np.asarray(elevation_m == 0.0)
     others = np.abs(elevation_m[~zero & np.isfinite(elevation_m)]) if zero.any() else np.empty(0)
-    if zero.mean() > rules.MOST_ZERO_HEIGHTS or not len(others) or others.min() < rules.NEAR_ZERO_M:
+    if zero.mean() > thresholds.MOST_ZERO_HEIGHTS or not len(others) or others.min() < thresholds.NEAR_ZERO_M:
         return np.zeros(np.shape(elevation_m), np.bool_)
     return zero
 

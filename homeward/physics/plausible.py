@@ -6,7 +6,7 @@ import sys
 import warnings
 from typing import Any
 
-from homeward.physics import rules
+from homeward.physics import thresholds
 
 _ANCILLARY = "sensing_idle_w", "communication_w", "controller_w", "computer_w"
 
@@ -24,14 +24,14 @@ def implausible(robot: Any) -> list[str]:
     """
     found = [
         f"{name} = {getattr(robot, name):g}, where {low:g} to {high:g}{unit and ' ' + unit} is known"
-        for name, (low, high, unit) in rules.PLAUSIBLE.items()
+        for name, (low, high, unit) in thresholds.PLAUSIBLE.items()
         if not low <= getattr(robot, name) <= high
     ]
     ancillary_w = sum(getattr(robot, name) for name in _ANCILLARY)
-    if ancillary_w > rules.MOST_ANCILLARY_W:
-        most = f"where at most {rules.MOST_ANCILLARY_W:g} W is known"
+    if ancillary_w > thresholds.MOST_ANCILLARY_W:
+        most = f"where at most {thresholds.MOST_ANCILLARY_W:g} W is known"
         found.append(f"{' + '.join(_ANCILLARY)} = {ancillary_w:g} W, {most}")
-    low, high, per_kg = rules.LEAST_J_PER_KG, rules.MOST_J_PER_KG, robot.rated_energy_j / robot.mass_kg
+    low, high, per_kg = thresholds.LEAST_J_PER_KG, thresholds.MOST_J_PER_KG, robot.rated_energy_j / robot.mass_kg
     if not low <= per_kg <= high:
         found.append(f"rated_energy_j / mass_kg = {per_kg:.3g} J/kg, where {low:g} to {high:g} is known")
     return found

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.physics import model, rules
+from homeward.physics import model, thresholds
 from homeward.physics.intervals import FINITE, NOT_NEGATIVE, Bounds, checked
 from homeward.physics.jit import announce_compilation, compiled
 from homeward.physics.kernel import Conditions, advance, demand, full_charge
@@ -246,12 +246,12 @@ def _variance(robot: Robot, driven: Recorded, mean_j: float, length_m: float) ->
         return (mean_j - _consumed(_changed(robot, name, 1.0 - _STEP), driven)) / _STEP
 
     if given is None or given.of != "energy":
-        rolling_j = rules.GENERIC_ROLLING_SD * per_share("rolling")
-        payload_j = rules.GENERIC_PAYLOAD_SD * per_share("payload")
-        return rolling_j**2 + payload_j**2 + (rules.OMITTED * mean_j) ** 2
+        rolling_j = thresholds.GENERIC_ROLLING_SD * per_share("rolling")
+        payload_j = thresholds.GENERIC_PAYLOAD_SD * per_share("payload")
+        return rolling_j**2 + payload_j**2 + (thresholds.OMITTED * mean_j) ** 2
     slopes_j = np.array([per_share(name) for name in given.fitted])
     own = float(slopes_j @ np.array(given.covariance).reshape(len(slopes_j), -1) @ slopes_j) if len(slopes_j) else 0.0
-    between_runs = rules.BETWEEN_RUNS if given.between_runs is None else given.between_runs
+    between_runs = thresholds.BETWEEN_RUNS if given.between_runs is None else given.between_runs
     # The spread between runs, where it was measured, includes the file's own error.
     runs = (between_runs * mean_j) ** 2
     runs = runs + own if given.between_runs is None else max(runs, own)
@@ -346,7 +346,7 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
             if s.depleted and spent_j > 0.0:  # the share of a cycle for which the rest of the charge is enough
                 return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
         spent_j = before_j - s.energy_j
-        if spent_j <= 0.0 and cycle_s > rules.LONGEST_MEMORY_S:
+        if spent_j <= 0.0 and cycle_s > thresholds.LONGEST_MEMORY_S:
             return np.inf
         if spent_j < 1e-3 * charge_j:
             cycle_s, spent_j = 2.0 * cycle_s, 2.0 * spent_j

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.files import STANDARD_INPUT, read_toml
-from homeward.physics import battery, model, rules
+from homeward.physics import battery, model, thresholds
 from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
 from homeward.physics.intervals import Bounds
 from homeward.physics.plausible import warn_of_implausible
@@ -107,10 +107,11 @@ class Robot:
                 "make it the smaller of the two"
             )
         health = self.usable_energy_j / self.rated_energy_j
-        if health < rules.LEAST_HEALTH:
+        if health < thresholds.LEAST_HEALTH:
             raise RobotError(
                 f"battery.cycles = {self.cycles:g} and battery.age = {self.age:g} leave {health:.2g} of the rated "
-                f"energy; allowed: at least {rules.LEAST_HEALTH:g}. Their units are those of cycle_fade and age_fade"
+                f"energy; allowed: at least {thresholds.LEAST_HEALTH:g}. "
+                "Their units are those of cycle_fade and age_fade"
             )
         object.__setattr__(self, "effects", _checked_effects(self.effects))
         object.__setattr__(self, "open_circuit_v", _checked_curve(self))

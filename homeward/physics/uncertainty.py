@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from homeward.physics import rules
+from homeward.physics import thresholds
 
 _MOST_NUMBERS = 64  # chosen: more than the 32 parameters of all effects with those of a robot
 _OF = ("energy", "charge")
 _INSTRUMENTS: dict[str, float] = {
-    "power_gain": rules.MOST_ERROR, "power_noise": 10.0, "reading_s": 3600.0, "soc_step": rules.MOST_ERROR,
-    "soc_noise": rules.MOST_ERROR, "soc_lag_s": rules.MOST_LAG_S, "speed_noise": rules.MOST_ERROR,
-    "grade_noise": rules.MOST_ERROR,
+    "power_gain": thresholds.MOST_ERROR, "power_noise": 10.0, "reading_s": 3600.0, "soc_step": thresholds.MOST_ERROR,
+    "soc_noise": thresholds.MOST_ERROR, "soc_lag_s": thresholds.MOST_LAG_S, "speed_noise": thresholds.MOST_ERROR,
+    "grade_noise": thresholds.MOST_ERROR,
 }  # fmt: skip
 """Sizes of the instruments' errors, standard deviations unless `homeward.envs.conditions.instruments` says otherwise,
 and the upper limit of each. `reading_s` is the time between the readings of power that have its noise."""

@@ -13,7 +13,7 @@ from homeward.diagnosis.fit.replay import current_a, wheels_mps
 from homeward.diagnosis.read.signals import Signals, steps_s
 from homeward.estimation.tails import scale_of
 from homeward.physics import Robot
-from homeward.watch import rules
+from homeward.watch import thresholds
 from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
 
@@ -50,7 +50,7 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
             f"{run.name}: by the robot's file its motors need no charge in this run; give a file with the charge of "
             "turning on the spot, or of the motors at rest"
         )
-    variance = rules.BETWEEN_RUNS**2 if sure.between_runs is None else scale_of(sure.between_runs) ** 2
+    variance = thresholds.BETWEEN_RUNS**2 if sure.between_runs is None else scale_of(sure.between_runs) ** 2
     spreads = []
     for sample in samples:
         # The run's own factor: its prior has mean 1, updated with the run so far.
@@ -60,7 +60,7 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
             shown, noise = (took_as[0] - took_as[sample]) / seen_as, scale_of(sure.unexplained_over(driven_m)) ** 2
             share = variance / (variance + noise) if variance > 0.0 else 0.0
             factor, unsure = 1.0 + share * (shown - 1.0), (1.0 - share) * variance
-        rest = scale_of(sure.unexplained_over(max(left_m[sample], rules.LEAST_WAY_M)))
+        rest = scale_of(sure.unexplained_over(max(left_m[sample], thresholds.LEAST_WAY_M)))
         rest_as = float(expected_as[sample])
         spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
     mean, low, high = (np.array([getattr(spread, name) for spread in spreads]) for name in ("mean", "low", "high"))

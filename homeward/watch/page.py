@@ -13,7 +13,7 @@ from homeward import quantities
 from homeward.layout.notation import labels, page, templates
 from homeward.layout.plots import GRID, MOST_RUNS, PLAIN, described
 from homeward.physics import Robot
-from homeward.watch import rules
+from homeward.watch import thresholds
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.predictions import Watched
 
@@ -52,7 +52,7 @@ def watch_html(
 
 def verdict(whole: Row) -> str:
     """Conclusion from the row of all moments, in a sentence."""
-    least, most = rules.CALIBRATED
+    least, most = thresholds.CALIBRATED
     trust = "as often as it should" if least <= whole.covered <= most else (
         "too rarely: it is overconfident" if whole.covered < least else "too often: it could be narrower"
     )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion import Advice, Companion, CompanionError
-from homeward.companion import rules as companion_rules
+from homeward.companion import thresholds as companion_thresholds
 from homeward.companion.companion import WINDOWS as WINDOWS_A_CHARGE
 from homeward.diagnosis.fit.signs import wrong_slopes
 from homeward.diagnosis.fit.usable import fault_of
@@ -104,7 +104,7 @@ def watch(
     *,
     soc: float | None = None,
     prior: Prior | None = None,
-    risk: float = companion_rules.RISK,
+    risk: float = companion_thresholds.RISK,
     cutoff_v: float | None = None,
     show: Callable[[Advice, float, float], None] | None = None,
 ) -> Watched:

@@ -2,10 +2,10 @@
 
 from homeward.agents import thresholds
 from homeward.agents.shield import RISK
-from homeward.estimation import rules as estimation_rules
+from homeward.estimation import thresholds as estimation_thresholds
 
 
 def test_limits_of_one_thing_are_in_order() -> None:
     assert RISK == thresholds.RISK < thresholds.MISSED
-    assert estimation_rules.MISSED == 10.0 * thresholds.MISSED
+    assert estimation_thresholds.MISSED == 10.0 * thresholds.MISSED
     assert thresholds.AT_END < 1.0 < 1.0 / (1.0 - 0.17) < thresholds.HOME_TIME

@@ -20,7 +20,7 @@ from homeward.envs.routes import Route
 from homeward.physics import Robot, load_robot
 from homeward.physics.battery import charge_share, energy_share, open_circuit_v
 from homeward.physics.uncertainty import Uncertainty
-from homeward.rules import POSITION_M
+from homeward.thresholds import POSITION_M
 from tests.companion.robots import HUSKY, Driven
 
 HOME = math.pi

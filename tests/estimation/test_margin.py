@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import optimize, stats
 from scipy.special import stdtr, stdtrit
 
-from homeward.estimation import WAY_DTYPE, Estimator, margin, rules
+from homeward.estimation import WAY_DTYPE, Estimator, margin, thresholds
 from homeward.estimation.margin import chance_below, quantile_of_sum
 from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES
 from homeward.estimation.wind import covariance_of_wind
@@ -219,11 +219,11 @@ def test_a_sum_with_a_second_number_has_the_tails_of_student() -> None:
     totals, weights = np.array([0.0, 3.0]), np.array([0.4, 0.6])
     for value in (-30.0, -4.0, 0.5, 6.0):
         expected = sum(
-            part[0] * weight * float(stdtr(rules.DEGREES, (value - part[1] - total) / part[2]))
+            part[0] * weight * float(stdtr(thresholds.DEGREES, (value - part[1] - total) / part[2]))
             for part in each
             for total, weight in zip(totals, weights, strict=True)
         )
         assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(expected, rel=1e-6)
     for risk in (1e-6, 1e-3, 0.3):
-        value = quantile_of_sum(each, totals, weights, risk, float(stdtrit(rules.DEGREES, risk)))
+        value = quantile_of_sum(each, totals, weights, risk, float(stdtrit(thresholds.DEGREES, risk)))
         assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(risk, rel=0.05)

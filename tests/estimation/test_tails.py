@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from homeward.estimation.rules import DEGREES
 from homeward.estimation.tails import deviations, scale_of
+from homeward.estimation.thresholds import DEGREES
 
 STUDENT = stats.t(DEGREES)
 

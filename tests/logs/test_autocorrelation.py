@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.autocorrelation import correlation_windows, independent_windows, noise_of
 from homeward.logs.channels import Index
 from tests.diagnosis.made_up import autoregressive
@@ -14,8 +14,8 @@ ONE_RUN: Index = np.zeros(20_000, dtype=np.intp)
 
 
 def test_its_thresholds_are_what_they_are_derived_from() -> None:
-    assert 1.0 / math.sqrt(rules.LONGEST_LAG) == pytest.approx(rules.UNCORRELATED)
-    assert pytest.approx(19.0) == (1.0 + rules.MOST_CORRELATED) / (1.0 - rules.MOST_CORRELATED)
+    assert 1.0 / math.sqrt(thresholds.LONGEST_LAG) == pytest.approx(thresholds.UNCORRELATED)
+    assert pytest.approx(19.0) == (1.0 + thresholds.MOST_CORRELATED) / (1.0 - thresholds.MOST_CORRELATED)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.8])

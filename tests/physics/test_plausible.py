@@ -11,7 +11,7 @@ from homeward import load_robot
 from homeward.physics import preset_names
 from homeward.physics.battery import FLAT
 from homeward.physics.plausible import PlausibilityWarning, implausible
-from homeward.physics.rules import PLAUSIBLE
+from homeward.physics.thresholds import PLAUSIBLE
 
 HUSKY = dataclasses.replace(load_robot("husky"), chemistry=FLAT, cells_in_series=0)
 """Of any nominal voltage, as no cells contradict it."""

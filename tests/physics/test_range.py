@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from homeward import Robot, load_robot
 from homeward.estimation import Prior
-from homeward.physics import d_max, ideal_range, leg, manoeuvring_energy, mission_energy, optimal_speed, rules
+from homeward.physics import d_max, ideal_range, leg, manoeuvring_energy, mission_energy, optimal_speed, thresholds
 from homeward.physics.battery import FLAT
 from homeward.physics.model import GRAVITY_MPS2
 from homeward.physics.range import _range_by_kernel
@@ -260,10 +260,10 @@ def test_the_interval_of_a_leg_has_what_differs_between_runs_and_what_is_unexpla
 
 def test_generic_ranges_are_those_of_uncertain_missions() -> None:
     prior = Prior()
-    assert pytest.approx(math.hypot(prior.rolling_sd, prior.rolling - 1.0), abs=1e-3) == rules.GENERIC_ROLLING_SD
-    assert pytest.approx(math.hypot(prior.mass_sd, prior.mass - 1.0), abs=1e-3) == rules.GENERIC_PAYLOAD_SD
+    assert pytest.approx(math.hypot(prior.rolling_sd, prior.rolling - 1.0), abs=1e-3) == thresholds.GENERIC_ROLLING_SD
+    assert pytest.approx(math.hypot(prior.mass_sd, prior.mass - 1.0), abs=1e-3) == thresholds.GENERIC_PAYLOAD_SD
     level = Way(100.0, np.zeros(2), np.zeros(2))
     there = leg(PLAIN, level, 2.0)
     rolling_j = 0.1 * 10.0 * GRAVITY_MPS2 * 200.0 / 0.5
-    both = math.hypot(rules.GENERIC_ROLLING_SD, rules.GENERIC_PAYLOAD_SD) * rolling_j
-    assert there.sd_j == pytest.approx(math.hypot(both, rules.OMITTED * there.mean_j), rel=2e-3)
+    both = math.hypot(thresholds.GENERIC_ROLLING_SD, thresholds.GENERIC_PAYLOAD_SD) * rolling_j
+    assert there.sd_j == pytest.approx(math.hypot(both, thresholds.OMITTED * there.mean_j), rel=2e-3)

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.concealed.plants.cases import Case
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.proof import Bench
@@ -47,11 +47,11 @@ def provable(case: Case) -> dict[str, bool]:
     for index, effect in enumerate(case.hidden):
         beside = bench if len(terms) == 1 else bench.with_base(1 - index)
         share, squared_error = beside.share(index), beside.squared_error(index)
-        enough = least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, beside.noise)
+        enough = least_to_name(thresholds.SMALLEST_GAIN_TO_NAME, squared_error, beside.noise)
         named = share >= enough and share * squared_error >= least
         elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance
         delta_bic = max(beside.held_out_bic(index), beside.innovations_bic(index))
-        found[effect] = elsewhere or (named and delta_bic >= rules.STRONG_BIC)
+        found[effect] = elsewhere or (named and delta_bic >= thresholds.STRONG_BIC)
     return found
 
 
@@ -61,4 +61,4 @@ def _runs(case: Case, recordings: list[pd.DataFrame]) -> Runs:
         for file, frame in zip(files, recordings, strict=True):
             frame.to_parquet(file, index=False)
         usable, _ = usable_runs([read_recording(file) for file in files], case.nominal)
-    return average(usable, rules.SAMPLES_A_WINDOW)
+    return average(usable, thresholds.SAMPLES_A_WINDOW)

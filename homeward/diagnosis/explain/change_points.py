@@ -17,7 +17,7 @@ import numpy as np
 import ruptures
 from scipy.stats import mannwhitneyu
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import WINDOW_S
 from homeward.logs.channels import Array, Index, Mask
@@ -25,7 +25,7 @@ from homeward.logs.channels import Array, Index, Mask
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly", "in the cold"]
 
-_AROUND = 2 * rules.SHORTEST_LEVEL  # windows: as far as a change is refined, and the largest error of its moment
+_AROUND = 2 * thresholds.SHORTEST_LEVEL  # windows: as far as a change is refined, and the largest error of its moment
 _MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
 SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # penalties: shares of the squared residual; chosen: about threefold each
 _PLACES = 150  # blocks along the way; chosen: 75 or 300 change no test of change_points, proof and explanation
@@ -61,7 +61,7 @@ class Schedule:
 
 def clearly_apart(schedule: Schedule | None) -> bool:
     """Whether the levels are separate: those of a schedule that fits autocorrelated noise are not."""
-    return schedule is not None and schedule.apart > rules.CLEARLY_APART
+    return schedule is not None and schedule.apart > thresholds.CLEARLY_APART
 
 
 def profiles(runs: Runs) -> list[Array]:
@@ -83,8 +83,10 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return bool(most <= (how == "once"))
     if how == "repeatedly":
         comes_on = len(np.unique(run[changes[step[changes] > 0]]))
-        return bool(most > 1 and (comes_on >= rules.RUNS_WITH_SWITCH or len(changes) >= rules.FEWEST_SWITCHES))
-    stops = np.abs(runs.context["speed_mps"]) < rules.STOPS_MPS
+        return bool(
+            most > 1 and (comes_on >= thresholds.RUNS_WITH_SWITCH or len(changes) >= thresholds.FEWEST_SWITCHES)
+        )
+    stops = np.abs(runs.context["speed_mps"]) < thresholds.STOPS_MPS
     near = (np.abs(runs.time_s - runs.time_s[one]) <= _AROUND * WINDOW_S for one in changes)
     at_standstill = [stops[close & (run == run[one])].any() for close, one in zip(near, changes, strict=True)]
     return all(at_standstill) if how == "standing" else not at_standstill or not all(at_standstill)
@@ -94,7 +96,7 @@ def _is_colder(on: Mask, runs: Runs) -> bool:
     """Whether the air is colder in windows where a load is on, shape (windows,), than in most others."""
     temperature_c = runs.context["temperature_c"]
     ranks = mannwhitneyu(temperature_c[~on], temperature_c[on], nan_policy="omit").statistic
-    return bool(ranks >= rules.COLDER * np.count_nonzero(on) * np.count_nonzero(~on))
+    return bool(ranks >= thresholds.COLDER * np.count_nonzero(on) * np.count_nonzero(~on))
 
 
 def place_of(runs: Runs) -> Array | None:
@@ -104,7 +106,7 @@ def place_of(runs: Runs) -> Array | None:
         return None
     driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())
     extent_m = float(np.ptp(place_m))
-    return place_m if extent_m > 0.0 and driven_m >= rules.REVISITED * extent_m else None
+    return place_m if extent_m > 0.0 and driven_m >= thresholds.REVISITED * extent_m else None
 
 
 def search(
@@ -120,7 +122,7 @@ def search(
     """
     if axis == "time":
         parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
-        blocks = min(len(residual) // rules.SHORTEST_LEVEL, _MOST_BLOCKS)
+        blocks = min(len(residual) // thresholds.SHORTEST_LEVEL, _MOST_BLOCKS)
     else:
         place_m, blocks = place_of(runs), _PLACES
         parts = [] if place_m is None else [np.argsort(place_m, kind="stable")]
@@ -128,7 +130,7 @@ def search(
     if whole == 0.0 or weight == 0.0:
         return []
     cuts = [_blocks(shape[part], max(1, round(blocks * float(shape[part] @ shape[part]) / weight))) for part in parts]
-    if sum(len(cut) for cut in cuts) < rules.FEWEST_PIECES:
+    if sum(len(cut) for cut in cuts) < thresholds.FEWEST_PIECES:
         return []
     order, ends = np.concatenate(parts), np.cumsum([len(cut) for cut in cuts])[:-1]
     lengths = np.concatenate([np.diff(cut, append=len(part)) for part, cut in zip(parts, cuts, strict=True)])
@@ -146,7 +148,7 @@ def search(
         exact = _refined(level, shape, residual, parts)
         for at, one in enumerate(found):
             rarest = np.bincount(one.level).min()  # a switch more may be of a few windows
-            if one.levels == levels and np.count_nonzero(one.level != exact) <= rules.SAME_SCHEDULE * rarest:
+            if one.levels == levels and np.count_nonzero(one.level != exact) <= thresholds.SAME_SCHEDULE * rarest:
                 found[at] = replace(one, found_by=(*one.found_by, share))
                 break
         else:
@@ -200,12 +202,12 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
     total = float((weight * (size - mean) ** 2).sum())
     level, levels = np.zeros(len(size), dtype=np.intp), 1
     explained = 0.0
-    for count, groups in enumerate(_groups(distinct, times, min(rules.MOST_LEVELS, len(distinct))), start=2):
+    for count, groups in enumerate(_groups(distinct, times, min(thresholds.MOST_LEVELS, len(distinct))), start=2):
         number = groups[which]
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
         gain = total - remaining - explained
-        if gain <= penalty or gain < rules.SMALLEST_LEVEL_GAIN * explained:
+        if gain <= penalty or gain < thresholds.SMALLEST_LEVEL_GAIN * explained:
             break
         level, levels, explained = number, count, explained + gain
     if signed and levels > 1:  # the most frequent level is the reference

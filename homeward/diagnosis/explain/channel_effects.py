@@ -18,7 +18,7 @@ from numpy.random import Generator
 from scipy.optimize import minimize_scalar
 from scipy.stats import binom, norm, spearmanr
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue import CATALOGUE, battery, instruments, terms
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Hypothesis, Numbers, Setting, Term
 from homeward.diagnosis.explain.proof import DRAWS
@@ -104,7 +104,7 @@ class Reading:
 
     def __init__(self, values: Array, runs: Runs, block: Index) -> None:
         self.known = np.isfinite(values)
-        follows = (np.diff(runs.run) == 0) & (np.diff(runs.time_s) < rules.WINDOWS_APART * runs.duration_s[1:])
+        follows = (np.diff(runs.run) == 0) & (np.diff(runs.time_s) < thresholds.WINDOWS_APART * runs.duration_s[1:])
         self.stretch = np.concatenate([[0], np.cumsum(~follows)])[self.known]
         self.run = runs.run[self.known]
         self.block = np.unique(block[self.known], return_inverse=True)[1]
@@ -145,10 +145,10 @@ class Reading:
         )
         gained = gain(self.target, before, after, self.block, rng)
         bic_gain = delta_bic(self.target, before, after, self.run, added.shape[1])
-        if bic_gain < rules.STRONG_BIC or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if bic_gain < thresholds.STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             return None
         p_value = self._p_value(base, added, np.column_stack([added, *tried]), rng)
-        return None if p_value > rules.FALSE_ALARM_RATE else Proof(bic_gain, gained.share, p_value)
+        return None if p_value > thresholds.FALSE_ALARM_RATE else Proof(bic_gain, gained.share, p_value)
 
     def _p_value(self, base: Array, added: Array, tried: Array, rng: Generator) -> float:
         """P-value: how often, on random signs of blocks, some column tried explains as much as the best added."""
@@ -171,7 +171,7 @@ def _fit(design: Array, target: Array) -> Array:
 
 def matters(lost_w: Array, runs: Runs) -> bool:
     """Whether a loss exceeds `MATERIAL_SHARE` of the energy drawn."""
-    return float(lost_w @ runs.duration_s) >= rules.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
+    return float(lost_w @ runs.duration_s) >= thresholds.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
 
 
 def inside_w(robot: Robot, runs: Runs) -> Array:
@@ -210,14 +210,14 @@ def _sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffec
     channel = Reading(np.where(known, voltage_v + in_file_v, np.nan), runs, block)
     base, drawn = channel.summed(current_a)[:, None], -channel.within(current_a)[:, None]
     found, errors = channel.fit(np.hstack([base, drawn]))
-    ohm, wide = float(found[-1]), rules.NORMAL_95 * float(errors[-1])
+    ohm, wide = float(found[-1]), thresholds.NORMAL_95 * float(errors[-1])
     lost_w = max(ohm, 0.0) * current_a**2
     proof = channel.proof(base, drawn, rng) if matters(lost_w, runs) else None
     if proof is None or given_ohm + ohm > one.entry.switch.high:
         return None
     if (by_warmth := _falls_with_warmth(channel, base, drawn, current_a, robot, runs, rng)) is not None:
         return by_warmth
-    rivals = (cold,) if air_c is None or float(np.nanmean(air_c)) < rules.COLD_C else ()
+    rivals = (cold,) if air_c is None or float(np.nanmean(air_c)) < thresholds.COLD_C else ()
     return ChannelEffect(
         one, _values(one, given_ohm + ohm, (given_ohm + ohm - wide, given_ohm + ohm + wide), {}), lost_w, proof, rivals,
         f"The voltage sags by {given_ohm + ohm:.3g} ohm times the current.",
@@ -241,13 +241,15 @@ def _falls_with_warmth(
     warm_c = float(np.mean(air_c) + ohm / max(per_k, TINY))
     reference_w = float(np.median(runs.observed[runs.observed > 0.0]))
     share_per_ohm = reference_w / float(np.mean(voltage_v[voltage_v > 0.0]) ** 2 + ohm * reference_w)
-    size, wide = float(share_per_ohm * per_k), float(share_per_ohm * rules.NORMAL_95 * error)
+    size, wide = float(share_per_ohm * per_k), float(share_per_ohm * thresholds.NORMAL_95 * error)
     possible = battery.WARM_C.low <= warm_c <= battery.WARM_C.high and size <= switch.high
     better = max(min(channel.delta_bic(of, by) for of in (by_warmth, np.hstack([by_warmth, bent]))) for by in others)
-    falls = possible and better < rules.STRONG_BIC and channel.proof(np.hstack([base, drawn]), warmer, rng) is not None
+    falls = (
+        possible and better < thresholds.STRONG_BIC and channel.proof(np.hstack([base, drawn]), warmer, rng) is not None
+    )
     if not falls or (proof := channel.proof(base, np.hstack([drawn, warmer]), rng)) is None:
         return None
-    clear = all(channel.delta_bic(by, by_warmth) >= rules.STRONG_BIC for by in others)
+    clear = all(channel.delta_bic(by, by_warmth) >= thresholds.STRONG_BIC for by in others)
     shape = {battery.WARM_C.name: warm_c, battery.COLD_W.name: reference_w}
     rivals = () if clear else (battery.INTERNAL_RESISTANCE.id,)
     lost_w = np.maximum(ohm - per_k * warmth, 0.0) * current_a**2
@@ -268,7 +270,7 @@ def _state_of_charge(
     if soc is None or runs.unit != "W":
         return None, None
     of_run = pd.Series(soc).groupby(runs.run)  # NaN of a run that lacks it
-    if float((of_run.max() - of_run.min()).sum()) < rules.LEAST_FALL:
+    if float((of_run.max() - of_run.min()).sum()) < thresholds.LEAST_FALL:
         return None, None
     channel = Reading(-energy_share(robot.curve, soc), runs, block)
     drawn = channel.summed((runs.observed + lost_w) / robot.usable_energy_j)[:, None]
@@ -287,7 +289,9 @@ def _state_of_charge(
             return capacity, None
         return dataclasses.replace(capacity, rivals=losses.instead(float(rate))), None
     best = found[0]
-    alike = (one.hypothesis.id for one in found[1:] if _gained(one.proof) > rules.RIVAL_SHARE * _gained(best.proof))
+    alike = (
+        one.hypothesis.id for one in found[1:] if _gained(one.proof) > thresholds.RIVAL_SHARE * _gained(best.proof)
+    )
     best = dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
     return right, best
 
@@ -306,11 +310,11 @@ def covered(soc: Array, run: Index) -> tuple[float, float]:
 def _capacity(robot: Robot, rate: float, error: float, part: tuple[float, float]) -> Capacity | None:
     """Capacity of a battery whose charge falls `rate` times as fast as its file implies, with a standard error of the
     regression, from a part of its charge; None from less than half."""
-    if part[1] - part[0] < rules.HALF:
+    if part[1] - part[0] < thresholds.HALF:
         return None
-    total = float(np.hypot(error, rate * np.hypot(rules.GAUGE_GAIN_SD, _curve_error(robot, part))))
-    off = abs(rate - 1.0) > float(norm.ppf(1.0 - rules.FALSE_ALARM_RATE / 2.0)) * total
-    low, high = (robot.usable_energy_j / max(rate + sign * rules.NORMAL_95 * total, 1e-9) for sign in (1.0, -1.0))
+    total = float(np.hypot(error, rate * np.hypot(thresholds.GAUGE_GAIN_SD, _curve_error(robot, part))))
+    off = abs(rate - 1.0) > float(norm.ppf(1.0 - thresholds.FALSE_ALARM_RATE / 2.0)) * total
+    low, high = (robot.usable_energy_j / max(rate + sign * thresholds.NORMAL_95 * total, 1e-9) for sign in (1.0, -1.0))
     fitted_j = robot.usable_energy_j / rate
     return Capacity(robot.usable_energy_j, fitted_j, (low, high), off, above_rated=fitted_j > robot.rated_energy_j)
 
@@ -320,10 +324,10 @@ def _curve_error(robot: Robot, part: tuple[float, float]) -> float:
     of the known ones where the robot's file has none."""
     low, high = part
     if robot.curve.mean_v > 0.0:
-        return rules.CURVE_SD * (1.0 - (high - low))
+        return thresholds.CURVE_SD * (1.0 - (high - low))
     curves = [curve_of(points) for points in CHEMISTRIES.values()]
     energies = [float(energy_share(curve, high) - energy_share(curve, low)) for curve in curves]
-    return max(abs(energy / (high - low) - 1.0) for energy in energies) / rules.NORMAL_95
+    return max(abs(energy / (high - low) - 1.0) for energy in energies) / thresholds.NORMAL_95
 
 
 def not_contradicted(
@@ -353,7 +357,7 @@ def not_contradicted(
         weights = _fit(np.column_stack([base, term.columns]), setting.residual)
         added = term.columns @ weights[base.shape[1] :]
         gained = delta_bic(channel.target, fallen(read), fallen(read - added), channel.run, 0)
-        return (-gained if term.misread else gained) >= rules.STRONG_BIC
+        return (-gained if term.misread else gained) >= thresholds.STRONG_BIC
 
     return [term for term in candidates if not ((term.misread or term.axis == "time") and contradicted(term))]
 
@@ -375,10 +379,13 @@ def _misread(
         true = drawn - channel.summed(added / fit.parameters.nominal.usable_energy_j)[:, None]
         by_ageing = channel.delta_bic(true, per_run)
         proof = channel.proof(drawn, true, rng)
-        if proof is None or by_ageing >= rules.STRONG_BIC or not matters(np.abs(added), runs):
+        if proof is None or by_ageing >= thresholds.STRONG_BIC or not matters(np.abs(added), runs):
             continue
-        wide = rules.NORMAL_95 * float(standard_errors(design, setting.residual - design @ weights, block)[-1])
-        switch, rivals = term.hypothesis.entry.switch, (battery.AGEING.id,) if by_ageing > -rules.STRONG_BIC else ()
+        wide = thresholds.NORMAL_95 * float(standard_errors(design, setting.residual - design @ weights, block)[-1])
+        switch, rivals = (
+            term.hypothesis.entry.switch,
+            (battery.AGEING.id,) if by_ageing > -thresholds.STRONG_BIC else (),
+        )
         shown = ChannelEffect(
             term.hypothesis, {switch.name: Value(size, (size - wide, size + wide), switch.unit)}, added, proof, rivals,
             "Less an error of the meter that power shows, the state of charge falls by the energy drawn.",
@@ -387,7 +394,7 @@ def _misread(
     if not found:
         return None
     most, best = max(found, key=lambda one: one[0])
-    alike = [one.hypothesis.id for gained, one in found if gained > most - rules.STRONG_BIC]
+    alike = [one.hypothesis.id for gained, one in found if gained > most - thresholds.STRONG_BIC]
     others = (*(one for one in alike if one != best.hypothesis.id), *best.rivals)
     return dataclasses.replace(best, rivals=tuple(dict.fromkeys(others)))
 
@@ -423,8 +430,10 @@ class _Losses:
         at = self._fallen(one, shape, size)
         design = np.column_stack([self.drawn + at, (self._fallen(one, shape, size + step) - at) / step])
         errors = standard_errors(design, self._residual_beside_capacity(at), self.channel.block)
-        wide, more = rules.NORMAL_95 * float(errors[-1]), one.in_file(self.robot)[0] + size
-        alike = (other.id for share, other, _ in proven if _gained(share) > rules.CONFUSABLE_SHARE * _gained(proof))
+        wide, more = thresholds.NORMAL_95 * float(errors[-1]), one.in_file(self.robot)[0] + size
+        alike = (
+            other.id for share, other, _ in proven if _gained(share) > thresholds.CONFUSABLE_SHARE * _gained(proof)
+        )
         parameters = _values(one, more, (max(more - wide, 0.0), more + wide), shape)
         rivals = tuple(rival for rival in dict.fromkeys(alike) if rival != one.id)
         sentence = "The state of charge falls faster than the energy drawn implies where it is at work."
@@ -434,7 +443,7 @@ class _Losses:
         """Losses that explain a charge which falls `rate` times as fast as the file's capacity implies, as well as a
         smaller capacity does; a voltage that was recorded would have shown a resistance."""
         residual = self.channel.target - rate * self.drawn[:, 0]
-        most = rules.EQUAL * float(residual @ residual)
+        most = thresholds.EQUAL * float(residual @ residual)
         voltage_v = self.runs.context.get("voltage_v", np.zeros(1))
         known = {battery.INTERNAL_RESISTANCE.id} if (voltage_v > 0.0).any() else ()
         found, missing = [], self.channel.target - self.drawn[:, 0]
@@ -482,15 +491,15 @@ class _Losses:
 def _fading(channel: Reading, runs: Runs, robot: Robot, drawn: Array, rng: Generator) -> ChannelEffect | None:
     """Ageing: a capacity that shrinks from run to run."""
     numbers = np.unique(channel.run)
-    if len(numbers) < rules.FEWEST_RUNS:
+    if len(numbers) < thresholds.FEWEST_RUNS:
         return None
     rate, errors = channel.fit(per_run := channel.per_run(drawn))
-    shrinks = bool((np.diff(rate) >= -rules.CLEAR * (errors[1:] + errors[:-1])).all()) and rate[-1] > rate[0]
+    shrinks = bool((np.diff(rate) >= -thresholds.CLEAR * (errors[1:] + errors[:-1])).all()) and rate[-1] > rate[0]
     if not shrinks or (proof := channel.proof(drawn, per_run[:, 1:], rng)) is None:
         return None
     lost = np.zeros(len(runs.signals))
     lost[numbers] = np.clip(1.0 - 1.0 / np.maximum(rate, 1e-9), 0.0, None)
-    left, wide = 1.0 - battery.AGEING.in_file(robot)[0], rules.NORMAL_95 * float(errors[-1])
+    left, wide = 1.0 - battery.AGEING.in_file(robot)[0], thresholds.NORMAL_95 * float(errors[-1])
     ends, now = (1.0 - left / np.maximum(rate[-1] + np.array(off), 1e-9) for off in ((-wide, wide), 0.0))
     last = Value(float(now), (max(float(ends[0]), 0.0), float(ends[1])), "1")
     of_window = lost[runs.run]
@@ -512,8 +521,8 @@ def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
     load, warmth = (
         None if of is None else pd.Series(of).groupby(runs.run).mean()[numbers] for of in (runs.observed, air)
     )
-    found = [battery.CONFOUNDED_WITH_LOAD] if spearmanr(rate, load).statistic > rules.SAME else []
-    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -rules.SAME):
+    found = [battery.CONFOUNDED_WITH_LOAD] if spearmanr(rate, load).statistic > thresholds.SAME else []
+    if warmth is None or (np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -thresholds.SAME):
         found.append(battery.CONFOUNDED_WITH_COLD)
     return tuple(found)
 
@@ -524,8 +533,8 @@ def _odometer(fit: Refit, runs: Runs) -> ChannelEffect | None:
     if not scales.any():
         return None
     # Probability that as many runs disagree in all parts of their way, if the sign of each part is random.
-    p_value = float(binom.sf(np.count_nonzero(scales) - 1, len(scales), 2.0 ** (1 - rules.ODOMETER_PARTS)))
-    if p_value > rules.FALSE_ALARM_RATE:
+    p_value = float(binom.sf(np.count_nonzero(scales) - 1, len(scales), 2.0 ** (1 - thresholds.ODOMETER_PARTS)))
+    if p_value > thresholds.FALSE_ALARM_RATE:
         return None
     one = instruments.ODOMETRY_SCALE
     off = WithEffects(speed_factors=(1.0 + scales).tolist())

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
@@ -70,7 +70,7 @@ def explain(
         return Explanation(replace(naming.nothing_named(), unrecorded=True))
     naming, location = residual.checked_against_motion(naming, location)
     if not naming.named and location is None:
-        if residual.by_motion() < rules.BY_MOTION:
+        if residual.by_motion() < thresholds.BY_MOTION:
             if in_time and unexplained(fit, runs):
                 return Explanation(naming, locate(in_time[0], runs))
             return Explanation(residual.instead_of_parameters(naming))
@@ -136,7 +136,7 @@ class _Residual:
         if naming.corrected is None or self.shows(naming) or not unrecorded(self.runs):
             return False
         left = self.runs.observed - naming.corrected.predicted
-        return self.by(naming) < rules.BY_NAMED and is_autocorrelated(left, self.runs)
+        return self.by(naming) < thresholds.BY_NAMED and is_autocorrelated(left, self.runs)
 
     def _stands(self, rival: Term, named: Named) -> bool:
         """Whether a rival that a channel would show which some run lacks explains as much in its own joint replay.
@@ -147,7 +147,7 @@ class _Residual:
         if not channel or self.runs.has(channel):
             return True
         alone = fit_model(self.fit, [rival], self.runs, self.block)
-        return explained(self.fit, alone, self.runs, self.fold) >= rules.CONFUSABLE_SHARE * named.held_out_gain
+        return explained(self.fit, alone, self.runs, self.fold) >= thresholds.CONFUSABLE_SHARE * named.held_out_gain
 
     def remaining(self, corrected: Corrected) -> RemainingDependence | None:
         """The residual of the corrected model where, by the test of the refit's, it depends on a channel."""
@@ -183,7 +183,7 @@ class _Residual:
             return naming, location
         first, corrected = naming.named[0], naming.corrected
         where = location or where_at_work(first.term, corrected.contribution[0], self.runs)
-        if unexplained(corrected, self.runs) and not self.shows(naming) and self.by(naming) < rules.BY_NAMED:
+        if unexplained(corrected, self.runs) and not self.shows(naming) and self.by(naming) < thresholds.BY_NAMED:
             return naming.nothing_named(), where
         if first.term.axis != "time":
             return (naming if self._is_adequate(naming) else naming.nothing_named()), location
@@ -194,21 +194,24 @@ class _Residual:
         by_place = 0.0 if on_ground else place_gain(base, self.runs, self.rng)
         by_named = max(0.0 if others else first.held_out_gain, explained(base, corrected, self.runs, self.fold))
         by_motion = largest_by_motion(base, self.runs, self.block, self.rng)
-        if by_motion < by_named and by_place < rules.BY_PLACE * by_named:
+        if by_motion < by_named and by_place < thresholds.BY_PLACE * by_named:
             return naming, location
         again = self.naming(varying=False)
-        if self.by(again) >= rules.SIMPLER * first.held_out_gain:
+        if self.by(again) >= thresholds.SIMPLER * first.held_out_gain:
             return replace(again, ranking=naming.ranking, absorbed=naming.absorbed), location
         return naming.nothing_named(), where
 
     def _is_adequate(self, naming: Naming) -> bool:
         """Whether the named effects, or the first alone, explain most of what motion and its history do."""
         share, by_motion = self.by(naming), self.by_motion()
-        if naming.named[0].held_out_gain >= rules.SIMPLER * by_motion or share >= rules.EQUIVALENT * by_motion:
+        if (
+            naming.named[0].held_out_gain >= thresholds.SIMPLER * by_motion
+            or share >= thresholds.EQUIVALENT * by_motion
+        ):
             return True
-        if naming.corrected is None or share < rules.OF_TREES * by_motion:
+        if naming.corrected is None or share < thresholds.OF_TREES * by_motion:
             return False
-        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.rng, rules.CLEARLY_BETTER)
+        return not trees_beat(naming.corrected, self.fit, self.runs, self.by_run, self.rng, thresholds.CLEARLY_BETTER)
 
 
 def _of_another_channel(naming: Naming, remaining: RemainingDependence, most: Dependence) -> bool:

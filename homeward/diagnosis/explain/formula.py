@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import t as student
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.fitted import Fitted, excited, with_columns
 from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.parameter_groups import AT_REST
 from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
-from homeward.logs import rules as logs_rules
+from homeward.logs import thresholds as logs_thresholds
 from homeward.logs.autocorrelation import correlation_windows, noise_of, shifted_in_time
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, ancillary_power
@@ -87,10 +87,10 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.G
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
         bic_gain = delta_bic(runs.observed, before, after, runs.run) - float(library.cost[best])
         gained = gain(runs.observed, before, after, block, rng)
-        if bic_gain < rules.VERY_STRONG_BIC or gained.share < rules.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if bic_gain < thresholds.VERY_STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), rng)
-        if p_value_of_term > 1.0 / (rules.PLACEBOS + 1):
+        if p_value_of_term > 1.0 / (thresholds.PLACEBOS + 1):
             break
         chosen, total_bic_gain, p_value = [*chosen, best], total_bic_gain + bic_gain, max(p_value, p_value_of_term)
     if not chosen:
@@ -204,7 +204,7 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
         scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])
         best_first = np.argsort(-scores, kind="stable").tolist()
         final[index] = best_first[0]
-        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - rules.VERY_STRONG_BIC]
+        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - thresholds.VERY_STRONG_BIC]
         alternatives.append(tuple(search.library.texts[one] for one in close[:_MOST_ALTERNATIVES]))
     return final, alternatives
 
@@ -212,8 +212,8 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
 def _placebo_p_value(search: Search, present: Sequence[int], score: float, rng: np.random.Generator) -> float:
     """P-value: share of searches, this one included, that score as high on placebos, channels shifted in time."""
     parts = search.library.parts
-    found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(rules.PLACEBOS)]
-    return (1 + sum(one >= score for one in found)) / (rules.PLACEBOS + 1)
+    found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(thresholds.PLACEBOS)]
+    return (1 + sum(one >= score for one in found)) / (thresholds.PLACEBOS + 1)
 
 
 def _coefficients(fit: Fitted, runs: Runs, block: Index, columns: Array) -> tuple[Array, Array]:
@@ -316,7 +316,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     sine, warmth = np.sin(channel["grade_rad"]), (channel["temperature_c"] - _MILD_C) / _MILD_C
     far_m, time_s = np.abs(channel["base_distance_m"]), runs.elapsed_s
     return [
-        ("speed", "[v > 0]", (speed > logs_rules.STANDSTILL_MPS).astype(np.float64), _PLAIN),
+        ("speed", "[v > 0]", (speed > logs_thresholds.STANDSTILL_MPS).astype(np.float64), _PLAIN),
         ("speed", "v / v_max", speed / robot.max_speed_mps, _ROOT_TOO),
         ("turning rate", f"|w| {per}", np.abs(turning) * scale_s, _ROOT_TOO),
         ("turning rate", f"w+ {per}", np.maximum(turning, 0.0) * scale_s, _PLAIN),

@@ -24,7 +24,7 @@ import pandas as pd
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import Bounds, minimize, minimize_scalar
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue import battery
 from homeward.diagnosis.explain.channel_effects import Capacity, Reading, covered, inside_w, matters
 from homeward.diagnosis.explain.hypothesis import TINY
@@ -101,7 +101,7 @@ def weigh_gauge(runs: Runs, robot: Robot) -> tuple[Runs, Gauge | None]:
     if runs.unit != "W" or not np.isfinite(soc).any():
         return runs, None
     readings = read_gauge(runs, robot)
-    if len(readings.shown) < 2 * _CORNERS or np.ptp(readings.shown) < rules.LEAST_FALL:
+    if len(readings.shown) < 2 * _CORNERS or np.ptp(readings.shown) < thresholds.LEAST_FALL:
         return runs, None
     drawn_j = float(runs.observed @ runs.duration_s)
     counter = as_counter(readings)
@@ -109,10 +109,10 @@ def weigh_gauge(runs: Runs, robot: Robot) -> tuple[Runs, Gauge | None]:
     by_load, per_w = evidence_for_load(readings, counter.jumps)
     follows: Followed = "charge"
     gained = max(by_voltage, by_load)
-    if gained >= rules.GAUGE_BIC and by_voltage > 0.0:
+    if gained >= thresholds.GAUGE_BIC and by_voltage > 0.0:
         follows = "voltage"
         reason = f"follows the voltage under load, not the charge drawn (BIC lower by {gained:.0f})"
-    elif gained >= rules.GAUGE_BIC:
+    elif gained >= thresholds.GAUGE_BIC:
         follows = "load"
         reason = (
             f"falls with the load, by {1e4 * per_w:.2g} % for 100 W, and recovers at rest, as a map of the voltage "
@@ -125,7 +125,7 @@ def weigh_gauge(runs: Runs, robot: Robot) -> tuple[Runs, Gauge | None]:
     runs, notes = _mended(runs, readings, counter)
     runs, of_power = _settled(runs, robot)
     low, high = covered(runs.context["soc"], runs.run)
-    if high - low < rules.HALF:
+    if high - low < thresholds.HALF:
         notes.append(
             f"covers {high - low:.0%} of the battery, less than half, and {_energy(drawn_j)} were drawn in all: no "
             "capacity is drawn from it"
@@ -194,17 +194,19 @@ def _settled(runs: Runs, robot: Robot) -> tuple[Runs, str]:
         def objective(rate: float) -> float:
             left = channel.target - rate * fallen
             independent = independent_windows(left, channel.run)
-            return float(independent * np.log(max(float(left @ left), TINY)) + ((rate - 1.0) / rules.CAPACITY_SD) ** 2)
+            return float(
+                independent * np.log(max(float(left @ left), TINY)) + ((rate - 1.0) / thresholds.CAPACITY_SD) ** 2
+            )
 
-        return float(minimize_scalar(objective, bounds=(rules.HALF, 1.0 / rules.HALF), method="bounded").fun)
+        return float(minimize_scalar(objective, bounds=(thresholds.HALF, 1.0 / thresholds.HALF), method="bounded").fun)
 
     gained = least(runs.observed) - least(runs.observed + lost_w)  # by a power at the terminals
     share = float((lost_w * given) @ runs.duration_s) / float(runs.observed @ runs.duration_s)
     losses = f"what the file's battery loses inside, {share:.0%} of the energy"
-    if gained >= rules.STRONG_BIC:
+    if gained >= thresholds.STRONG_BIC:
         signals = [dataclasses.replace(run, at_terminals=True) for run in runs.signals]
         return dataclasses.replace(runs, signals=signals), f"by it, power_w is without {losses}"
-    if gained <= -rules.STRONG_BIC:
+    if gained <= -thresholds.STRONG_BIC:
         return runs, f"by it, power_w counts {losses}"
     return runs, f"whether power_w counts {losses}, is undecided: it is taken to"
 
@@ -221,7 +223,7 @@ def read_gauge(runs: Runs, robot: Robot) -> Readings:
         relative_v = np.where(np.isfinite(voltage_v), voltage_v / np.nanmean(voltage_v), relative_v)
     rate = runs.observed / (relative_v * robot.usable_energy_j)
     apart_s = np.diff(runs.time_s)
-    follows = (np.diff(runs.run) == 0) & (apart_s <= np.maximum(_BIN_S, rules.WINDOWS_APART * runs.duration_s[1:]))
+    follows = (np.diff(runs.run) == 0) & (apart_s <= np.maximum(_BIN_S, thresholds.WINDOWS_APART * runs.duration_s[1:]))
     stretch = np.concatenate([[0], np.cumsum(~follows)])
     began_s = runs.time_s[np.searchsorted(stretch, stretch)]
     within = np.floor((runs.time_s - began_s) / _BIN_S).astype(np.intp)
@@ -231,7 +233,7 @@ def read_gauge(runs: Runs, robot: Robot) -> Readings:
     shown_in, end = np.unique(bin_of[known][::-1], return_index=True)
     last = np.flatnonzero(known)[::-1][end]
     of_bin = pd.DataFrame({"power_w": runs.observed, "voltage_v": voltage_v}).groupby(bin_of).mean().iloc[shown_in]
-    step = max(_step(runs), rules.GAUGE_STEP)
+    step = max(_step(runs), thresholds.GAUGE_STEP)
     low, high = _bounds(soc[last], stretch[last], step)
     power_w, volts = of_bin["power_w"].to_numpy(), of_bin["voltage_v"].to_numpy()
     return Readings(soc[last], low, high, drawn[last], power_w, volts, runs.run[last], stretch[last], last, step)
@@ -244,7 +246,7 @@ def _step(runs: Runs) -> float:
         soc = run.context.get("soc", np.empty(0))
         soc = soc[np.isfinite(soc)]
         held = np.flatnonzero(np.diff(soc) == 0.0)
-        if len(held) < rules.HALF * len(soc):
+        if len(held) < thresholds.HALF * len(soc):
             continue
         changes = np.abs(np.diff(soc[held]))
         least += changes[changes > 1e-9].tolist()
@@ -316,12 +318,12 @@ def as_counter(readings: Readings) -> Counter:
     # More than a reading that is one step off.
     candidates = (largest[moved[largest] > 1.5 * readings.step] + 1).tolist()
     likeliest = Counter(fitted, plain, ())
-    most = rules.STRONG_BIC
+    most = thresholds.STRONG_BIC
     starts = columns.shape[1]
     for count, at in enumerate(candidates, start=1):
         columns = np.column_stack([columns, _set_anew(readings, at)])
         weights, fitted, left = _within_bounds(columns, readings)
-        gained = _bic_gain(plain, left, readings, rules.COST_OF_A_CHANGE * count)
+        gained = _bic_gain(plain, left, readings, thresholds.COST_OF_A_CHANGE * count)
         if gained >= most:
             sizes = weights[starts:].tolist()
             jumps = tuple(Jump(*jump) for jump in zip(candidates[:count], sizes, strict=True))
@@ -343,7 +345,7 @@ def evidence_for_voltage(readings: Readings) -> float:
         return -np.inf
     counter = as_counter(readings)
     # One start and one charge count, however many runs there are: a counter does not lose to a map by their number.
-    left, of_counter = counter.left, 2 + rules.COST_OF_A_CHANGE * len(counter.jumps)
+    left, of_counter = counter.left, 2 + thresholds.COST_OF_A_CHANGE * len(counter.jumps)
     of_map: Array | None = None
     for bins in _AVERAGED_BINS:
         volts = _averaged(readings.voltage_v, readings.stretch, bins)
@@ -374,7 +376,7 @@ def evidence_for_load(readings: Readings, jumps: Sequence[Jump]) -> tuple[float,
     # What looks like jumps of a counter may be all loads of a map.
     for beside in [[], steps] if steps else [[]]:
         # Its size, and the time over which it averages.
-        freedom = 2.0 + rules.COST_OF_A_CHANGE * (len(beside) - len(steps))
+        freedom = 2.0 + thresholds.COST_OF_A_CHANGE * (len(beside) - len(steps))
         for bins in _AVERAGED_BINS:
             load = -_averaged(readings.power_w, readings.stretch, bins)
             weights, _, left_so = _within_bounds(np.column_stack([straight, *beside, load]), readings)

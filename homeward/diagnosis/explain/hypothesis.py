@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain import change_points
 from homeward.diagnosis.explain.change_points import Axis, Changes, Schedule
 from homeward.diagnosis.explain.menu import Drive
@@ -133,7 +133,7 @@ class Setting:
     def rolling_kg(self) -> float:
         """C_rr m, of the robot file where a fit without rough ground estimates it near zero."""
         fitted, assumed = float(self.theta[ROLLING]), float(self.parameters.start[ROLLING])
-        return fitted if fitted > rules.MATERIAL_SHARE * assumed else assumed
+        return fitted if fitted > thresholds.MATERIAL_SHARE * assumed else assumed
 
     def response(self, one: Hypothesis, size: float, shape: Numbers) -> Array:
         """Contribution of an effect of this size beyond the robot file's, per unit of size, shape (windows,)."""
@@ -193,11 +193,11 @@ def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
             if axis == "time" and one.by_place and met_again and schedule.changes > one.most_changes:
                 continue  # the ground of a place does not change
             typical = axis == "place" or change_points.may_change(one.changes, schedule, runs)
-            if not typical and (one.changes not in _PREFERENCES or schedule.changes > rules.RARE_CHANGES):
+            if not typical and (one.changes not in _PREFERENCES or schedule.changes > thresholds.RARE_CHANGES):
                 continue
             typical = typical and not one.seldom
             rhythm, spread = one.rhythm(schedule, runs)
-            cost = 1 if change_points.clearly_apart(schedule) else rules.COST_OF_A_CHANGE
+            cost = 1 if change_points.clearly_apart(schedule) else thresholds.COST_OF_A_CHANGE
             at_work = schedule.at_work()
             yield Term(
                 one, load[:, None] * at_work, *one.limits(schedule.levels - 1, one.signed),
@@ -274,7 +274,7 @@ class Hypothesis:
     signed: bool = False  # whether its size may then also fall below the reference
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
-    most_changes: int = rules.RARE_CHANGES  # changes in time that it may have in places that are revisited
+    most_changes: int = thresholds.RARE_CHANGES  # changes in time that it may have in places that are revisited
     of_rolling: bool = False  # whether it is a share of the rolling resistance, in a file as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None if a channel shows it
     rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = lambda schedule, runs: ({}, {})  # from a schedule

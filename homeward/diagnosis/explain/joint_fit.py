@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, Setting, Term
 from homeward.diagnosis.fit.fitted import bounded, excited
 from homeward.diagnosis.fit.folds import cut_blocks
@@ -169,7 +169,7 @@ class Corrected:
         for index, p_value in enumerate(self.p_values):
             own = self.model.of(index)
             sized = [at for at in own if self.model.unknowns[at].column is not None]
-            found.append(inside[sized].all() and (len(sized) < len(own) or p_value <= rules.SIGNIFICANT))
+            found.append(inside[sized].all() and (len(sized) < len(own) or p_value <= thresholds.SIGNIFICANT))
         return np.array(found, np.bool_)
 
     def parameters_of(self, index: int) -> dict[str, Value]:
@@ -211,7 +211,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     groups = fit.jacobian.shape[1]
     at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
     spread = covariance(jacobian, runs.observed - predicted, block)[groups:, groups:]
-    spread = spread + np.outer(values, values) * rules.GAIN_ERROR**2
+    spread = spread + np.outer(values, values) * thresholds.GAIN_ERROR**2
     freedom = max(int(block.max()) + 1 - jacobian.shape[1], 1)
     width = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(np.diag(spread), 0.0))
     intervals = tuple(
@@ -311,7 +311,7 @@ def immaterial(fit: Refit, runs: Runs) -> Mask:
     The mass on level ground also enters the force of turning, and would be confounded with it.
     """
     size = np.maximum(np.abs(fit.theta) / fit.parameters.scale, 1.0)
-    return ~excited(fit, runs, rules.MATERIAL_SHARE / size)
+    return ~excited(fit, runs, thresholds.MATERIAL_SHARE / size)
 
 
 def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
@@ -320,7 +320,7 @@ def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
         return fit
     columns = np.column_stack(flexible)
     residual = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]
-    spanned = (residual**2).sum(axis=0) < rules.COLLINEAR * (fit.jacobian**2).sum(axis=0)
+    spanned = (residual**2).sum(axis=0) < thresholds.COLLINEAR * (fit.jacobian**2).sum(axis=0)
     return holding(fit, runs, fit.held | spanned) if spanned.any() else fit
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.signal import lfilter
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import black_box, held_out
@@ -56,9 +56,9 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> 
     fold, by = cut_folds(runs, block)
     by_motion = motion_gain(fit, runs, fold, rng)
     if by == "block":
-        return by_motion / rules.EQUIVALENT
+        return by_motion / thresholds.EQUIVALENT
     by_clock = _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, (), [runs.elapsed_s]))
-    return by_motion / rules.OF_MOTION if by_motion > by_clock else 0.0
+    return by_motion / thresholds.OF_MOTION if by_motion > by_clock else 0.0
 
 
 def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
@@ -67,7 +67,7 @@ def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
     What changes in the same places on other days does not depend on time. 0 of fewer than three runs.
     """
     place_m, sine = runs.context.get("place_m"), np.sin(runs.context.get("grade_rad", np.zeros(len(runs.run))))
-    if place_m is None or len(runs.signals) < rules.FEWEST_RUNS:
+    if place_m is None or len(runs.signals) < thresholds.FEWEST_RUNS:
         return 0.0
     climbed_m = np.nan_to_num(sine) * runs.context["speed_mps"] * runs.duration_s
     for run in range(len(runs.signals)):

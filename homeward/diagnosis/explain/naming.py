@@ -14,7 +14,7 @@ from itertools import combinations, compress, islice
 import numpy as np
 from numpy.random import Generator
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.channel_effects import not_contradicted
@@ -91,7 +91,7 @@ def name_missing(
     )
     naming = Naming()
     instead: Iterator[tuple[Named, ...]] = iter(())  # of the first effect, if it is named alone
-    while len(selected.named) < rules.MOST_EFFECTS:
+    while len(selected.named) < thresholds.MOST_EFFECTS:
         progress("naming")
         bench = selected.bench(varying)
         if not selected.named:
@@ -178,7 +178,7 @@ class _Selection:
         ]
         replayed = gain(runs.observed, predicted[0], predicted[1], fold, self.rng)
         squared_error = float(np.sum((runs.observed - predicted[0]) ** 2))
-        return replayed.share >= least_to_name(rules.SMALLEST_GAIN_TO_NAME, squared_error, noise)
+        return replayed.share >= least_to_name(thresholds.SMALLEST_GAIN_TO_NAME, squared_error, noise)
 
 
 def _splits_a_schedule(named: Sequence[Named]) -> bool:
@@ -212,7 +212,7 @@ def _beside(one: Named, named: Sequence[Named], by_motion: Callable[[], float]) 
 
 def _is_clear(term: Term, gain: float) -> bool:
     """Whether a schedule is more than what others leave by misspecification, of which it explains `gain`."""
-    return clearly_apart(term.schedule) or gain >= rules.MOST_OF_THE_REST
+    return clearly_apart(term.schedule) or gain >= thresholds.MOST_OF_THE_REST
 
 
 def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> tuple[tuple[Named, ...], Corrected]:
@@ -221,7 +221,7 @@ def _fitted(fit: Refit, named: tuple[Named, ...], runs: Runs, block: Index) -> t
     fitted = fit_model(fit, terms, runs, block)
     if any(one.plain is not None for one in terms):
         expressed = fit_model(fit, [one.plain or one for one in terms], runs, block)
-        fitted = expressed if _error_ratio(expressed, fitted, runs) <= rules.EQUAL else fitted
+        fitted = expressed if _error_ratio(expressed, fitted, runs) <= thresholds.EQUAL else fitted
     fitted = profiled(fit, fitted, runs, block).model
     return tuple(replace(one, term=term) for one, term in zip(named, fitted.model.terms, strict=True)), fitted
 
@@ -234,7 +234,7 @@ def _error_ratio(fitted: Fitted, other: Fitted, runs: Runs) -> float:
 
 def _draws_energy(fitted: Corrected, runs: Runs) -> bool:
     """Whether each schedule adds or saves more energy than the scale error of a power meter."""
-    least = rules.SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
+    least = thresholds.SMALLEST_SHARE * float(np.abs(runs.observed * runs.duration_s).sum())
     terms = zip(fitted.model.terms, fitted.contribution, strict=True)
     return all(float(np.abs(w * runs.duration_s).sum()) >= least for one, w in terms if one.axis != "steady")
 
@@ -263,7 +263,7 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
     for one, other in combinations(dict.fromkeys([*order[:_PAIRED], *most[:_PAIRED]]), 2):
         if bench.candidates[one].effect != bench.candidates[other].effect:
             both = bench.score(bench.share(one, other), independent, one, other)
-            if both > best + rules.STRONG_BIC:
+            if both > best + thresholds.STRONG_BIC:
                 best, pair = both, (one, other)
     preferred = _likeliest(bench, _prefer_a_channel(bench, pair[0], shares), alone)
     refused: list[Named] = []  # by the placebos only
@@ -272,7 +272,7 @@ def _best(bench: Bench, rng: Generator) -> Iterator[tuple[Named, ...]]:
         """Each alone, if those that only the placebos refuse do not explain more."""
         for index in dict.fromkeys(indices):
             found = _supported(bench, index, alone, independent, rng, whitened)
-            if found and found.p_value > rules.FALSE_ALARM_RATE:
+            if found and found.p_value > thresholds.FALSE_ALARM_RATE:
                 refused.append(found)
             elif found and not any(_outdone(found, one) for one in refused):
                 yield (found,)
@@ -294,7 +294,7 @@ def _outdone(found: Named, refused: Named) -> bool:
     """Whether a refused effect explains more: a schedule is less simple than a channel, and a drift does not refute
     steps."""
     simpler = found.term.axis == "steady" and refused.term.axis != "steady"
-    least = (rules.SIMPLER if simpler else rules.RIVAL_SHARE) * refused.held_out_gain
+    least = (thresholds.SIMPLER if simpler else thresholds.RIVAL_SHARE) * refused.held_out_gain
     return found.held_out_gain < least and (refused.sudden or not found.sudden)
 
 
@@ -308,7 +308,7 @@ def _half(bench: Bench, chosen: int, independent: float, rng: Generator) -> Name
     alone = _alone(bench, independent)
     tried = dict.fromkeys([_likeliest(bench, chosen, alone), chosen])
     found = (_supported(bench, index, alone, independent, rng) for index in tried)
-    return next((one for one in found if one and one.p_value <= rules.FALSE_ALARM_RATE), None)
+    return next((one for one in found if one and one.p_value <= thresholds.FALSE_ALARM_RATE), None)
 
 
 def _best_forms(bench: Bench, scores: Array) -> list[int]:
@@ -329,7 +329,7 @@ def _prefer_a_channel(bench: Bench, chosen: int, shares: Array) -> int:
     if bench.candidates[chosen].axis == "steady" or not steady:
         return chosen
     best = max(steady, key=lambda index: float(shares[index]))
-    return best if shares[best] >= rules.SIMPLER * shares[chosen] else chosen
+    return best if shares[best] >= thresholds.SIMPLER * shares[chosen] else chosen
 
 
 def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
@@ -347,7 +347,7 @@ def _likeliest(bench: Bench, chosen: int, alone: Array) -> int:
         for index, term in enumerate(bench.candidates)
         if term.effect not in named
         and term.axis == bench.candidates[chosen].axis
-        and 1.0 - bench.shares[index] <= rules.EQUAL * (1.0 - bench.shares[chosen])
+        and 1.0 - bench.shares[index] <= thresholds.EQUAL * (1.0 - bench.shares[chosen])
     ]
     return min([chosen, *equals], key=preference)
 
@@ -358,11 +358,11 @@ def _supported(
     """A hypothesis with its evidence, if `whitened` by innovations, where it passes every test but of its p-value."""
     term, share, error = bench.candidates[chosen], bench.share(chosen), bench.squared_error(chosen)
     delta_bic = bench.innovations_bic(chosen) if whitened else bench.delta_bic(chosen)
-    least = rules.SMALLEST_GAIN_TO_NAME if term.hypothesis.physical else rules.SMALLEST_GAIN_OF_A_FAULT
-    if delta_bic < rules.STRONG_BIC or share < least_to_name(least, error, bench.noise):
+    least = thresholds.SMALLEST_GAIN_TO_NAME if term.hypothesis.physical else thresholds.SMALLEST_GAIN_OF_A_FAULT
+    if delta_bic < thresholds.STRONG_BIC or share < least_to_name(least, error, bench.noise):
         return None
     loose = term.axis == "time" and not _is_clear(term, share)
-    of_refit = rules.SMALLEST_GAIN * bench.refit_error if loose else 0.0
+    of_refit = thresholds.SMALLEST_GAIN * bench.refit_error if loose else 0.0
     of_channels = bench.channel_error * _followed(bench, chosen)
     if share * error < max(of_refit, meter_error(bench.runs)) or share * error <= of_channels:
         return None  # as much may come from another effect's form, or from errors of the instruments
@@ -374,7 +374,7 @@ def _supported(
     if interval[0] <= 0.0:
         return None
     p_value = bench.p_value(chosen, independent, rng)
-    if bench.held_out_bic(chosen) < rules.STRONG_BIC:  # identified by innovations: rivals by the same evidence
+    if bench.held_out_bic(chosen) < thresholds.STRONG_BIC:  # identified by innovations: rivals by the same evidence
         alone = np.array([bench.innovations_bic(index) for index in range(len(bench.candidates))])
     rivals = _rivals(bench, chosen, alone)
     return Named(_with_plain(bench, chosen), delta_bic, share, interval, p_value, rivals, sudden)
@@ -404,12 +404,16 @@ def _rivals(bench: Bench, chosen: int, alone: Array) -> tuple[Term, ...]:
     found: dict[str, Term] = {}
     for index in np.argsort(-alone, kind="stable").tolist():
         other = bench.candidates[index]
-        if other.effect == bench.candidates[chosen].effect or alone[index] < rules.STRONG_BIC or index in bench.beside:
+        if (
+            other.effect == bench.candidates[chosen].effect
+            or alone[index] < thresholds.STRONG_BIC
+            or index in bench.beside
+        ):
             continue
         alike = other.hypothesis.looks_like(bench.candidates[chosen].hypothesis, bench.runs)
-        share = rules.CONFUSABLE_SHARE if alike else rules.RIVAL_SHARE
+        share = thresholds.CONFUSABLE_SHARE if alike else thresholds.RIVAL_SHARE
         beside = bench.share(index)
         doubtful = beside * bench.squared_error(index) <= bench.channel_error * _followed(bench, index)
-        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < rules.STRONG_BIC):
+        if not doubtful and (beside >= share * explained or alone[chosen] - alone[index] < thresholds.STRONG_BIC):
             found.setdefault(other.effect, _with_plain(bench, index))
     return tuple(found.values())

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.fit.channel_errors import meter_error
@@ -58,6 +58,6 @@ def needless(fit: Refit, runs: Runs) -> Mask | None:
     fewer = [one for one in subsets if len(one) + 1 < len(off)]
     with_one = [(criterion((*one, count + index)), one) for one in fewer for index in range(len(effects))]
     best, changed = min(with_one, default=(np.inf, ()))
-    if best + rules.STRONG_BIC > without:
+    if best + thresholds.STRONG_BIC > without:
         return None
     return np.asarray((numbers[list(changed)] == 0.0).all(axis=0))

@@ -9,7 +9,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.residual_test import TESTED, Dependence, ResidualChannel
 from homeward.diagnosis.fit.replay import Runs
@@ -67,7 +67,7 @@ def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
     high, total = low[-1] - low[:-1], low[-1]
     difference = (below[-1] - below[:-1]) / high - below[:-1] / low[:-1]
     k = int(np.argmax(low[:-1] * high * difference**2))
-    exception = min(low[k], high[k]) < rules.EXCEPTION * total
+    exception = min(low[k], high[k]) < thresholds.EXCEPTION * total
     return k + 1, bool(high[k] < low[k] if exception else difference[k] > 0.0)
 
 
@@ -86,7 +86,7 @@ def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
     weight = np.bincount(number, minlength=len(effect)).astype(np.float64)
     middle = float(np.quantile(effect, 0.5, weights=weight, method="inverted_cdf"))
     spread = effect - middle
-    far = np.abs(spread) > rules.HALF * np.max(np.abs(spread))
+    far = np.abs(spread) > thresholds.HALF * np.max(np.abs(spread))
     rest = np.average(effect[~far], weights=weight[~far]) if (~far).any() else middle
     excess = (effect - rest)[number] * dependence.weight
     inside = far[number]
@@ -132,7 +132,7 @@ def _when(start_s: float, end_s: float, runs: Runs, here: Mask) -> str:
 def _at_work(contribution: Array) -> Mask:
     """Windows where an effect exceeds `AT_WORK` of its 0.99 quantile, shape (windows,)."""
     size = np.abs(contribution)
-    return np.asarray(size > rules.AT_WORK * float(np.quantile(size, 0.99)))
+    return np.asarray(size > thresholds.AT_WORK * float(np.quantile(size, 0.99)))
 
 
 def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Mask | None = None) -> tuple[Place, ...]:
@@ -142,7 +142,7 @@ def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Ma
     the effect is at work where its contribution, shape (windows,), exceeds `AT_WORK` of its 0.99 quantile.
     """
     inside = _at_work(contribution) if inside is None else inside
-    return _cut(inside, _shares(contribution, runs), runs, condition, rules.SHORTEST_LEVEL * WINDOW_S, edge=1.0)
+    return _cut(inside, _shares(contribution, runs), runs, condition, thresholds.SHORTEST_LEVEL * WINDOW_S, edge=1.0)
 
 
 def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
@@ -198,7 +198,7 @@ def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> 
         for side, meant in ((True, values > middle), (False, values < middle)):
             score = 2.0 * float((meant & inside).sum()) / float(meant.sum() + inside.sum())
             best, limit, above = max((best, limit, above), (score, middle, side), key=lambda one: one[0])
-    return _words(channel, above, limit) if best > rules.LEAST_OVERLAP else None
+    return _words(channel, above, limit) if best > thresholds.LEAST_OVERLAP else None
 
 
 def _words(channel: ResidualChannel, above: bool, limit: float) -> str:

@@ -21,7 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.fit.fitted import Fitted, bounded
@@ -186,7 +186,7 @@ class Bench:
         """Whether its size changes in steps that stand out from the innovations, unlike levels that follow a drift."""
         one = self.candidates[chosen]
         in_time = one.axis == "time" and one.schedule is not None
-        return in_time and self.innovations_bic(chosen) >= rules.STRONG_BIC
+        return in_time and self.innovations_bic(chosen) >= thresholds.STRONG_BIC
 
     def delta_bic(self, chosen: int) -> float:
         """Evidence for one hypothesis: from the held-out share or, of one in steps, from the innovations if more."""
@@ -264,7 +264,7 @@ class Bench:
                 return _AS_GOOD / len(scores)
             if len(scores) % _SEARCHES == 0:
                 p_value = min(1.0, len(kinds) * _tail(np.array(scores), reached))
-                if not 1.0 / _CLOSE < p_value / rules.FALSE_ALARM_RATE < _CLOSE:
+                if not 1.0 / _CLOSE < p_value / thresholds.FALSE_ALARM_RATE < _CLOSE:
                     break
         return p_value
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.stats import rankdata
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.channel_errors import channel_error, meter_error
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, per_block
@@ -79,8 +79,8 @@ class Dependence:
     @property
     def found(self) -> bool:
         """Whether the dependence is significant and its gain large enough."""
-        least = rules.SMALLEST_GAIN_IN_TIME if self.channel is _TIME else rules.SMALLEST_GAIN
-        return self.p_value <= rules.FALSE_ALARM_RATE and self.held_out_gain >= least
+        least = thresholds.SMALLEST_GAIN_IN_TIME if self.channel is _TIME else thresholds.SMALLEST_GAIN
+        return self.p_value <= thresholds.FALSE_ALARM_RATE and self.held_out_gain >= least
 
 
 class _TestStatistic(NamedTuple):
@@ -136,7 +136,7 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Genera
 
     def rank(one: Dependence) -> tuple[bool, float]:
         # Every intermittent cause also depends on time, and a level per stretch is more flexible.
-        behind = one.channel is _TIME and one.held_out_gain < rules.TIME_OVER_CHANNEL * best
+        behind = one.channel is _TIME and one.held_out_gain < thresholds.TIME_OVER_CHANNEL * best
         return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
 
     return sorted(found, key=rank)
@@ -174,7 +174,7 @@ def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
     standing = ancillary_power(problem.nominal, runs.sensing_hz) if runs.unit == "W" else 0.0
     load = np.nan_to_num(np.maximum(problem.predict(runs, problem.start) - standing, 0.0))
     mean = float(load.mean())
-    changes = float(load.std()) > rules.HARDLY_CHANGES * mean > 0.0
+    changes = float(load.std()) > thresholds.HARDLY_CHANGES * mean > 0.0
     return [(False, even), (True, load / mean)] if changes else [(False, even)]
 
 
@@ -188,7 +188,7 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
         for scaled, weight in weights if channel.scales else weights[:1]:
             inside = known & (weight != 0.0)
             reached = np.unique(np.column_stack([number, block])[inside], axis=0)[:, 0]
-            covered = np.bincount(reached, minlength=int(number.max()) + 1) >= rules.FEWEST_BLOCKS_A_BIN
+            covered = np.bincount(reached, minlength=int(number.max()) + 1) >= thresholds.FEWEST_BLOCKS_A_BIN
             bins = _indicators(number, weight)[:, covered]
             slope = (weight * rank)[:, None]
             # Only the part that the refit cannot absorb is tested.
@@ -223,7 +223,7 @@ def _stretches(statistic: _TestStatistic, chosen: Array, run: Index, block: Inde
     cut = np.zeros(len(run), dtype=np.intp)
     for one in np.unique(statistic.family):
         largest = max(np.flatnonzero(statistic.family == one), key=lambda index: departure[index])
-        if departure[largest] >= rules.CUSUM_CUTS:
+        if departure[largest] >= thresholds.CUSUM_CUTS:
             cut += (chosen[largest] > 0.0)[block]
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
 
@@ -257,7 +257,7 @@ def _edges(values: Array) -> Array:
     count = np.bincount(np.searchsorted(edges, values, side="right"), minlength=len(edges) + 1)
     kept = [0]  # a bin with too few values joins the one before it, the first the one after it
     for k in range(1, len(count)):
-        if count[k] >= rules.FEWEST_A_BIN and count[kept[-1] : k].sum() >= rules.FEWEST_A_BIN:
+        if count[k] >= thresholds.FEWEST_A_BIN and count[kept[-1] : k].sum() >= thresholds.FEWEST_A_BIN:
             kept.append(k)
     return np.asarray(edges[np.array(kept[1:], np.intp) - 1])
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.stats import chi2
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.channel_errors import meter_error
@@ -26,7 +26,7 @@ from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, d_max
 
 _TRIED = 9  # values of a number over its range; chosen: steps of an eighth
-_AS_LIKELY = float(chi2.ppf(1.0 - rules.SIGNIFICANT, 1))  # least likelihood-ratio statistic that is significant
+_AS_LIKELY = float(chi2.ppf(1.0 - thresholds.SIGNIFICANT, 1))  # least likelihood-ratio statistic that is significant
 _SIGNS: Mapping[int, Together] = {1: "product", -1: "ratio"}
 
 
@@ -72,10 +72,10 @@ def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
             more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
             scales = float(more @ added) / max(SMALL_STEP * float(added @ added), 1e-300)
             cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
-            if cosine > rules.CONFOUNDED and scales > rules.CONFOUNDED and one.column is not None:
+            if cosine > thresholds.CONFOUNDED and scales > thresholds.CONFOUNDED and one.column is not None:
                 name = f"{one.effect} {one.parameter}"
                 assumed, at_joint = float(theta[index] * problem.to_group[index]), known.names.index(name)
-                wide = rules.NORMAL_95 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
+                wide = thresholds.NORMAL_95 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
                 unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
                 found.append(_product((group.symbol, name), assumed * float(model.values[number]), wide, unit))
     return found
@@ -89,14 +89,14 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     found = []
     for index, term in enumerate(model.model.terms):
         mine = [first + at for at in model.model.of(index)]
-        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > rules.CONFOUNDED]
+        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > thresholds.CONFOUNDED]
         if not pairs or term.hypothesis.is_weather:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))
         slopes = np.array([model.beside[:, at - first].mean() for at in mine])
         error = float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
         names = tuple(dict.fromkeys(kept.names[at] for pair in pairs for at in pair))
-        found.append(_product(names, mean, rules.NORMAL_95 * error, runs.unit, "mean power"))
+        found.append(_product(names, mean, thresholds.NORMAL_95 * error, runs.unit, "mean power"))
     return found
 
 
@@ -115,7 +115,7 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
     if runs.unit == "A" or path_m.sum() <= 0.0 or drawn_j.sum() <= 0.0:
         return None
     before, after = robots
-    piece = runs.run if len(runs.signals) >= rules.FEWEST_RUNS else np.cumsum(runs.duration_s) // 60.0
+    piece = runs.run if len(runs.signals) >= thresholds.FEWEST_RUNS else np.cumsum(runs.duration_s) // 60.0
     number = np.unique(piece, return_inverse=True)[1]
     energy_j, way_m = (np.bincount(number, one) for one in (drawn_j, path_m))
     low, high = bootstrap(
@@ -194,13 +194,13 @@ class Open:
                 if one in groups and other in groups:
                     continue
                 value = numbers[0][one] * numbers[0][other] ** sign
-                wide = rules.NORMAL_95 * value * float(np.hypot(error.get(one, 0.0), error.get(other, 0.0)))
+                wide = thresholds.NORMAL_95 * value * float(np.hypot(error.get(one, 0.0), error.get(other, 0.0)))
                 unit = f"({units.get(one, '1')}){'' if sign > 0 else '/'}({units.get(other, '1')})".replace("(1)", "")
                 found.append(_product((one, other), value, wide, unit, together))
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
             own = sum(powers[0][name] * error.get(name, 0.0) for name in pair)
-            wide = rules.NORMAL_95 * own + rules.PRODUCT_SPREAD * value
+            wide = thresholds.NORMAL_95 * own + thresholds.PRODUCT_SPREAD * value
             found.append(_product(pair, value, wide, runs.unit, "mean power"))
         return tuple(found)
 
@@ -274,7 +274,8 @@ def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1
     vary = [
         name
         for name in models[0]
-        if all(name in one for one in models) and np.std([one[name] for one in models]) > rules.PRODUCT_SPREAD * scale
+        if all(name in one for one in models)
+        and np.std([one[name] for one in models]) > thresholds.PRODUCT_SPREAD * scale
     ]
     sums = {(a, b): [one[a] + sign * one[b] for one in models] for a, b in combinations(vary, 2)}
-    return [pair for pair, values in sums.items() if np.std(values) <= rules.PRODUCT_SPREAD * scale]
+    return [pair for pair, values in sums.items() if np.std(values) <= thresholds.PRODUCT_SPREAD * scale]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.replay import Runs
@@ -42,7 +42,7 @@ def _moved(runs: Runs, name: str, sign: float) -> Runs:
     for run in runs.signals:
         values: Array = getattr(run, name)
         error = largest if name == "grade_rad" and name in run.context else run.error.get(name, 0.0)
-        size = sign * rules.SMOOTHING_ERROR * error * (values != 0.0 if name == "speed_mps" else 1.0)
+        size = sign * thresholds.SMOOTHING_ERROR * error * (values != 0.0 if name == "speed_mps" else 1.0)
         moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
     return dataclasses.replace(runs, signals=moved)
 
@@ -56,7 +56,7 @@ def tilt_error(fit: Fitted, runs: Runs) -> float:
 
 def meter_error(runs: Runs) -> float:
     """Squared scale error of a power meter, summed over windows, W^2 or A^2."""
-    return rules.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+    return thresholds.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
 
 
 def reliability(name: str, runs: Runs) -> float:
@@ -93,19 +93,19 @@ def unrecorded(runs: Runs) -> list[Influence]:
 def is_autocorrelated(residual: Array, runs: Runs) -> bool:
     """Whether a residual, (windows,), has a lag-one autocorrelation of `SAME` or more, unlike noise of power."""
     together = runs.run[1:] == runs.run[:-1]
-    return float((residual[1:] * residual[:-1])[together].sum()) >= rules.SAME * float(residual @ residual)
+    return float((residual[1:] * residual[:-1])[together].sum()) >= thresholds.SAME * float(residual @ residual)
 
 
 def unexplained(fit: Fitted, runs: Runs) -> bool:
     """Whether a fit has a material, autocorrelated residual above the noise though all dependencies were recorded."""
     persistent = is_material(fit, runs) and is_autocorrelated(runs.observed - fit.predicted, runs)
-    return persistent and not unrecorded(runs) and times_noise(fit, runs) > rules.BEYOND_NOISE
+    return persistent and not unrecorded(runs) and times_noise(fit, runs) > thresholds.BEYOND_NOISE
 
 
 def is_material(fit: Fitted, runs: Runs) -> bool:
     """Whether the residual of a fit exceeds `MATERIAL_SHARE` of what was recorded."""
     residual = runs.observed - fit.predicted
-    return float(residual @ residual) >= rules.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
+    return float(residual @ residual) >= thresholds.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
 
 
 def power_noise(runs: Runs) -> float:
@@ -127,4 +127,4 @@ def least_to_name(share: float, squared_error: float, noise: float) -> float:
     >>> round(least_to_name(0.1, squared_error=100.0, noise=30.0), 9), least_to_name(0.1, 100.0, 100.0)
     (0.07, 0.05)
     """
-    return max(rules.SMALLEST_GAIN, share * (1.0 - noise / max(squared_error, 1e-300)))
+    return max(thresholds.SMALLEST_GAIN, share * (1.0 - noise / max(squared_error, 1e-300)))

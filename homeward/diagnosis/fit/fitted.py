@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.parameter_groups import Parameters
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Mask
@@ -45,7 +45,7 @@ class Fitted(Protocol):
         """The same fitted to the chosen windows only, linearised at this fit."""
 
 
-def excited(fit: Fitted, runs: Runs, share: float | Array = rules.EXCITED) -> Mask:
+def excited(fit: Fitted, runs: Runs, share: float | Array = thresholds.EXCITED) -> Mask:
     """Whether each parameter is excited: a plausible change of it changes the prediction by this share of the record,
     shape (columns,)."""
     norms = np.linalg.norm(fit.jacobian, axis=0)

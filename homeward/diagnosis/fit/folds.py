@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import Array, Index
@@ -21,8 +21,10 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
     Blocks are shortened where fewer than `FEWEST_BLOCKS` would remain.
     """
     correlation = 0.0 if residual is None else correlation_windows(residual, run)
-    length = max(rules.SHORTEST_BLOCK, len(run) // _MOST_BLOCKS, int(np.ceil(rules.CORRELATION_TIMES * correlation)))
-    length = max(rules.SHORTEST_BLOCK, min(length, len(run) // (rules.FEWEST_BLOCKS + len(np.unique(run)))))
+    length = max(
+        thresholds.SHORTEST_BLOCK, len(run) // _MOST_BLOCKS, int(np.ceil(thresholds.CORRELATION_TIMES * correlation))
+    )
+    length = max(thresholds.SHORTEST_BLOCK, min(length, len(run) // (thresholds.FEWEST_BLOCKS + len(np.unique(run)))))
     _, first, number, size = np.unique(run, return_index=True, return_inverse=True, return_counts=True)
     count = np.maximum(np.rint(size / length), 1).astype(np.intp)
     before, within = np.cumsum(count) - count, np.arange(len(run)) - first[number]
@@ -39,13 +41,13 @@ def per_block(values: Array, block: Index) -> Array:
 def cut_stretches(run: Index) -> Index:
     """Number within its run of each window's stretch of `SHORTEST_LEVEL` windows, shape (windows,)."""
     first = np.searchsorted(run, run)
-    return (np.arange(len(run)) - first) // rules.SHORTEST_LEVEL
+    return (np.arange(len(run)) - first) // thresholds.SHORTEST_LEVEL
 
 
 def cut_folds(runs: Runs, block: Index) -> tuple[Index, Literal["run", "block"]]:
     """Fold of each window, shape (windows,), and its kind: whole runs or, of fewer than three, series of blocks."""
     count = len(runs.signals)
-    if count >= rules.FEWEST_RUNS:
+    if count >= thresholds.FEWEST_RUNS:
         return runs.run % _MOST_FOLDS if count > _MOST_FOLDS else runs.run, "run"
     blocks = int(block.max()) + 1
     return block * min(FOLDS, blocks) // blocks, "block"

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.refit import refit, standard_errors
 from homeward.diagnosis.fit.replay import average
@@ -81,17 +81,17 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
         runs = average(late(late_s))
         return float(np.sum((runs.observed - refit(runs, robot).predicted) ** 2))
 
-    steps = np.arange(0.0, rules.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S).tolist()
+    steps = np.arange(0.0, thresholds.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S).tolist()
     best = min(steps, key=lambda late_s: float(errors(late_s).sum()))
-    if best < rules.SHORTEST_CHANNEL_LAG_S:
+    if best < thresholds.SHORTEST_CHANNEL_LAG_S:
         return 0.0
     # To a tenth of a window, by the replay: what is left looks like a lag of power.
     best = float(minimize_scalar(left, bounds=(best - _COARSE_S, best + _COARSE_S), method="bounded",
                                  options={"xatol": 0.05}).x)  # fmt: skip
     least = errors(best)
-    if best < rules.SHORTEST_CHANNEL_LAG_S or (least > errors(0.0)).any():
+    if best < thresholds.SHORTEST_CHANNEL_LAG_S or (least > errors(0.0)).any():
         return 0.0
-    return best if float(least.sum()) < (1.0 - rules.SMALLEST_GAIN) * _by_power(searched, robot) else 0.0
+    return best if float(least.sum()) < (1.0 - thresholds.SMALLEST_GAIN) * _by_power(searched, robot) else 0.0
 
 
 def _by_power(runs: Sequence[Signals], robot: Robot) -> float:
@@ -142,8 +142,8 @@ def _drift(run: Signals, robot: Robot) -> float:
     The best of a few drifts, then Gauss-Newton on lag and drift together with the coefficients; the drift's standard
     error is clustered by stretch.
     """
-    stretch = (run.time_s - run.time_s[0]) // rules.INDEPENDENT_S
-    if stretch[-1] < rules.FEWEST_STRETCHES or len(run.time_s) > rules.MOST_SAMPLES_OF_A_DRIFT:
+    stretch = (run.time_s - run.time_s[0]) // thresholds.INDEPENDENT_S
+    if stretch[-1] < thresholds.FEWEST_STRETCHES or len(run.time_s) > thresholds.MOST_SAMPLES_OF_A_DRIFT:
         return 0.0
     columns, since = drive_columns(run, robot, run.grade_rad), _since(run)
 
@@ -154,7 +154,7 @@ def _drift(run: Signals, robot: Robot) -> float:
         residual = run.observed - late @ weights
         return late, weights, float(residual @ residual)
 
-    drifts = np.arange(-rules.LONGEST_DRIFT_S, rules.LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
+    drifts = np.arange(-thresholds.LONGEST_DRIFT_S, thresholds.LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
     starts = [(lag, drift) for drift in drifts for lag in {0.0, -drift / 2.0}]
     lag_s, drift_s = min(starts, key=lambda one: fit(*one)[2])
     error_s = np.inf
@@ -166,9 +166,12 @@ def _drift(run: Signals, robot: Robot) -> float:
         residual = run.observed - design @ found
         lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
         error_s = float(standard_errors(design, residual, stretch.astype(np.intp))[-1])
-    if error_s > abs(drift_s) / rules.CLEAR_DRIFT or not rules.SMALLEST_DRIFT_S < abs(drift_s) < rules.LONGEST_DRIFT_S:
+    if (
+        error_s > abs(drift_s) / thresholds.CLEAR_DRIFT
+        or not thresholds.SMALLEST_DRIFT_S < abs(drift_s) < thresholds.LONGEST_DRIFT_S
+    ):
         return 0.0
     # The derivative of a noisy channel is noise, which some lag fits by chance: power itself must be explained better.
     without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)
     with_it = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
-    return drift_s if with_it < (1.0 - rules.SMALLEST_GAIN) * without else 0.0
+    return drift_s if with_it < (1.0 - thresholds.SMALLEST_GAIN) * without else 0.0

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.logs.channels import Array
 from homeward.physics import Robot
@@ -127,7 +127,7 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     fastest_hz = max(float(np.max(runs.sensing_hz, initial=0.0)), robot.max_sensing_hz)
     # An unknown drag is bounded by ten times the largest recorded power.
     most_force = most * (gamma / top_speed if runs.unit == "W" else per)
-    most_drag = rules.MOST_TIMES * robot.drag_ns2_per_m2 or 10.0 * most_force / top_speed**2
+    most_drag = thresholds.MOST_TIMES * robot.drag_ns2_per_m2 or 10.0 * most_force / top_speed**2
     most = max(most, 2.0 * idle, 1e-6)
     most_sample = max(most / fastest_hz, 2.0 * sample)
     rolling, drag, mass = robot.rolling_resistance * robot.mass_kg, robot.drag_ns2_per_m2, robot.mass_kg
@@ -136,7 +136,7 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
         *(ancillary if runs.unit == "W" else ancillary[:1]),
         (rolling, 1e-3 * rolling, mass, rolling),
         (drag, 0.0, most_drag, drag or most_drag / 100),
-        (mass, mass / rules.MOST_TIMES, mass * rules.MOST_TIMES, mass),
+        (mass, mass / thresholds.MOST_TIMES, mass * thresholds.MOST_TIMES, mass),
     ]).T  # fmt: skip
     groups = GROUPS[runs.unit]
     to_group = np.where([group.measured for group in groups], 1.0 / per, 1.0)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import (
@@ -156,7 +156,7 @@ def _of_effects(runs: Runs, robot: Robot, mean: float, per: float, scales: Scale
     found = [
         Entry(
             INERTIA, "kg", mass_kg * given(inertia.EFFECT.id, factor.name, _FACTOR), scales.inertia_times * mass_kg,
-            0.0, factor.high * rules.MOST_TIMES * mass_kg,
+            0.0, factor.high * thresholds.MOST_TIMES * mass_kg,
         )
     ]  # fmt: skip
     if runs.unit == "W":

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.channel_errors import reliability
 from homeward.diagnosis.fit.fitted import Fitted, excited
 from homeward.diagnosis.fit.folds import per_block
@@ -150,7 +150,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
     errors *= problem.scale
     degrees_of_freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
-    errors = np.hypot(errors, rules.GAIN_ERROR * np.abs(fit.theta))
+    errors = np.hypot(errors, thresholds.GAIN_ERROR * np.abs(fit.theta))
     errors[ROLLING] = np.hypot(errors[ROLLING], runs.tilt_error_rad * abs(fit.theta[MASS]))
     widths = float(student.ppf(0.975, degrees_of_freedom)) * errors
     wide = float(student.ppf(1.0 - 0.025 / len(problem.groups), degrees_of_freedom)) * errors
@@ -161,7 +161,8 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
         status, mixed = _status(fit, runs, j, moving)
         fitted, width = fit.theta[j] * problem.to_group[j], widths[j] * problem.to_group[j]
         if status == "fitted" and (
-            width > max(abs(assumed), abs(fitted)) or reliability(_RESTS_ON.get(group.name, ""), runs) < rules.RELIABLE
+            width > max(abs(assumed), abs(fitted))
+            or reliability(_RESTS_ON.get(group.name, ""), runs) < thresholds.RELIABLE
         ):
             status = "too uncertain"
         elif status == "fitted" and fit.at_bound[j]:
@@ -184,13 +185,13 @@ def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tupl
     weights = np.linalg.lstsq(beside, column, rcond=None)[0] if len(others) else np.zeros(0)
     own = column - beside @ weights
     size = np.abs(weights) * np.linalg.norm(beside, axis=0)
-    mixed = tuple(groups[o].symbol for o in others[size > rules.MIXED * np.linalg.norm(column)])
-    if own @ own < rules.COLLINEAR * (column @ column):
+    mixed = tuple(groups[o].symbol for o in others[size > thresholds.MIXED * np.linalg.norm(column)])
+    if own @ own < thresholds.COLLINEAR * (column @ column):
         return "confounded", mixed
     same_run = runs.run[1:] == runs.run[:-1]
     if groups[j].measured and same_run.any():
         lagged = float((own[1:] * own[:-1])[same_run].mean() / (own * own).mean())
-        if lagged < rules.NOISE_ONLY and own @ own < rules.OWN_PART * (column @ column):
+        if lagged < thresholds.NOISE_ONLY and own @ own < thresholds.OWN_PART * (column @ column):
             return "confounded", mixed
     return "fitted", ()
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, Unit, Windows, windows
-from homeward.logs import rules as logs_rules
+from homeward.logs import thresholds as logs_thresholds
 from homeward.logs.channels import Array, Index
 from homeward.logs.times import median_step_s
 from homeward.physics import Robot
@@ -114,7 +114,7 @@ def current_a(run: Signals, robot: Robot) -> Array:
 
 def _current_a(run: Signals, robot: Robot, force_n: Array) -> Array:
     # Motor current vanishes with the motion.
-    turning = np.minimum(wheels_mps(run, robot) / logs_rules.STANDSTILL_MPS, 1.0)
+    turning = np.minimum(wheels_mps(run, robot) / logs_thresholds.STANDSTILL_MPS, 1.0)
     return np.asarray(robot.rest_current_a + turning * force_n / thrust_n_per_a(robot))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.read.signals import Signals, steps_s
 from homeward.logs.autocorrelation import correlation_windows
@@ -87,14 +87,14 @@ def wrong_slopes(signals: Sequence[Signals], robot: Robot) -> str | None:
     causes = np.stack((climb_mps, np.ones(len(speed_mps)), speed_mps), axis=-1)
     if np.linalg.matrix_rank(causes) < causes.shape[1]:
         causes = causes[:, :2]  # at one speed
-    if np.linalg.matrix_rank(causes) < causes.shape[1] or len(causes) < rules.FEWEST_SAMPLES:
+    if np.linalg.matrix_rank(causes) < causes.shape[1] or len(causes) < thresholds.FEWEST_SAMPLES:
         return None
     sizes = np.linalg.lstsq(causes, runs.observed, rcond=None)[0]
     left = runs.observed - causes @ sizes
     variance = float(left @ left) / (len(left) - causes.shape[1]) * correlation_windows(left, runs.run)
     error_n = float(np.sqrt(variance * np.linalg.inv(causes.T @ causes)[0, 0]))
     force_n, weight_n = float(sizes[0]), robot.mass_kg * GRAVITY_MPS2
-    if force_n > -rules.HALF * weight_n or force_n > -rules.CLEAR_TILT * error_n:
+    if force_n > -thresholds.HALF * weight_n or force_n > -thresholds.CLEAR_TILT * error_n:
         return None
     return (
         f"climbs draw less than level ground in all runs together ({force_n:.3g} N along the slope, where the weight "

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.lags import late_slope, without_drift
 from homeward.diagnosis.fit.replay import average as average_runs
 from homeward.diagnosis.fit.replay import predict
@@ -17,7 +17,7 @@ from homeward.diagnosis.read.even import on_even_clock
 from homeward.diagnosis.read.faults import without_faults
 from homeward.diagnosis.read.pitch import without_tilt
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, gaps, known, signals, slopes_known
-from homeward.logs import rules as logs_rules
+from homeward.logs import thresholds as logs_thresholds
 from homeward.logs.channels import lacking
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
@@ -119,7 +119,7 @@ def _corrected(kept: Sequence[_Run], robot: Robot, sloped: bool) -> tuple[list[S
     if wrong_sign := wrong_slopes(runs, robot):
         notes.append(Finding(first, wrong_sign))
     ratio = _over_expected(runs, robot)
-    if not 1.0 / rules.RIGHT_ROBOT < ratio < rules.RIGHT_ROBOT:
+    if not 1.0 / thresholds.RIGHT_ROBOT < ratio < thresholds.RIGHT_ROBOT:
         text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
         notes.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
     return runs, notes
@@ -138,12 +138,12 @@ def _lacks(recording: Recording) -> str | None:
     if lacks := lacking(recording.channels):
         return f"has no {lacks}"
     missing = 1.0 - float(known(recording).mean())
-    if missing > rules.HALF:
+    if missing > thresholds.HALF:
         return (
             f"motion or power is missing in {missing:.0%} of the samples; where they are logged in rows of their own, "
             "put both into each row (pandas.merge_asof does)"
         )
-    if len(recording) < rules.FEWEST_SAMPLES or recording.duration_s < rules.SHORTEST_RUN_S:
+    if len(recording) < thresholds.FEWEST_SAMPLES or recording.duration_s < thresholds.SHORTEST_RUN_S:
         return f"is too short ({len(recording)} samples over {recording.duration_s:.3g} s)"
     return None
 
@@ -158,22 +158,22 @@ def _fault_but_for_sign(run: Signals, robot: Robot) -> str | None:
     """The same without the sign of its power, which all runs show together."""
     if len(run.time_s) == 0:
         return "holds nothing but charging"
-    if len(run.time_s) < rules.FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < rules.SHORTEST_RUN_S:
+    if len(run.time_s) < thresholds.FEWEST_SAMPLES or run.time_s[-1] - run.time_s[0] < thresholds.SHORTEST_RUN_S:
         return f"is too short ({len(run.time_s)} samples of driving over {np.ptp(run.time_s):.3g} s)"
     if not run.observed.any():
         return "the recorded power or current is zero throughout; was the sensor connected?"
     if np.ptp(run.observed) == 0.0:
         return f"the recorded power or current never changes ({run.observed[0]:.4g} {run.unit}); did the logger hang?"
     quick = float(np.quantile(np.abs(run.speed_mps), 0.99))
-    if quick > rules.TOO_FAST * robot.max_speed_mps:
-        guess = "; km/h?" if quick / 3.6 <= rules.AS_FAST_IN_KMH * robot.max_speed_mps else ""
+    if quick > thresholds.TOO_FAST * robot.max_speed_mps:
+        guess = "; km/h?" if quick / 3.6 <= thresholds.AS_FAST_IN_KMH * robot.max_speed_mps else ""
         return (
             f"drives at {quick:.3g} m/s, while {robot.name} reaches {robot.max_speed_mps:g} m/s: "
             f"another robot or another unit{guess}"
         )
     ratio = _over_expected([run], robot)
     for factor, unit in ((1e3, "milliwatts or milliamperes"), (1e-3, "kilowatts or kiloamperes")):
-        if ratio > 0.0 and abs(np.log(ratio / factor)) < np.log(rules.UNIT_RATIO):
+        if ratio > 0.0 and abs(np.log(ratio / factor)) < np.log(thresholds.UNIT_RATIO):
             return f"draws {ratio:.3g} times what {robot.name} should: this looks like {unit}"
     return None
 
@@ -190,9 +190,9 @@ def _remarks(recording: Recording, run: Signals, robot: Robot) -> list[str]:
         remarks.append(
             f"{len(jumps)} gaps, the longest {longest:.3g} s where the median step is {median_step_s(run.time_s):.3g} s"
         )
-    if np.mean(np.abs(run.speed_mps) > logs_rules.STANDSTILL_MPS) == 0.0 and not run.yaw_rate_radps.any():
+    if np.mean(np.abs(run.speed_mps) > logs_thresholds.STANDSTILL_MPS) == 0.0 and not run.yaw_rate_radps.any():
         remarks.append("the robot stands throughout: the parameters of its drive are not identifiable")
-    elif np.ptp(run.speed_mps) < rules.HARDLY_CHANGES * np.max(np.abs(run.speed_mps)):
+    elif np.ptp(run.speed_mps) < thresholds.HARDLY_CHANGES * np.max(np.abs(run.speed_mps)):
         remarks.append("the speed hardly changes: idle power, rolling resistance and drag are confounded")
     if run.unit == "A" and (run.observed > 0.0).all():
         remarks.append("motor current without voltage: torque only, so power, energy and range are not known")

@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
 
@@ -22,17 +22,17 @@ def on_even_clock(recording: Recording, shortest_s: float) -> tuple[Recording, s
     least `shortest_s`. Ticks in gaps are left out.
     """
     time_s = recording.channels["time_s"]
-    if len(time_s) < rules.FEWEST_SAMPLES:
+    if len(time_s) < thresholds.FEWEST_SAMPLES:
         return recording, None
     steps_s = np.diff(time_s)
     short_s, long_s = np.quantile(steps_s, [0.1, 0.9]).tolist()
-    if long_s < rules.UNEVEN * short_s:
+    if long_s < thresholds.UNEVEN * short_s:
         return recording, None
     tick_s = max(shortest_s, float(np.median(steps_s)))
     edges_s = np.arange(time_s[0], time_s[-1], tick_s)
     middle_s = (edges_s[1:] + edges_s[:-1]) / 2.0
     step = np.searchsorted(time_s, middle_s) - 1
-    recorded = steps_s[step] < rules.GAP * tick_s
+    recorded = steps_s[step] < thresholds.GAP * tick_s
     channels = {"time_s": middle_s[recorded]}
     for name, values in recording.channels.items():
         if name != "time_s":
@@ -53,7 +53,7 @@ def _means(name: str, values: Array, time_s: Array, edges_s: Array) -> Array:
     given = np.unwrap(values[known]) if name in _ANGLES else values[known]
     filled: Array = np.interp(time_s, time_s[known], given)
     share = _integral(known.astype(np.float64), time_s, edges_s) / np.diff(edges_s)
-    return np.where(share >= rules.HALF, _integral(filled, time_s, edges_s) / np.diff(edges_s), np.nan)
+    return np.where(share >= thresholds.HALF, _integral(filled, time_s, edges_s) / np.diff(edges_s), np.nan)
 
 
 def _integral(values: Array, time_s: Array, edges_s: Array) -> Array:

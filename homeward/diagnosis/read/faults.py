@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.read.signals import WINDOW_S, speed_of
 from homeward.logs.channels import Array, Index, Mask
@@ -43,7 +43,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
                 spikes = "1 spike" if bad.sum() == 1 else f"{int(bad.sum())} spikes"
                 notes.append(f"{spikes} of {name}, one sample long, left out")
     if (drawn := channels.get("power_w", channels.get("current_a"))) is not None:
-        speed, slowest_mps = np.abs(speed_of(channels)), rules.STANDSTILL_SHARE * robot.max_speed_mps
+        speed, slowest_mps = np.abs(speed_of(channels)), thresholds.STANDSTILL_SHARE * robot.max_speed_mps
         silent = _silent(drawn, speed > slowest_mps)
         charging = _charging(np.where(silent, np.nan, drawn), speed < slowest_mps, channels["time_s"])
         for name in channels.keys() & set(_DRAWN):
@@ -69,7 +69,7 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
             error[_CHANNEL_OF.get(name, name)] = float(np.sqrt(share * np.mean(np.diff(readings) ** 2)))
             between = "values between are interpolated" if smooth else "the nearest reading counts"
             notes.append(f"{name} is held for {period_s:.2g} s at a time: {between}")
-    if resets := int((np.diff(channels.get("distance_m", np.zeros(1))) < -rules.RESET_M).sum()):
+    if resets := int((np.diff(channels.get("distance_m", np.zeros(1))) < -thresholds.RESET_M).sum()):
         notes.append(f"distance_m falls back {resets} times: the counter was reset, and is not used")
     return dataclasses.replace(recording, channels=channels, notes=tuple(notes)), error
 
@@ -78,16 +78,16 @@ def _spikes(values: Array) -> Mask:
     """Samples far from both their neighbours and beyond the range of all others."""
     spikes = np.zeros(len(values), dtype=bool)
     known = np.flatnonzero(np.isfinite(values))
-    if len(known) < rules.FEWEST_SAMPLES:
+    if len(known) < thresholds.FEWEST_SAMPLES:
         return spikes
     one = values[known]
     beside = np.pad(one, 1, mode="reflect")
     before, after = one - beside[:-2], one - beside[2:]
     off = np.where(np.sign(before) == np.sign(after), np.minimum(np.abs(before), np.abs(after)), 0.0)
-    suspect = off > rules.SPIKE * white_noise(one)
-    if 0 < suspect.sum() <= rules.MOST_SPIKES * len(one):
+    suspect = off > thresholds.SPIKE * white_noise(one)
+    if 0 < suspect.sum() <= thresholds.MOST_SPIKES * len(one):
         beyond = np.abs(one - np.median(one))
-        spikes[known[suspect & (beyond > rules.SPIKE_BEYOND * np.max(beyond[~suspect]))]] = True
+        spikes[known[suspect & (beyond > thresholds.SPIKE_BEYOND * np.max(beyond[~suspect]))]] = True
     return spikes
 
 
@@ -95,7 +95,7 @@ def _of_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mas
     """Spikes of power at starts, where most starts have one: they are part of the load."""
     time_s = channels["time_s"]
     speed = np.abs(np.nan_to_num(speed_of(channels)))
-    slow = speed <= rules.STANDSTILL_SHARE * robot.max_speed_mps
+    slow = speed <= thresholds.STANDSTILL_SHARE * robot.max_speed_mps
     moves = speed > 0.0 if slow.any() and np.median(speed[slow]) == 0.0 else ~slow
     starts_s = time_s[1:][moves[1:] & ~moves[:-1]]
     near, with_one = np.zeros(len(time_s), dtype=bool), 0
@@ -110,18 +110,18 @@ def _silent(drawn: Array, drives: Mask) -> Mask:
     """Samples of driving where a meter of battery power reads zero, as at its restart: the load is never zero."""
     zero = drawn == 0.0
     silent = zero & drives & (np.append(zero[1:], False) | np.insert(zero[:-1], 0, False))
-    return np.asarray(silent & (silent.mean() <= rules.MOST_SILENT))
+    return np.asarray(silent & (silent.mean() <= thresholds.MOST_SILENT))
 
 
 def _charging(drawn: Array, stands: Mask, time_s: Array) -> Mask:
     """Samples at standstill with negative power, for some seconds on end."""
     driving = drawn[~stands & np.isfinite(drawn)]
     typical = float(driving.mean()) if len(driving) else 0.0
-    back = stands & (drawn < -rules.ZERO_ERROR * max(typical, 0.0))
+    back = stands & (drawn < -thresholds.ZERO_ERROR * max(typical, 0.0))
     charging = np.zeros(len(time_s), dtype=bool)
     edges = np.flatnonzero(np.diff(back.astype(np.int8), prepend=0, append=0))
     for first, after in zip(edges[::2], edges[1::2], strict=True):
-        if time_s[after - 1] - time_s[first] >= rules.CHARGES_S:
+        if time_s[after - 1] - time_s[first] >= thresholds.CHARGES_S:
             charging[first:after] = True
     return charging
 
@@ -133,7 +133,7 @@ def _updates(values: Array) -> Index | None:
     """
     known = np.isfinite(values)
     change = np.flatnonzero(np.diff(values[known]) != 0.0) + 1
-    if len(change) < rules.FEWEST_SAMPLES:
+    if len(change) < thresholds.FEWEST_SAMPLES:
         return None
     apart = np.diff(change)
     typical = int(np.median(apart))
@@ -141,7 +141,7 @@ def _updates(values: Array) -> Index | None:
         return None
     whole = np.maximum(np.rint(apart / typical), 1.0)
     off = np.abs(apart - whole * typical)
-    if float((off <= (rules.JITTER * typical if typical > 2 else 0.0)).mean()) < rules.HELD:
+    if float((off <= (thresholds.JITTER * typical if typical > 2 else 0.0)).mean()) < thresholds.HELD:
         return None
     # A fresh reading may equal the one before, as at rest.
     spans = zip(change[:-1], change[1:], whole.astype(int), strict=True)
@@ -154,4 +154,4 @@ def _updates(values: Array) -> Index | None:
 def _smooth(fresh: Array) -> bool:
     """Whether held values are autocorrelated enough to interpolate between them."""
     centred = fresh - fresh.mean()
-    return float(centred[1:] @ centred[:-1]) > rules.HELD_SMOOTH * float(centred @ centred)
+    return float(centred[1:] @ centred[:-1]) > thresholds.HELD_SMOOTH * float(centred @ centred)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import binned_statistic
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.read.signals import Signals, gaps
 from homeward.logs.channels import Array
-from homeward.logs.rules import MOST_CORRELATED
+from homeward.logs.thresholds import MOST_CORRELATED
 
 _PLACES = 40  # cells along the way, compared out and home; chosen: 30 or 80 change no test of tests/diagnosis on tilt
 
@@ -23,13 +23,13 @@ def tilt(run: Signals) -> tuple[float, float] | None:
     if length_m == 0.0:
         return None
     slope = np.tan(run.grade_rad)
-    near = np.flatnonzero(run.base_distance_m <= rules.CLOSED * length_m)
+    near = np.flatnonzero(run.base_distance_m <= thresholds.CLOSED * length_m)
     if len(near):
         # The slope is unknown over the gap of the way and over the odometer's error.
         closed = slice(near[0], near[-1])
         onward_m = float(steps_m[closed].sum())
-        open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), rules.CLOSED * length_m / 2.0)
-        if abs(onward_m) > rules.HALF * length_m:
+        open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), thresholds.CLOSED * length_m / 2.0)
+        if abs(onward_m) > thresholds.HALF * length_m:
             mean = float(slope[closed] @ steps_m[closed]) / onward_m
             return mean, float(np.std(slope)) * open_m / abs(onward_m)
     return _both_ways(run, slope)
@@ -44,7 +44,11 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
     ways = (moving & (run.direction == direction) for direction in (1.0, -1.0))
     sides = [binned_statistic(run.base_distance_m[way], slope[way], "mean", _PLACES, ends).statistic for way in ways]
     out, home = np.array(sides)[:, np.isfinite(sides).all(axis=0)]
-    if len(out) < rules.HALF * _PLACES or not np.ptp(out) * np.ptp(home) or np.corrcoef(out, home)[0, 1] > -rules.SAME:
+    if (
+        len(out) < thresholds.HALF * _PLACES
+        or not np.ptp(out) * np.ptp(home)
+        or np.corrcoef(out, home)[0, 1] > -thresholds.SAME
+    ):
         return None
     middle = (out + home) / 2.0
     # The error of hills that do not quite mirror is autocorrelated along the way.
@@ -65,7 +69,7 @@ def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
     angle = float(np.average(angles, weights=weight))
     # Between runs it may vary by more than its standard error.
     varies = float(np.std(angles)) / np.sqrt(len(angles))
-    clear = abs(angle) > rules.CLEAR_TILT * max(float(weight.sum() ** -0.5), varies)
+    clear = abs(angle) > thresholds.CLEAR_TILT * max(float(weight.sum() ** -0.5), varies)
     # Runs on one route have the same error: their mean is no better than one of them.
     error = float(np.hypot(max(np.average(errors, weights=weight), varies), 0.0 if clear else angle))
     level = []

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.read.noise import smoothed, white_noise
 from homeward.diagnosis.read.slope import slope_along
 from homeward.diagnosis.read.way import along_the_way
@@ -116,7 +116,9 @@ def signals(
     recorded = speed / (1.0 + scale)
     speed = _without_noise("speed_mps", recorded, time_s, error)
     speed = _at_rest(
-        recorded, speed, max(rules.STANDSTILL_SHARE * robot.max_speed_mps, rules.CLEAR * error.get("speed_mps", 0.0))
+        recorded,
+        speed,
+        max(thresholds.STANDSTILL_SHARE * robot.max_speed_mps, thresholds.CLEAR * error.get("speed_mps", 0.0)),
     )
     filled = [name for name in _FILLED if name in kept and np.isnan(kept[name]).any()]
     kept |= {name: _interpolated(kept[name], time_s) for name in filled}
@@ -128,7 +130,7 @@ def signals(
     direction = np.where(speed < 0.0, -1.0, 1.0)
     if "base_distance_m" in kept and len(time_s) > 1:
         driven_m, reach_m = path_m(np.abs(speed), time_s), _REACH_S * robot.max_speed_mps
-        clear = grade is not None and error.get("grade_rad", 0.0) ** 2 <= rules.UNCLEAR * float(np.var(grade))
+        clear = grade is not None and error.get("grade_rad", 0.0) ** 2 <= thresholds.UNCLEAR * float(np.var(grade))
         slope = grade if clear else None
         direction, context["place_m"] = along_the_way(kept["base_distance_m"], driven_m, slope, reach_m)
     context |= {"accel_mps2": accel, "speed_mps": speed} | ({} if grade is None else {"grade_rad": grade})
@@ -171,17 +173,17 @@ def known(recording: Recording) -> Mask:
 
 def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> float:
     """Relative error of the speed by a recorded distance; 0 unless all parts of the way agree that there is one."""
-    if "distance_m" not in kept or len(time_s) < rules.ODOMETER_PARTS:
+    if "distance_m" not in kept or len(time_s) < thresholds.ODOMETER_PARTS:
         return 0.0
     covered_m, driven_m = np.diff(kept["distance_m"]), np.abs(speed[:-1]) * steps_s(time_s)
     moving = driven_m > 0.0
-    if not moving.any() or not np.isfinite(covered_m).all() or (covered_m < -rules.RESET_M).any():
+    if not moving.any() or not np.isfinite(covered_m).all() or (covered_m < -thresholds.RESET_M).any():
         return 0.0
     covered_m, driven_m = np.abs(covered_m[moving]), driven_m[moving]
     passed = np.cumsum(driven_m) / driven_m.sum()
-    part = np.minimum((passed * rules.ODOMETER_PARTS).astype(np.intp), rules.ODOMETER_PARTS - 1)
+    part = np.minimum((passed * thresholds.ODOMETER_PARTS).astype(np.intp), thresholds.ODOMETER_PARTS - 1)
     by_part = np.bincount(part, driven_m) / np.maximum(np.bincount(part, covered_m), 1e-9) - 1.0
-    if not ((by_part > rules.SAME_ODOMETER).all() or (by_part < -rules.SAME_ODOMETER).all()):
+    if not ((by_part > thresholds.SAME_ODOMETER).all() or (by_part < -thresholds.SAME_ODOMETER).all()):
         return 0.0
     return float(driven_m.sum() / covered_m.sum() - 1.0)
 
@@ -215,7 +217,7 @@ def _turning(
         # Zero where it does not significantly differ from that over a window: the power of turning rises steeply with
         # the size of the rate, and noise about zero would count as a turn.
         size = max(1, round(WINDOW_S / median_step_s(time_s)))
-        noise = rules.CLEAR * error.get("yaw_rate_radps", 0.0)
+        noise = thresholds.CLEAR * error.get("yaw_rate_radps", 0.0)
         rate = np.where(np.abs(uniform_filter1d(rate, size)) < noise, 0.0, rate)
     return {"yaw_rate_radps": rate}, np.nan_to_num(rate)
 
@@ -258,14 +260,14 @@ def slopes_known(runs: Sequence[Signals]) -> bool:
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:
     """The channel, smoothed where its noise is material in its window means or, of speed, in their changes."""
-    if len(values) < rules.FEWEST_TO_SMOOTH or not np.ptp(values):
+    if len(values) < thresholds.FEWEST_TO_SMOOTH or not np.ptp(values):
         return values
     size = max(1, round(WINDOW_S / median_step_s(time_s)))
     noise = white_noise(values)
     means = uniform_filter1d(values, size)[::size]
     spread, change = float(np.var(means)), float(np.mean(np.diff(means) ** 2))
     # Acceleration, the rate of change of speed, is noisier.
-    if noise**2 / size <= rules.NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
+    if noise**2 / size <= thresholds.NEGLIGIBLE_NOISE * (min(spread, change) if name == "speed_mps" else spread):
         error[name] = float(noise / np.sqrt(size))
         return values
     breaks = np.ones(len(values) - 2)
@@ -301,7 +303,7 @@ class Windows:
 def steps_s(time_s: Array) -> Array:
     """Time between samples, s, shape (n - 1,); of a gap the median step, as its driving is unknown."""
     steps, typical = np.diff(time_s), median_step_s(time_s)
-    return np.where(steps > rules.GAP * typical, typical, steps)
+    return np.where(steps > thresholds.GAP * typical, typical, steps)
 
 
 def path_m(speed: Array, time_s: Array) -> Array:
@@ -311,7 +313,7 @@ def path_m(speed: Array, time_s: Array) -> Array:
 
 def gaps(time_s: Array) -> Index:
     """Indices of samples after which the recording has a gap."""
-    return np.flatnonzero(np.diff(time_s) > rules.GAP * median_step_s(time_s))
+    return np.flatnonzero(np.diff(time_s) > thresholds.GAP * median_step_s(time_s))
 
 
 def windows(time_s: Array, window_s: float) -> Windows:
@@ -321,4 +323,4 @@ def windows(time_s: Array, window_s: float) -> Windows:
     number = np.floor((time_s - time_s[begins][part]) / window_s + 1e-9)
     start = np.union1d(begins, np.flatnonzero(np.diff(number, prepend=-1.0)))
     counts = np.diff(np.append(start, len(time_s)))
-    return Windows(start, counts >= rules.HALF * np.median(counts))
+    return Windows(start, counts >= thresholds.HALF * np.median(counts))

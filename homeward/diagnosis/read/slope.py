@@ -6,7 +6,7 @@ spline follows from the noise; it may bend freely where the robot turns back on 
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.read.noise import smoothed
 from homeward.logs.channels import Array
 
@@ -29,7 +29,7 @@ def slope_along(
     """
     way_m = speed_mps[:-1] * steps_s
     path_m = np.concatenate(([0.0], np.cumsum(np.abs(way_m))))
-    if path_m[-1] < rules.FEWEST_HEIGHTS * cell_m or not np.isfinite(elevation_m).any():
+    if path_m[-1] < thresholds.FEWEST_HEIGHTS * cell_m or not np.isfinite(elevation_m).any():
         return None
     cells = int(path_m[-1] / cell_m)
     cell_m = float(path_m[-1]) / cells
@@ -44,13 +44,13 @@ def slope_along(
         total = total**2 / np.maximum(np.bincount(cell, weight**2, cells), 1e-24)
     if not np.ptp(height[weight > 0.0]):
         return np.zeros(len(elevation_m)), 0.0
-    if int((total > 0.0).sum()) < rules.FEWEST_HEIGHTS:
+    if int((total > 0.0).sum()) < thresholds.FEWEST_HEIGHTS:
         return None
     onward = np.bincount(cell[:-1], way_m, cells)
     turns_back = np.abs(np.diff(np.sign(onward))) > 1.0
     bends = np.where(turns_back[:-1] | turns_back[1:], 0.0, 1.0)
     found = smoothed(mean, 2, total, bends, kinks)
-    rise = np.clip(np.diff(found.values) / cell_m, -rules.STEEPEST, rules.STEEPEST)
+    rise = np.clip(np.diff(found.values) / cell_m, -thresholds.STEEPEST, thresholds.STEEPEST)
     # Beside the noise: within a cell the slope may be that of the cell before or after.
     error = float(np.hypot(np.std(np.diff(found.draws, axis=1)) / cell_m, np.std(np.diff(rise)) / 2.0))
     # In reverse the slope along forward travel has the other sign.
@@ -67,7 +67,7 @@ def _from_steps(elevation_m: Array, path_m: Array) -> tuple[Array, Array] | None
     known = np.flatnonzero(np.isfinite(elevation_m))
     moved = np.append(True, np.diff(path_m[known]) > 0.0)
     change = np.flatnonzero(np.diff(elevation_m[known]) != 0.0)
-    if not 0 < len(change) < rules.PLATEAUS * int(moved.sum()):
+    if not 0 < len(change) < thresholds.PLATEAUS * int(moved.sum()):
         return None
     height, weight = np.full(len(elevation_m), np.nan), np.zeros(len(elevation_m))
     before, after = known[change], known[change + 1]

@@ -7,7 +7,7 @@ is a turn without more ado.
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.read.noise import white_noise
 from homeward.logs.channels import Array
 
@@ -40,7 +40,7 @@ def along_the_way(base_m: Array, driven_m: Array, slope: Array | None, reach_m: 
             continue
         here = part[1]
         direction[here:] *= -1.0
-        begins = base_m[here] <= rules.CLOSED * float(np.ptp(base_m))
+        begins = base_m[here] <= thresholds.CLOSED * float(np.ptp(base_m))
         place_m[here:] = (base_m[here] if begins else place_m[here]) + _passed(driven_m[here:], direction[here:])
     return direction, place_m
 
@@ -62,12 +62,12 @@ def _turns_back(driven_m: Array, base_m: Array, slope: Array, peaks_m: Array, re
         return np.asarray(found - found.mean())  # a slope sensor may be tilted
 
     beside_m = np.interp(peaks_m[1] + reach_m * np.array([-1.0, 0.0, 1.0]), driven_m, base_m)
-    if 2.0 * beside_m[1] - beside_m[0] - beside_m[2] >= 2.0 * rules.SHARP * reach_m:
+    if 2.0 * beside_m[1] - beside_m[0] - beside_m[2] >= 2.0 * thresholds.SHARP * reach_m:
         return True
     shifts_m = np.linspace(-0.5, 0.5, _SHIFTS) * reach_m
     shifted = [sides(base_m, shift_m) for shift_m in shifts_m.tolist()]
     errors = [float(np.mean((one[0] - one[1]) ** 2)) / 2.0 - white_noise(base_m) ** 2 for one in shifted]
     best = int(np.argmin(errors))
     slopes = sides(slope, float(shifts_m[best]))
-    as_far = errors[best] <= rules.AS_FAR * float(np.var(shifted[best]))
-    return as_far and float(np.mean((slopes[0] + slopes[1]) ** 2)) / 2.0 <= rules.REVERSED * float(np.var(slopes))
+    as_far = errors[best] <= thresholds.AS_FAR * float(np.var(shifted[best]))
+    return as_far and float(np.mean((slopes[0] + slopes[1]) ** 2)) / 2.0 <= thresholds.REVERSED * float(np.var(slopes))

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.places import stretches
@@ -157,7 +157,7 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
             for name, residual, means in zip(names, residuals, bins, strict=True)
         )
         rows = [
-            (centre, [(float(one["mean"].iloc[i]), rules.NORMAL_95 * float(one["error"].iloc[i])) for one in bins])
+            (centre, [(float(one["mean"].iloc[i]), thresholds.NORMAL_95 * float(one["error"].iloc[i])) for one in bins])
             for i, centre in enumerate(bins[0]["centre"].tolist())
         ]
         figures = {"before": before, "after": next(iter(after), None)}
@@ -195,7 +195,9 @@ def _condition_figure(
         x=_rounded(bins["centre"]), y=_rounded(bins["mean"]), name="mean, 95 %",
         mode="markers" if in_time else "lines+markers",
         line={"color": colour, "width": 2.5}, marker={"size": 7, "color": colour},
-        error_y={"type": "data", "array": _rounded(rules.NORMAL_95 * bins["error"]), "color": colour, "thickness": 1.5},
+        error_y={
+            "type": "data", "array": _rounded(thresholds.NORMAL_95 * bins["error"]), "color": colour, "thickness": 1.5,
+        },
     )  # fmt: skip
     if in_time:
         ends = np.array([(values[shown.bin == one][0], values[shown.bin == one][-1]) for one in bins.index])

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
@@ -110,13 +110,13 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
         at_bound = np.array([one.status == "at bound" for one in estimated])
         columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
         # Groups correlated with one at a bound may have absorbed a part of it.
-        alike = ((columns.T @ columns)[:, is_open & at_bound] ** 2 > rules.ABSORBING).any(axis=1)
+        alike = ((columns.T @ columns)[:, is_open & at_bound] ** 2 > thresholds.ABSORBING).any(axis=1)
         candidates = (is_open | alike) & ~held
         each = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
         fits = [model] + [fit_holding(one) for one in each]
         errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in fits]
         best = 1 + int(np.argmin(errors[1:]))
-        if errors[best] > rules.EQUAL * errors[0]:
+        if errors[best] > thresholds.EQUAL * errors[0]:
             return model
         model, held = fits[best], each[best - 1]
 
@@ -159,7 +159,7 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     ranked = sorted(candidates, key=lambda candidate: _error(candidate, evidence))
     how = "the best on held-out drives is"
     # Beyond what the instruments explain, drives are consumed by what nothing proven models.
-    if error_parts(ranked[0].predicted, runs, trip)[1] > rules.CLEAR * rules.GAIN_ERROR:
+    if error_parts(ranked[0].predicted, runs, trip)[1] > thresholds.CLEAR * thresholds.GAIN_ERROR:
         ranked.insert(0, _predictive(robot, named, evidence))
         if len(runs.signals) < FEW_RUNS:
             how = "as few drives cannot tell, it is"
@@ -199,7 +199,7 @@ def error_parts(predicted: Array, runs: Runs, trip: Index) -> tuple[float, float
     error = predicted - runs.observed
     of_power = float(np.sqrt(np.mean(error**2) / max(float(np.mean(runs.observed**2)), 1e-300)))
     missed, drawn = (np.abs(np.bincount(trip, values * runs.duration_s)) for values in (error, runs.observed))
-    of_trips = np.minimum(missed / np.maximum(drawn, 1e-300), rules.MOST_TRIP_ERROR)
+    of_trips = np.minimum(missed / np.maximum(drawn, 1e-300), thresholds.MOST_TRIP_ERROR)
     return of_power, float(of_trips.mean())
 
 
@@ -247,7 +247,7 @@ def _numbers(evidence: Evidence, known: Joint) -> tuple[FileNumber, ...]:
     off = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
     explaining = evidence.naming.named
     named = {effect.term.effect for effect in explaining if not _excluded(effect, effect.term.plain or effect.term)}
-    wide = rules.NORMAL_95 * np.sqrt(np.maximum(np.diag(known.covariance), 0.0))
+    wide = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(known.covariance), 0.0))
     numbers = []
     for name, unit, value, half in zip(known.names, known.units, known.values.tolist(), wide.tolist(), strict=True):
         proven = name in off or name.partition(" ")[0] in named

@@ -6,24 +6,24 @@ from collections.abc import Mapping
 from typing import Any
 
 import homeward
-from homeward import rules as shared
-from homeward.diagnosis import rules
+from homeward import thresholds as shared
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.result import MadeBy
-from homeward.logs import rules as logs_rules
-from homeward.physics import rules as physics_rules
+from homeward.logs import thresholds as logs_thresholds
+from homeward.physics import thresholds as physics_thresholds
 
-_RULES = {"shared": shared, "physics": physics_rules, "logs": logs_rules, "diagnosis": rules}
+_MODULES = {"shared": shared, "physics": physics_thresholds, "logs": logs_thresholds, "diagnosis": thresholds}
 
 
 def made_by(seed: int) -> MadeBy:
     """Version, seed and all thresholds, by the package and the name of each."""
-    thresholds = {
+    values = {
         f"{package}.{name}": _plain(value)
-        for package, module in _RULES.items()
+        for package, module in _MODULES.items()
         for name, value in vars(module).items()
         if name.isupper() and not name.startswith("_")
     }
-    return MadeBy(homeward.__version__, seed, thresholds)
+    return MadeBy(homeward.__version__, seed, values)
 
 
 def _plain(value: Any) -> Any:

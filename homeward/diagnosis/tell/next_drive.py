@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.menu import MENU, Drive, Manoeuvre
@@ -94,7 +94,7 @@ def to_tell_apart(fit: Refit, runs: Runs, residual: Array, first: Term, rivals: 
     """
     effects = [at_its_size(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, residual, [one for one in effects if one.size != 0.0]))
-    worthwhile = gain >= (rules.SEPARATING_GAIN if rivals else rules.INFORMATION_GAIN)
+    worthwhile = gain >= (thresholds.SEPARATING_GAIN if rivals else thresholds.INFORMATION_GAIN)
     # Of measurements, that of a fault of an instrument comes before that of physics.
     measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
     advice = best.sentence if worthwhile else measured.measurement
@@ -117,7 +117,7 @@ def next_experiment(evidence: Evidence) -> str | None:
         return to_tell_apart(fit, runs, residual, rivalled.term, rivalled.rivals)
     if evidence.location is not None and not named:
         return repeat(evidence.location)
-    return to_determine(fit, runs, residual, evidence.estimates, evidence.blocks >= rules.FEWEST_BLOCKS)
+    return to_determine(fit, runs, residual, evidence.estimates, evidence.blocks >= thresholds.FEWEST_BLOCKS)
 
 
 def to_determine(
@@ -129,7 +129,7 @@ def to_determine(
     """
     open_groups = [one.group for one in estimates if one.fitted is None]
     best, gain = _best(gains(fit, runs, residual, [], [group.name for group in open_groups]))
-    if open_groups and gain >= rules.INFORMATION_GAIN:
+    if open_groups and gain >= thresholds.INFORMATION_GAIN:
         longer = "" if long_enough else ", for five minutes or more"
         unknown = ", ".join(f"{group.name.replace('_', ' ')} ({group.symbol})" for group in open_groups)
         return f"To determine {unknown}, {best.sentence}{longer}."

@@ -10,7 +10,7 @@ from pathlib import Path
 import plotly.offline
 from markupsafe import Markup
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.naming import Naming
@@ -73,7 +73,7 @@ def report_html(analysis: Analysis) -> str:
     values: dict[str, object] = {
         "diagnosis": diagnosis, "verdict": diagnosis.verdict.replace("_", " ").capitalize(), "evidence": evidence,
         "findings": _by_text(analysis), "where": _where(analysis), "condition": condition, "versions": _versions(),
-        "guide": GUIDE, "rules": rules, "arms": ARMS, "paper_accuracy": PAPER_ACCURACY,
+        "guide": GUIDE, "thresholds": thresholds, "arms": ARMS, "paper_accuracy": PAPER_ACCURACY,
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
     }  # fmt: skip
     if evidence is not None:
@@ -134,7 +134,7 @@ def ranking(naming: Naming) -> list[RankRow]:
     named = {(one.term.effect, one.term.axis) for one in naming.named}
     for other in naming.ranking:
         kind, note = kinds.get((other.effect, other.axis), ("", ""))
-        if not rows and other.delta_bic > rules.VERY_STRONG_BIC:
+        if not rows and other.delta_bic > thresholds.VERY_STRONG_BIC:
             note = "not named: its gain is not significant"
         if (other.effect, other.axis) not in named:
             rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))

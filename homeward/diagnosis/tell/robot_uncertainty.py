@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.fit.parameter_groups import GROUPS
 from homeward.diagnosis.fit.replay import wheels_mps
@@ -15,7 +15,7 @@ from homeward.diagnosis.tell.corrected import rounded
 from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import Array, Index
 from homeward.logs.times import median_step_s
-from homeward.physics import rules as physics_rules
+from homeward.physics import thresholds as physics_thresholds
 from homeward.physics.uncertainty import Uncertainty
 
 FittedTo = Literal["nothing", "others", "all"]
@@ -113,7 +113,7 @@ def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tupl
     matrix = joint.covariance[np.ix_(kept, kept)] / np.outer(values[kept], values[kept])
     capacity = evidence.capacity
     if capacity is not None and not capacity.asked:
-        sd = (capacity.ci95[1] - capacity.ci95[0]) / (2.0 * rules.NORMAL_95 * capacity.fitted_j)
+        sd = (capacity.ci95[1] - capacity.ci95[0]) / (2.0 * thresholds.NORMAL_95 * capacity.fitted_j)
         names = [*names, "capacity"]
         matrix = np.pad(matrix, (0, 1))
         matrix[-1, -1] = sd**2
@@ -125,7 +125,7 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     """Noise of the instruments, estimated from the recordings; that of power at standstill."""
     runs, found = evidence.runs, dict[str, float]()
     stood = [run.observed[run.speed_mps == 0.0] for run in runs.signals]
-    if parts := [white_noise(one) for one in stood if len(one) >= rules.FEWEST_TO_SMOOTH]:
+    if parts := [white_noise(one) for one in stood if len(one) >= thresholds.FEWEST_TO_SMOOTH]:
         found["power_noise"] = float(np.median(parts)) / mean_w
         found["reading_s"] = float(np.median([median_step_s(run.time_s) for run in runs.signals]))
     if graded := [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]:
@@ -133,8 +133,10 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     charges = [run.context["soc"][np.isfinite(run.context["soc"])] for run in runs.signals if "soc" in run.context]
     steps = np.concatenate([np.abs(np.diff(one)) for one in charges]) if charges else np.empty(0)
     if steps.any():
-        stays = float(np.mean(steps == 0.0)) > rules.HALF
+        stays = float(np.mean(steps == 0.0)) > thresholds.HALF
         found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
         found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(one) for one in charges]))
     most = {"reading_s": np.inf}
-    return tuple((name, rounded(min(one, most.get(name, physics_rules.MOST_ERROR)))) for name, one in found.items())
+    return tuple(
+        (name, rounded(min(one, most.get(name, physics_thresholds.MOST_ERROR)))) for name, one in found.items()
+    )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY
 from homeward.diagnosis.explain.places import condition, largest, total_share
@@ -51,7 +51,7 @@ def summary(
         why_open=why_open, place=_place(evidence), excess=_excess(evidence),
         shares=[total_share(added, evidence.runs) for added in evidence.contributions],
         refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-        usable_energy=USABLE_ENERGY, rules=rules, of_gauge=_of_gauge(gauge),
+        usable_energy=USABLE_ENERGY, thresholds=thresholds, of_gauge=_of_gauge(gauge),
     )  # fmt: skip
     return " ".join(text.split())
 
@@ -68,7 +68,7 @@ def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
     """Unrecorded dependencies of power, where the best model has a large autocorrelated residual; else none."""
     best = "corrected" if "corrected" in fit.arms else "refit"
     r2, runs, lacks = fit.arms[best].r2, evidence.runs, evidence.naming.unrecorded
-    if r2 is None or (r2 > rules.LEAST_R2 and not lacks):
+    if r2 is None or (r2 > thresholds.LEAST_R2 and not lacks):
         return []
     return unrecorded(runs) if lacks or is_autocorrelated(runs.observed - evidence.predictions[best], runs) else []
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.bags import batteries, clock, grade, is_flight_log
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.flight import FlightLog
@@ -102,7 +102,7 @@ class _Reading:
             series["current_a"] = self._discharge(series["current_a"], speed)
         if "grade_rad" not in series:
             series |= self._grade(speed)
-        if "elevation_m" in series and np.ptp(series["elevation_m"].values) < rules.LEVEL_M:
+        if "elevation_m" in series and np.ptp(series["elevation_m"].values) < thresholds.LEVEL_M:
             del series["elevation_m"]  # odometry in the plane
         if "heading_rad" not in series:
             series |= self._heading()
@@ -184,7 +184,7 @@ class _Reading:
             said = [*left_out(name, values), *_stray_left_out(name, values)]
             count = int(np.isfinite(values).sum())
             time_s, values = clock.in_order(self.times[connection.topic], values)
-            if count - len(values) > rules.STRAY_SHARE * count:
+            if count - len(values) > thresholds.STRAY_SHARE * count:
                 same = f"{count - len(values)} of {count} values of {name} have the time of another: the first is used"
                 said.append(same)
             # Before they are averaged, which would spread a wrong reading over those beside it.
@@ -233,7 +233,7 @@ class _Reading:
         `sensor_msgs/BatteryState` says "Negative when discharging", and mappings change the sign; some drivers publish
         it positive. A robot that drives does not charge, so that the median while it drives determines the sign.
         """
-        moves = np.abs(np.interp(current.time_s, speed.time_s, speed.values)) > rules.STANDSTILL_MPS
+        moves = np.abs(np.interp(current.time_s, speed.time_s, speed.values)) > thresholds.STANDSTILL_MPS
         while_driving = current.values[moves] if moves.any() else current.values
         if current.kind != BATTERY or np.median(while_driving) >= 0.0:
             return current
@@ -295,7 +295,7 @@ class _Reading:
             channel = CHANNELS[name]
             impossible = channel.impossible(columns[name])
             beyond = f"outside {channel.low:g} to {channel.high:g}"
-            if impossible.mean() > rules.STRAY_SHARE or np.isnan(columns[name]).all():
+            if impossible.mean() > thresholds.STRAY_SHARE or np.isnan(columns[name]).all():
                 del columns[name]
                 self.notes.append(f"{name} is left out: missing, or {beyond}")
             elif impossible.any():
@@ -307,7 +307,7 @@ def _stray_left_out(name: str, values: Array) -> list[str]:
     """Set few impossible values to NaN, in place, before they are averaged with others; many are another unit."""
     channel = CHANNELS[name]
     impossible = channel.impossible(values)
-    if not 0.0 < impossible.mean() <= rules.STRAY_SHARE:
+    if not 0.0 < impossible.mean() <= thresholds.STRAY_SHARE:
         return []
     values[impossible] = np.nan
     return [f"{int(impossible.sum())} values of {name} are outside {channel.low:g} to {channel.high:g} and left out"]

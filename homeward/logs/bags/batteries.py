@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import POWER, Array
 from homeward.logs.columns import RecordingError
 
@@ -75,7 +75,7 @@ def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
     means = np.array([np.nanmean(battery.drawn) for battery in batteries])
     for place, battery in enumerate(batteries):
         others = means.sum() - means[place]
-        if len(batteries) > 2 and abs(means[place] - others) <= rules.SAME_BATTERY * abs(means[place]):
+        if len(batteries) > 2 and abs(means[place] - others) <= thresholds.SAME_BATTERY * abs(means[place]):
             return Choice((battery.name,), f"batteries {listed}: {battery.name} is the sum of the others, and used")
     if len({_PLACES.sub("", name) for name in names}) == 1 and _one_voltage(batteries):
         return Choice(names, f"batteries {listed}: added, as packs in parallel by their names and voltage")
@@ -90,11 +90,13 @@ def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
 def _one_voltage(batteries: Sequence[Battery]) -> bool:
     readings = [battery.voltage_v[np.isfinite(battery.voltage_v)] for battery in batteries]
     medians = [float(np.median(voltage_v)) for voltage_v in readings if len(voltage_v)]
-    return len(medians) == len(batteries) and max(medians) - min(medians) <= rules.SAME_BATTERY * max(medians)
+    return len(medians) == len(batteries) and max(medians) - min(medians) <= thresholds.SAME_BATTERY * max(medians)
 
 
 def _equal(first: Battery, second: Battery) -> bool:
     """Whether the quantiles of both currents are equal: they need not come at the same times."""
     shares = np.linspace(0.0, 1.0, 11)
     mine, other = (np.nanquantile(battery.drawn, shares) for battery in (first, second))
-    return bool(np.abs(mine - other).max() <= rules.SAME_READING * np.abs(mine).max()) and _one_voltage([first, second])
+    return bool(np.abs(mine - other).max() <= thresholds.SAME_READING * np.abs(mine).max()) and _one_voltage(
+        [first, second]
+    )

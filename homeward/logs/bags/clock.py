@@ -8,7 +8,7 @@ interpolated across a gap: there the value is missing.
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import Array
 from homeward.logs.times import median_step_s
 
@@ -27,7 +27,7 @@ def slower(*times: Array) -> Array:
     clock: Array = slowest[(slowest >= start) & (slowest <= end)]
     if len(clock) < 2:
         return clock
-    kept = max(round(rules.FASTEST_CLOCK_S / median_step_s(clock)), 1)
+    kept = max(round(thresholds.FASTEST_CLOCK_S / median_step_s(clock)), 1)
     return clock[::kept]
 
 
@@ -42,7 +42,7 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
         return np.full(len(clock_s), np.nan)
     tick_s = median_step_s(clock_s)
     own = np.minimum(np.searchsorted(time_s, clock_s), len(time_s) - 1)
-    if np.array_equal(time_s[own], clock_s) and tick_s < rules.THINNED_STEPS * median_step_s(time_s):
+    if np.array_equal(time_s[own], clock_s) and tick_s < thresholds.THINNED_STEPS * median_step_s(time_s):
         return values[own]  # the channel that the clock is of
     half = np.minimum(0.5 * np.diff(clock_s), 0.5 * tick_s)
     half = np.minimum(np.append(half, half[-1:]), np.append(half[:1], half))
@@ -54,6 +54,6 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     wide = half > 0.0
     means = np.interp(clock_s, time_s, values)
     means[wide] = (integral(end[wide]) - integral(start[wide])) / (2.0 * half[wide])
-    gap = np.concatenate(([0], np.cumsum(steps > rules.GAP_STEPS * max(median_step_s(time_s), tick_s))))
+    gap = np.concatenate(([0], np.cumsum(steps > thresholds.GAP_STEPS * max(median_step_s(time_s), tick_s))))
     first, last = (np.clip(np.searchsorted(time_s, at, side="right"), 1, len(steps)) for at in (start, end))
     return np.asarray(np.where(inside & (gap[last] == gap[first - 1]), means, np.nan))

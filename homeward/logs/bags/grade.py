@@ -15,7 +15,7 @@ Axes as in REP 103: x forward, y left, z up.
 import numpy as np
 import pandas as pd
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import Array
 
 GRAVITY_MPS2 = 9.80665  # standard gravity (ISO 80000-3), as in `homeward.physics.model`
@@ -26,7 +26,7 @@ ACCELERATION_S = 2.0  # the same of an accelerometer, which is noisier: chosen t
 def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
     """Grade from quaternions x, y, z, w, shape (4, n), rad, or None where they are missing or planar."""
     sine = uphill(quaternion)
-    if np.isfinite(sine).mean() < rules.ORIENTED_SHARE or np.nanmax(np.abs(sine)) < rules.PLANAR:
+    if np.isfinite(sine).mean() < thresholds.ORIENTED_SHARE or np.nanmax(np.abs(sine)) < thresholds.PLANAR:
         return None
     return np.arcsin(_smoothed(time_s, sine, _ORIENTATION_S))
 
@@ -34,14 +34,14 @@ def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
 def uphill(quaternion: Array) -> Array:
     """Sine of the inclination of the forward axis, from quaternions as above; NaN where one is not a rotation."""
     length = np.linalg.norm(quaternion, axis=0)
-    x, y, z, w = quaternion / np.where(np.abs(length - 1.0) < rules.UNIT_LENGTH_ERROR, length, np.nan)
+    x, y, z, w = quaternion / np.where(np.abs(length - 1.0) < thresholds.UNIT_LENGTH_ERROR, length, np.nan)
     return np.asarray(2.0 * (x * z - w * y))
 
 
 def heading(quaternion: Array) -> Array | None:
     """Direction of the robot's forward axis, rad counter-clockwise, not wrapped, from quaternions as above, or None."""
     off = np.abs(np.linalg.norm(quaternion, axis=0) - 1.0)
-    if not np.any(np.abs(quaternion[2]) > rules.PLANAR) or (off > rules.UNIT_LENGTH_ERROR).any():
+    if not np.any(np.abs(quaternion[2]) > thresholds.PLANAR) or (off > thresholds.UNIT_LENGTH_ERROR).any():
         return None
     return np.asarray(np.unwrap(yaw(quaternion)))
 

@@ -2,8 +2,8 @@
 
 A header's stamp is the time of measurement, the time of receipt that of recording: later by transport and queues, with
 a variable delay. So stamps of headers are used. Some topics have no header, empty stamps, or stamps of
-another clock (more than `rules.CLOCKS_DIFFER_S` from the rest). Their time is that of receipt, less the median delay of
-receipt of the other topics.
+another clock (more than `thresholds.CLOCKS_DIFFER_S` from the rest). Their time is that of receipt, less the median
+delay of receipt of the other topics.
 """
 
 from collections.abc import Collection, Mapping
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 from scipy.ndimage import median_filter
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.elements import MOST_PARTS, elements_reader
 from homeward.logs.bags.messages import UnknownType, WrongField, decoder
@@ -102,8 +102,8 @@ def restarts(stamp_ns: NDArray[np.int64]) -> int:
 
 def _part_of_sample(stamp_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     """Number of the part of each sample, from 0; single wrong stamps are those of damage."""
-    steady = median_filter(stamp_ns, rules.SPIKE_SAMPLES, mode="nearest")
-    back = np.diff(steady, prepend=steady[:1]) < -rules.CLOCK_BACK_S * 1e9
+    steady = median_filter(stamp_ns, thresholds.SPIKE_SAMPLES, mode="nearest")
+    back = np.diff(steady, prepend=steady[:1]) < -thresholds.CLOCK_BACK_S * 1e9
     return np.cumsum(back).astype(np.int64)
 
 
@@ -159,7 +159,7 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
         if (of_topic.stamp_ns > 0).all() and name not in on_receipt and not restarts(of_topic.stamp_ns)
     }
     median_s = float(np.median(list(late_s.values()))) if late_s else 0.0
-    stamped = {name for name, late in late_s.items() if abs(late - median_s) <= rules.CLOCKS_DIFFER_S}
+    stamped = {name for name, late in late_s.items() if abs(late - median_s) <= thresholds.CLOCKS_DIFFER_S}
     times = {
         name: of_topic.stamp_ns if name in stamped else of_topic.received_ns - int(median_s * 1e9)
         for name, of_topic in samples.items()

@@ -14,10 +14,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from homeward import rules as shared
+from homeward import thresholds as shared
 from homeward.logs.bags.topics import BATTERY, IMU
 from homeward.logs.unknown import unknown
-from homeward.watch import rules
+from homeward.watch import thresholds
 from homeward.watch.online.listener import ODOMETRY
 
 EARTH_RADIUS_M = 6_371_008.8  # mean radius of the earth (IUGG)
@@ -90,7 +90,7 @@ class Translator:
         """Notice a start of the autopilot: messages overtake each other by less."""
         if hasattr(message, "time_boot_ms"):
             clock_s = 1e-3 * message.time_boot_ms
-            self.boots += clock_s < self._clock_s - rules.JUMP_S
+            self.boots += clock_s < self._clock_s - thresholds.JUMP_S
             self._clock_s = clock_s
 
     def _battery_status(self, message: Any) -> SimpleNamespace:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from homeward import rules as shared
+from homeward import thresholds as shared
 from homeward.companion import CompanionError
 from homeward.watch.mavlink.telling import Texts, chunks, numbers
 from homeward.watch.mavlink.translate import KINDS, Translator, metres_from

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from homeward.watch import rules
+from homeward.watch import thresholds
 
 
 class Charge:
@@ -19,7 +19,7 @@ class Charge:
     def see(self, soc: float) -> bool:
         """Whether the battery was charged or swapped since the last state of charge."""
         risen = soc - self._from
-        self._charging = risen > -rules.SOC_STEP if self._charging else risen > rules.CHARGED
+        self._charging = risen > -thresholds.SOC_STEP if self._charging else risen > thresholds.CHARGED
         charged = self._charging and risen > 0.0
         if charged or (risen < 0.0 and not self._charging):
             self._from = soc

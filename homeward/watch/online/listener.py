@@ -14,9 +14,9 @@ from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 from homeward import quantities
-from homeward.companion import rules as companion_rules
+from homeward.companion import thresholds as companion_thresholds
 from homeward.logs import RecordingError
-from homeward.logs import rules as logs_rules
+from homeward.logs import thresholds as logs_thresholds
 from homeward.logs.bags import grade
 from homeward.logs.bags.batteries import OF_BATTERY
 from homeward.logs.bags.elements import Element, elements_reader
@@ -32,7 +32,7 @@ from homeward.logs.bags.topics import (
     best_topics,
 )
 from homeward.logs.channels import CHANNELS, POWER
-from homeward.watch import rules
+from homeward.watch import thresholds
 from homeward.watch.online.batteries import Batteries
 from homeward.watch.online.charge import Charge
 from homeward.watch.online.odometry import Odometry
@@ -188,7 +188,7 @@ class Listener:
             yaw_rad = heading_of(values, self._chosen["pose"][0])
             speed = self._values["speed_mps"][-1] if "speed_mps" in self._values else math.nan
             pose = values[POSE[0]], values[POSE[1]], 0.0 if math.isnan(yaw_rad) else yaw_rad
-            if not math.hypot(*pose[:2]) <= companion_rules.EARTH_M:
+            if not math.hypot(*pose[:2]) <= companion_thresholds.EARTH_M:
                 self._place = pose  # as it is, so that the companion says it; no frame is moved for it
             else:
                 self._place, moved = self.odometry.place(pose, speed, publisher, now_s)
@@ -260,11 +260,11 @@ class Listener:
     def warnings(self, now_s: float) -> list[str]:
         """Present warnings about messages, a line each."""
         for name, (at_s, usual_s) in self._at.items():
-            allowed_s = max(rules.SILENT_INTERVALS * usual_s, rules.SHORTEST_SILENCE_S)
+            allowed_s = max(thresholds.SILENT_INTERVALS * usual_s, thresholds.SHORTEST_SILENCE_S)
             if name in self.sources.values() and now_s - at_s > allowed_s:
                 self.say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
         self._said = {
-            kind: warning for kind, warning in self._said.items() if now_s - warning[1] <= companion_rules.STAYS_S
+            kind: warning for kind, warning in self._said.items() if now_s - warning[1] <= companion_thresholds.STAYS_S
         }
         return [text for text, _ in self._said.values()]
 
@@ -301,7 +301,7 @@ class Listener:
                 return option if option.offer.topic == name else None
             if option.offer.topic == name:
                 value = self._value(option, channel, values, battery)
-                if math.isfinite(value) and (channel not in _VOID or abs(value) > logs_rules.PLANAR):
+                if math.isfinite(value) and (channel not in _VOID or abs(value) > logs_thresholds.PLANAR):
                     self._chosen[channel] = option[:2]
                     self.sources[channel] = name
                     return option
@@ -329,7 +329,7 @@ class Listener:
             reading["position"] = place[:2]
         reading["heading_rad"] = self._heading(values, place, dt_s)
         # The companion says which states of charge are impossible; they show no charge either.
-        possible = abs(reading.get("soc", math.nan) - 0.5) <= 0.5 + companion_rules.SOC_SLACK
+        possible = abs(reading.get("soc", math.nan) - 0.5) <= 0.5 + companion_thresholds.SOC_SLACK
         charged = possible and self._charge.see(reading["soc"])
         if charged:
             self.say(f"the battery was charged or swapped: {reading['soc']:.0%}", now_s, "the battery was charged")
@@ -357,17 +357,17 @@ class Listener:
             return {}
         current = values["current_a"]
         if self._chosen["current_a"][1].msgtype == BATTERY:
-            if abs(speed) > logs_rules.STANDSTILL_MPS and current:
+            if abs(speed) > logs_thresholds.STANDSTILL_MPS and current:
                 self._as_charging += current < 0.0
                 self._as_discharging += current > 0.0
             readings = self._as_charging + self._as_discharging
-            if self._as_charging > self._as_discharging and readings >= rules.FEWEST_SIGNS:
+            if self._as_charging > self._as_discharging and readings >= thresholds.FEWEST_SIGNS:
                 current = -current
                 self.say(
                     f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
                     "of BatteryState; it is used as discharge", now_s,
                 )  # fmt: skip
-        if current < 0.0 and not abs(speed) > logs_rules.STANDSTILL_MPS:
+        if current < 0.0 and not abs(speed) > logs_thresholds.STANDSTILL_MPS:
             return {}  # charging, which does not show the robot's consumption
         return {"voltage_v": self._voltage_v, "current_a": current}
 
@@ -379,7 +379,7 @@ class Listener:
         while time_s - self._past[0][0] > grade.ACCELERATION_S:
             self._past.popleft()
         passed_s = time_s - self._past[0][0]
-        if passed_s < rules.LEAST_OF_WINDOW * grade.ACCELERATION_S:
+        if passed_s < thresholds.LEAST_OF_WINDOW * grade.ACCELERATION_S:
             return math.nan
         own = (speed - self._past[0][2]) / passed_s
         sine = (sum(mps2 for _, mps2, _ in self._past) / len(self._past) - own) / grade.GRAVITY_MPS2
@@ -395,8 +395,8 @@ class Listener:
         if usual_s == math.inf:
             self._at[name] = now_s, since_s
             return
-        new, step_s = companion_rules.NEW_INTERVAL, companion_rules.LONGEST_INTERVAL * usual_s
-        step_s = min(since_s, step_s + rules.SHORTEST_INTERVAL_S)
+        new, step_s = companion_thresholds.NEW_INTERVAL, companion_thresholds.LONGEST_INTERVAL * usual_s
+        step_s = min(since_s, step_s + thresholds.SHORTEST_INTERVAL_S)
         self._at[name] = now_s, (1.0 - new) * usual_s + new * step_s
 
     def say(self, text: str, now_s: float, kind: str | None = None) -> None:

@@ -11,7 +11,7 @@ from homeward.companion import Advice, Companion, CompanionError
 from homeward.companion.saved import DAMAGE, check_sealed, put_values, sealed, values_of
 from homeward.files import read_json, write_whole
 from homeward.logs.bags.topics import Topics
-from homeward.watch import rules
+from homeward.watch import thresholds
 from homeward.watch.online.link import Link, News, can_reach_home
 from homeward.watch.online.listener import Heard, Listener
 
@@ -60,7 +60,7 @@ class Node:
     @property
     def silent(self) -> bool:
         """Whether no motion is received."""
-        return time.monotonic() - self._heard_s > rules.WITHOUT_MOTION_S
+        return time.monotonic() - self._heard_s > thresholds.WITHOUT_MOTION_S
 
     def step(self) -> bool:
         """Process new messages, and publish what is due; whether there is a new advice.

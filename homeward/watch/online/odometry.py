@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from homeward.watch import rules
+from homeward.watch import thresholds
 
 
 class Odometry:
@@ -43,7 +43,7 @@ class Odometry:
         if self._last is not None and publisher != self._publisher:
             since_s = now_s - self._last_s
             apart_m = math.dist(self._here(pose)[:2], self._last[:2])
-            if apart_m > rules.SAME_FRAME_M + rules.TOP_SPEEDS * self._max_speed_mps * since_s:
+            if apart_m > thresholds.SAME_FRAME_M + thresholds.TOP_SPEEDS * self._max_speed_mps * since_s:
                 self._anchor(pose, since_s)
                 moved = True
         self._publisher, self._last, self._last_s = publisher, self._here(pose), now_s

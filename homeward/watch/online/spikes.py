@@ -6,11 +6,11 @@ from collections import deque
 
 import numpy as np
 
-from homeward.logs import rules
+from homeward.logs import thresholds
 from homeward.logs.channels import MOTION
 
 _SPEEDS = frozenset(name for names in MOTION for name in names)
-_LEAST = rules.SPIKE_SAMPLES // 2 + 1
+_LEAST = thresholds.SPIKE_SAMPLES // 2 + 1
 """Readings from which a median is taken: a majority of those of a file."""
 
 
@@ -28,7 +28,7 @@ class Spikes:
     """
 
     def __init__(self, max_speed_mps: float) -> None:
-        self._most_mps = rules.FASTER_THAN_TOP * max_speed_mps
+        self._most_mps = thresholds.FASTER_THAN_TOP * max_speed_mps
         self._past: dict[str, deque[tuple[float, float]]] = {}  # by channel: time and value, with spikes
         self.counts: dict[str, int] = {}
 
@@ -40,9 +40,9 @@ class Spikes:
             value: Its value, SI.
             now_s: Time of receipt by a monotonic clock, s.
         """
-        if channel not in rules.FASTEST_CHANGES:
+        if channel not in thresholds.FASTEST_CHANGES:
             return False
-        past = self._past.setdefault(channel, deque(maxlen=rules.SPIKE_SAMPLES))
+        past = self._past.setdefault(channel, deque(maxlen=thresholds.SPIKE_SAMPLES))
         spike = len(past) >= _LEAST and self._is_spike(channel, value, now_s, np.array(past))
         past.append((now_s, value))
         self.counts[channel] = self.counts.get(channel, 0) + spike
@@ -50,6 +50,6 @@ class Spikes:
 
     def _is_spike(self, channel: str, value: float, now_s: float, past: np.ndarray) -> bool:
         usual_s, usual = np.median(past, axis=0)
-        most = rules.FASTEST_CHANGES[channel] * max(now_s - usual_s, rules.SPIKE_S)
+        most = thresholds.FASTEST_CHANGES[channel] * max(now_s - usual_s, thresholds.SPIKE_S)
         too_fast = channel in _SPEEDS and abs(value) > self._most_mps >= abs(usual)
         return bool(abs(value - usual) > most or too_fast)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from homeward import quantities
-from homeward.watch import rules
+from homeward.watch import thresholds
 
 
 class Stamps:
@@ -33,7 +33,7 @@ class Stamps:
             return self.time_s
         passed_s = now_s - self._now_s
         step_s = passed_s if stamp_s is None or self._stamp_s is None else stamp_s - self._stamp_s
-        if abs(step_s - passed_s) > rules.JUMP_S:
+        if abs(step_s - passed_s) > thresholds.JUMP_S:
             way = "stood still" if step_s == 0.0 else f"was set {'forward' if step_s > passed_s else 'back'}"
             by = quantities.duration(abs(step_s - passed_s))
             self.said = f"the clock of the messages {way} by {by}: time continues as before"
@@ -47,4 +47,4 @@ class Stamps:
     def without(self, now_s: float) -> float:
         """The present time if no message arrives, s: a second behind."""
         passed_s = 0.0 if self._now_s is None else now_s - self._now_s
-        return self.time_s + max(passed_s - rules.BEHIND_S, 0.0)
+        return self.time_s + max(passed_s - thresholds.BEHIND_S, 0.0)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from homeward.logs import rules as logs_rules
+from homeward.logs import thresholds as logs_thresholds
 from homeward.logs.bags import grade
 from homeward.logs.bags.topics import ACCELERATION, ORIENTATION, Topic
 from homeward.logs.unknown import unknown
@@ -39,7 +39,7 @@ def _quaternion(values: dict[str, float], topic: Topic) -> np.ndarray[Any, np.dt
         return np.full((4, 1), np.nan)
     quaternion = np.array([[values[f"{path}.{axis}"]] for axis in "xyzw"])
     # No part of a rotation is longer than 1.
-    return np.where(np.abs(quaternion) <= 1.0 + logs_rules.UNIT_LENGTH_ERROR, quaternion, np.nan)
+    return np.where(np.abs(quaternion) <= 1.0 + logs_thresholds.UNIT_LENGTH_ERROR, quaternion, np.nan)
 
 
 def slope(topic: Topic) -> Value:

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import t as student
 
 from benchmarks.on_the_robot.range_coverage import Args, CoverageError, coverage, crps, main
-from homeward.estimation.rules import DEGREES
+from homeward.estimation.thresholds import DEGREES
 
 
 @pytest.mark.parametrize("truth", [3.0, 5.0, 9.5])

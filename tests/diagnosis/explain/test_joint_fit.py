@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from homeward import Robot, load_robot
-from homeward.diagnosis import Recording, rules
+from homeward.diagnosis import Recording, thresholds
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial, relinearised
@@ -193,7 +193,7 @@ def test_in_correlated_noise_an_effect_is_rarely_significant(short_runs: Runs, h
     for seed in range(40):
         noise = 3.0 * autoregressive(0.9, len(plain), seed)
         found = fitted(dataclasses.replace(short_runs, observed=plain + noise), husky, "turning")
-        count += bool(found.p_values[0] <= rules.SIGNIFICANT)
+        count += bool(found.p_values[0] <= thresholds.SIGNIFICANT)
     assert count <= 7  # of 40 at 5 %: 8 or more have a probability of 0.0007
 
 

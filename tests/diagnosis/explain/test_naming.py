@@ -13,7 +13,7 @@ import pytest
 
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
-from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose, rules
+from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose, thresholds
 from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
@@ -110,7 +110,7 @@ def test_a_noisy_meter_does_not_hide_an_effect(drive: Drive, husky: Robot) -> No
     noisy = with_power(runs, lambda of: of["power_w"] + 60.0 * rng.standard_normal(len(of["power_w"])))
     (found,) = diagnose(noisy, husky).missing_physics
     assert found.effect == "compute"
-    assert found.evidence.held_out_gain is not None and found.evidence.held_out_gain < rules.SMALLEST_GAIN_TO_NAME
+    assert found.evidence.held_out_gain is not None and found.evidence.held_out_gain < thresholds.SMALLEST_GAIN_TO_NAME
 
 
 def test_a_load_switched_on_part_way_is_found_with_its_time(short_drive: Drive, husky: Robot) -> None:

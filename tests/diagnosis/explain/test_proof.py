@@ -15,7 +15,7 @@ from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import Refit, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.rules import FALSE_ALARM_RATE
+from homeward.diagnosis.thresholds import FALSE_ALARM_RATE
 from tests.diagnosis.made_up import autoregressive
 
 Drive = Callable[..., list[Recording]]

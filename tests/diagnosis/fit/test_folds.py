@@ -13,7 +13,7 @@ from homeward.diagnosis import Recording
 from homeward.diagnosis.fit.folds import cut_blocks, cut_folds, cut_stretches, per_block
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.rules import FEWEST_BLOCKS
+from homeward.diagnosis.thresholds import FEWEST_BLOCKS
 from homeward.logs.channels import Index
 from tests.diagnosis.made_up import autoregressive
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from homeward.envs.routes import load_route, route_names, rules
+from homeward.envs.routes import load_route, route_names, thresholds
 from homeward.envs.routes.route import RouteError
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import MAX_PLACES
@@ -141,7 +141,7 @@ def test_quotes_spaces_and_comments_are_no_part_of_a_value(tmp_path: Path, text:
 
 
 @pytest.mark.parametrize(
-    ("rise_m", "climbs"), [(rules.STEEPEST_SINE - 1e-6, True), (rules.STEEPEST_SINE + 1e-6, False)]
+    ("rise_m", "climbs"), [(thresholds.STEEPEST_SINE - 1e-6, True), (thresholds.STEEPEST_SINE + 1e-6, False)]
 )
 def test_the_steepest_slope_is_the_last_that_is_read(tmp_path: Path, rise_m: float, climbs: bool) -> None:
     path = route_file(tmp_path, f"distance_m,elevation_m\n0,0\n1,{rise_m!r}\n2,{rise_m!r}\n")

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import evaluate
-from homeward.envs.routes import RouteError, load_route, rules
+from homeward.envs.routes import RouteError, load_route, thresholds
 from homeward.envs.routes.tracks import Profile, Track, profile, read_track
 
 gpxpy = pytest.importorskip("gpxpy")
@@ -142,7 +142,7 @@ def test_a_robot_that_stands_does_not_drive() -> None:
     raw = np.hypot(np.diff(north), np.diff(east)).sum() * M_PER_DEGREE
     assert raw > 3000.0
     found = profile(Track(np.full(len(along), 5.0), north, east), "stands")
-    assert found.distance_m[-1] == pytest.approx(1000.0, abs=0.06 * 1000.0 + rules.SPACING_M)
+    assert found.distance_m[-1] == pytest.approx(1000.0, abs=0.06 * 1000.0 + thresholds.SPACING_M)
 
 
 def test_a_way_round_has_a_heading_that_goes_round() -> None:
@@ -167,7 +167,7 @@ def test_a_missing_height_is_interpolated_and_a_wall_is_cut() -> None:
     wall = np.where(distance < 5000.0, 0.0, 100.0)
     slope = profile(Track(wall, distance_m=distance), "wall")
     grade = np.diff(slope.elevation_m) / np.diff(slope.distance_m)
-    assert np.abs(grade).max() == pytest.approx(rules.STEEPEST_OF_TRACK)
+    assert np.abs(grade).max() == pytest.approx(thresholds.STEEPEST_OF_TRACK)
 
 
 def test_a_track_is_a_route_of_an_environment(tmp_path: Path) -> None:

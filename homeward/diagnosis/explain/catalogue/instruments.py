@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from homeward.diagnosis import rules
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue.battery import share_of_the_drive
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
 from homeward.diagnosis.fit.replay import Runs, WithEffects
@@ -40,7 +40,7 @@ def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     if min(ratios) <= 0.0:
         return  # the fix moves while the odometer does not
     scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
-    scale[np.abs(scale) < rules.SAME_ODOMETER] = 0.0
+    scale[np.abs(scale) < thresholds.SAME_ODOMETER] = 0.0
     if not scale.any() or (scale <= -1.0).any():
         return
     off = replace(setting.present, speed_factors=(1.0 / (1.0 + scale)).tolist())
@@ -58,7 +58,9 @@ def _ratios(runs: Runs) -> list[float]:
         every = max(1, round(_FIX_S / median_step_s(run.time_s)))
         path_m = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * np.diff(run.time_s))))[::every]
         straight = np.abs(np.diff(run.base_distance_m[::every]))
-        away = straight > rules.HALF * np.diff(path_m)  # not in a turn, where the path exceeds the change of distance
+        away = straight > thresholds.HALF * np.diff(
+            path_m
+        )  # not in a turn, where the path exceeds the change of distance
         covered_m = float(straight[away].sum())
         ratios.append(float(np.diff(path_m)[away].sum()) / covered_m if covered_m > 0.0 else 1.0)
     return ratios

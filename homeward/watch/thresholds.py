@@ -4,7 +4,7 @@ Sizes of buffers, periods of drawing, saving and publishing, and the cutting of 
 by themselves and stand beside their code.
 """
 
-from homeward.companion import rules as companion_rules
+from homeward.companion import thresholds as companion_thresholds
 
 # --- Recordings: predictions and their quality ------------------------------------------------------------------------
 
@@ -32,7 +32,7 @@ cents (Smart Battery Data Specification 1.1)."""
 SAME_FRAME_M = 2.0
 """Poses this near, m, are in one frame, however soon they follow; chosen: below a position's error."""
 
-TOP_SPEEDS = companion_rules.TOP_SPEEDS
+TOP_SPEEDS = companion_thresholds.TOP_SPEEDS
 """Multiple of the top speed that a robot may have had meanwhile; chosen: as for speeds that are read."""
 
 JUMP_S = 2.0

@@ -4,8 +4,8 @@ Steps and places of the estimator, the points of the trail, weights in running m
 by themselves and stand beside their code. Limits that other packages have too are in `homeward.rules`.
 """
 
-from homeward.estimation import rules as estimation_rules
-from homeward.physics import rules as physics_rules
+from homeward.estimation import thresholds as estimation_thresholds
+from homeward.physics import thresholds as physics_thresholds
 
 # --- Advice -----------------------------------------------------------------------------------------------------------
 
@@ -212,11 +212,11 @@ DRIVEN_SHARE = 0.01
 
 # --- Prior: how much a robot's file is trusted ------------------------------------------------------------------------
 
-LEAST_MODEL_ERROR = estimation_rules.MODEL_ERRORS[0]
+LEAST_MODEL_ERROR = estimation_thresholds.MODEL_ERRORS[0]
 """Error of the model, a share, for a file that states its unexplained power: as of the environments' agents where
 nothing is hidden."""
 
-OMITTED, BETWEEN_RUNS = physics_rules.OMITTED, physics_rules.BETWEEN_RUNS
+OMITTED, BETWEEN_RUNS = physics_thresholds.OMITTED, physics_thresholds.BETWEEN_RUNS
 """What the model omits of the energy of a way, and the spread of the energy between runs, for a file that states
 neither."""
 

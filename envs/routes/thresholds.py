@@ -4,7 +4,7 @@ The lengths over which a track is smoothed are beside their code (`homeward.envs
 route's quantities are in the table of them (`homeward.envs.routes.route`).
 """
 
-from homeward import rules as shared
+from homeward import thresholds as shared
 
 # --- Routes -----------------------------------------------------------------------------------------------------------
 

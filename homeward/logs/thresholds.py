@@ -7,7 +7,7 @@ formats and the lengths of averaging windows decide nothing by themselves and st
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from homeward import rules as shared
+from homeward import thresholds as shared
 
 # --- Values: what is left out -----------------------------------------------------------------------------------------
 

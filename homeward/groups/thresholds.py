@@ -1,6 +1,6 @@
 """Thresholds of comparing groups that are choices, each defined once and with its origin; others: the diagnosis."""
 
-from homeward.diagnosis.rules import SIGNIFICANT
+from homeward.diagnosis.thresholds import SIGNIFICANT
 
 # --- Tests ------------------------------------------------------------------------------------------------------------
 
