@@ -12,6 +12,7 @@ DIR/groups.json and DIR/groups.html.
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -80,8 +81,10 @@ class Args:
     not_testable."""
 
 
-def main(args: Args) -> Analysis | Comparison:
+def main(args: Args, without: Collection[str] = ()) -> Analysis | Comparison:
     """Diagnose, or compare groups; write the outputs and print the verdict.
+
+    An experiment runs `without` some conditions under which an effect is named.
 
     Raises:
         RecordingError, RobotError, DatasetError: The input cannot be used. If that is found only after reading all of
@@ -93,7 +96,7 @@ def main(args: Args) -> Analysis | Comparison:
     paths, robot, columns = _inputs(args)
     check_writable(args.out)
     recordings = _read([(path, columns) for path in paths], args.standing)
-    analysis = _diagnose(recordings, robot, args)
+    analysis = _diagnose(recordings, robot, args, without)
     if all(stands(one) for one in recordings):
         level = compare_standing(recordings, ["these runs"] * len(recordings))
         write_groups(level, args.out)
@@ -116,7 +119,7 @@ def _compare(args: Args) -> Comparison:
     if all(stands(one) for one in recordings):
         comparison = compare_standing(recordings, labels)
     else:
-        comparison = compare_driving(_diagnose(recordings, _robot_of(args, groups), args), recordings, labels)
+        comparison = compare_driving(_diagnose(recordings, _robot_of(args, groups), args, ()), recordings, labels)
     page = write_groups(comparison, args.out)[-1]
     console = cli.Terminal()
     show_groups(comparison, console)
@@ -152,7 +155,7 @@ def _robot_of_dataset(name: str) -> str:
     return robot
 
 
-def _diagnose(recordings: list[Recording], robot: str | None, args: Args) -> Analysis:
+def _diagnose(recordings: list[Recording], robot: str | None, args: Args, without: Collection[str]) -> Analysis:
     if robot is None:
         print(f"no --robot is given: {ASSUMED} is assumed; name yours, a preset or a TOML file", file=sys.stderr)
     top_mps = load_robot(robot or ASSUMED).max_speed_mps
@@ -166,7 +169,7 @@ def _diagnose(recordings: list[Recording], robot: str | None, args: Args) -> Ana
         def show(stage: str) -> None:
             bar.update(task, description=stage, completed=STAGES.index(stage))
 
-        analysis = analyse(recordings, robot or ASSUMED, seed=args.seed, progress=show)
+        analysis = analyse(recordings, robot or ASSUMED, seed=args.seed, progress=show, without=without)
         bar.update(task, description="writing", completed=len(STAGES))
         written = write_outputs(analysis, args.out)
     _print(analysis, recordings, written)

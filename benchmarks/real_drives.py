@@ -35,8 +35,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from homeward.datasets import DatasetError, fetch
-from homeward.diagnosis import Recording, analyse, read_recording
-from homeward.diagnosis import thresholds as thresholds
+from homeward.diagnosis import Recording, analyse, read_recording, thresholds
 from homeward.diagnosis.fit.predictive import SCALES, Scales, fit_predictive
 from homeward.diagnosis.fit.replay import Runs, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
@@ -66,6 +65,8 @@ class Args:
     """Vehicles; those whose recordings are not at hand are named and left out."""
     jobs: int = 2
     """Processes."""
+    without: tuple[str, ...] = ()
+    """Conditions under which an effect is named that are left out, to see what they are worth."""
     scales: bool = False
     """Instead: the fit made to predict, without a diagnosis, with each of its priors half and twice as wide."""
 
@@ -167,9 +168,9 @@ class Outcome:
     heater_w: list[tuple[float, float]]  # of later drives with a label: by the file, by the label
 
 
-def run(split: Split) -> Outcome:
+def run(split: Split, without: Sequence[str] = ()) -> Outcome:
     """Diagnose, write the file, and replay it on the later drives."""
-    analysis = analyse(list(split.diagnosed), split.robot)
+    analysis = analyse(list(split.diagnosed), split.robot, without=without)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "corrected.toml"
         path.write_text(corrected_toml(analysis))
@@ -367,7 +368,7 @@ def main(args: Args) -> None:
         if args.scales:
             show_varied(list(Parallel(args.jobs)(delayed(vary)(split) for split in work)))
         else:
-            show(list(Parallel(args.jobs)(delayed(run)(split) for split in work)))
+            show(list(Parallel(args.jobs)(delayed(run)(split, args.without) for split in work)))
 
 
 def _cell(errors: Sequence[Errors]) -> str:

@@ -41,13 +41,15 @@ class Args:
     """Processes."""
     out: Path = Path("runs/concealed")
     """Folder for concealed.json, concealed.md and the diagnoses."""
+    without: tuple[str, ...] = ()
+    """Conditions under which an effect is named that are left out, to see what they are worth."""
 
 
 def main(args: Args) -> list[Outcome]:
     """Make the cases, diagnose them, print and write the tables."""
     os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # it would ask on the terminal
     args.out.mkdir(parents=True, exist_ok=True)
-    tasks = {f"{part} {number}": (part, args.seed, number, args.out) for part, number in _wanted(args)}
+    tasks = {f"{part} {number}": (part, args.seed, number, args.out, args.without) for part, number in _wanted(args)}
     if not tasks:
         sys.exit(1)
     start_s = time.perf_counter()

@@ -1,7 +1,7 @@
 """The chain from recordings to verdict: check, refit, test the residual, locate, name, validate, conclude."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY, find_effects
+from homeward.diagnosis.explain.conditions import check_names
 from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.gauge import capacity_question, weigh_gauge
@@ -29,7 +30,7 @@ from homeward.diagnosis.fit.usable import Finding, usable_runs
 from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
 from homeward.diagnosis.tell.file_choice import choose_file, determined
 from homeward.diagnosis.tell.made_by import made_by
-from homeward.diagnosis.tell.missing import missing_physics
+from homeward.diagnosis.tell.missing import missing_physics, not_named
 from homeward.diagnosis.tell.next_drive import next_experiment
 from homeward.diagnosis.tell.words import nothing_usable, summary
 from homeward.logs.autocorrelation import shifted_in_time
@@ -74,8 +75,13 @@ def analyse(
     columns: Columns | str | Path | None = None,
     seed: int = 0,
     progress: Progress = lambda stage: None,
+    without: Collection[str] = (),
 ) -> Analysis:
-    """As `diagnose`, with the evidence that the report shows; `progress` is called with the name of each stage."""
+    """As `diagnose`, with the evidence that the report shows; `progress` is called with the name of each stage.
+
+    Conditions of naming `without` which it runs refuse nothing: an experiment, for what a condition is worth.
+    """
+    check_names(without)
     robot = load_robot(robot)
     recordings = (
         list(recordings) if isinstance(recordings, Sequence) and not isinstance(recordings, str) else [recordings]
@@ -102,7 +108,7 @@ def analyse(
     rng = np.random.default_rng(seed)
     with threadpool_limits(1):
         runs, gauge = weigh_gauge(average(usable, thresholds.SAMPLES_A_WINDOW), robot)
-        evidence, fit = _gather(runs, robot, rng, progress)
+        evidence, fit = _gather(runs, robot, rng, progress, without)
         if gauge is not None:
             gauge = dataclasses.replace(gauge, question=capacity_question(evidence.capacity, robot))
             lines = filter(None, (gauge.says, gauge.question))
@@ -127,6 +133,7 @@ def analyse(
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
+        not_named=not_named(evidence),
         where=where or tuple(place for one in found for place in one.where),
         fit=fit,
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
@@ -141,7 +148,9 @@ def analyse(
     return Analysis(diagnosis, robot, choice.robot, tuple(findings), evidence)
 
 
-def _gather(runs: Runs, robot: Robot, rng: Generator, progress: Progress) -> tuple[Evidence, Fit]:
+def _gather(
+    runs: Runs, robot: Robot, rng: Generator, progress: Progress, without: Collection[str]
+) -> tuple[Evidence, Fit]:
     progress("refitting")
     fitted = refit(runs, robot)
     blocks = independent_blocks(fitted, runs)
@@ -150,7 +159,7 @@ def _gather(runs: Runs, robot: Robot, rng: Generator, progress: Progress) -> tup
     enough = int(block.max()) + 1 >= thresholds.FEWEST_BLOCKS
     progress("testing what remains")
     found = dependences(fitted, runs, blocks, fold, rng) if enough else []
-    explanation = explain(fitted, runs, found, block, fold, rng, progress)
+    explanation = explain(fitted, runs, found, block, fold, rng, progress, without)
     corrected = explanation.naming.corrected
     if corrected is not None and any(one.term.axis == "time" for one in explanation.naming.named):
         # A change at one moment of a run does not predict other runs: hold out stretches.

@@ -114,6 +114,17 @@ class Proof:
 
 
 @dataclass(frozen=True)
+class Checked:
+    """The value of one condition under which an effect is named, beside its limit."""
+
+    condition: str
+    value: float
+    side: Literal["at least", "at most", "more than"]
+    limit: float
+    holds: bool
+
+
+@dataclass(frozen=True)
 class MissingPhysics:
     """An effect that the simulator lacks, where it acts, and the evidence for it."""
 
@@ -127,6 +138,15 @@ class MissingPhysics:
     evidence: Proof
     confused_with: tuple[str, ...]
     to_tell_apart: str
+    conditions: tuple[Checked, ...] = ()  # under which it is named; none of one that another channel than power shows
+
+
+@dataclass(frozen=True)
+class NotNamed:
+    """An effect that was tried, and the conditions up to the first that it does not meet."""
+
+    effect: str
+    conditions: tuple[Checked, ...]
 
 
 @dataclass(frozen=True)
@@ -192,6 +212,7 @@ class Diagnosis:
     parameters: tuple[FittedGroup, ...] = ()
     parameters_off: tuple[FittedGroup, ...] = ()  # those whose interval excludes what the robot file assumes
     missing_physics: tuple[MissingPhysics, ...] = ()
+    not_named: tuple[NotNamed, ...] = ()
     where: tuple[Place, ...] = ()
     fit: Fit | None = None
     what_this_log_can_show: dict[str, float | None] = field(default_factory=dict)

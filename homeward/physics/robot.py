@@ -149,6 +149,10 @@ class Robot:
 
     def record(self) -> NDArray[np.void]:
         """Array of shape (1,) and dtype `ROBOT_DTYPE`, the form that compiled kernels take."""
+        return self._record.copy()
+
+    @functools.cached_property
+    def _record(self) -> NDArray[np.void]:
         active, tables = 0, [(effect, self.effects.get(effect.id, _OFF)) for effect in EFFECTS]
         for bit, (effect, table) in enumerate(tables):
             active |= (table.get(effect.switch.name, 0.0) != 0.0) << bit

@@ -7,6 +7,7 @@ import io
 import json
 import shutil
 import traceback
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypedDict
@@ -72,15 +73,15 @@ class Outcome:
         return "pairs" if len(self.hidden) == 2 else "singles" if self.hidden[0] in EFFECTS else "outside"
 
 
-def run_case(part: Part, seed: int, number: int, out: Path) -> Outcome:
+def run_case(part: Part, seed: int, number: int, out: Path, without: Collection[str] = ()) -> Outcome:
     """Make one case and diagnose it."""
     case = make_case(part, seed, number)
-    outcome = ask(case, out / part / f"{number:04d}")
+    outcome = ask(case, out / part / f"{number:04d}", without)
     outcome.provable = provable(case)
     return outcome
 
 
-def ask(case: Case, folder: Path) -> Outcome:
+def ask(case: Case, folder: Path, without: Collection[str] = ()) -> Outcome:
     """Write the case's recordings into the folder, diagnose them, and read diagnosis.json and corrected.toml."""
     outcome = Outcome(case.part, case.number, case.vehicle, case.label, list(case.hidden), case.visible,
                       sorted(case.fair), case.fault)  # fmt: skip
@@ -94,7 +95,7 @@ def ask(case: Case, folder: Path) -> Outcome:
     args = diagnose.Args(runs=tuple(runs), robot=str(folder / "nominal.toml"), out=folder)
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            analysis = diagnose.main(args)
+            analysis = diagnose.main(args, without)
     except RecordingError as error:
         outcome.verdict, outcome.summary = "refused", str(error)
     except Exception:  # the robot file is valid, so that even a RobotError counts as a crash

@@ -4,17 +4,16 @@ An effect that needs a schedule is compared with recorded confounders: where the
 channel, predicts held-out stretches as well, the cause was recorded and the effect is not named.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.formula import Empirical, propose
-from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.motion import explained, largest_by_motion, motion_gain, place_gain, trees_beat
-from homeward.diagnosis.explain.naming import Named, Naming, name_missing
+from homeward.diagnosis.explain.naming import Naming, name_missing
 from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate, where_at_work
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
@@ -52,6 +51,7 @@ def explain(
     fold: Index,
     rng: np.random.Generator,
     progress: Callable[[str], None],
+    without: Collection[str] = (),
 ) -> Explanation:
     """Explain the residual of a refit by `found`, its dependences on channels and time, significant ones first.
 
@@ -61,7 +61,7 @@ def explain(
     if not found:
         return Explanation()
     progress("locating")
-    residual = _Residual(fit, runs, found[0], block, fold, rng, progress)
+    residual = _Residual(fit, runs, found[0], block, fold, rng, progress, without)
     most, in_time = found[0], [one for one in found if one.channel.name == "time_s"]
     location = locate(most, runs) if most.found else None
     naming = residual.naming()
@@ -104,6 +104,7 @@ class _Residual:
     by_run: Index  # (windows,)
     rng: np.random.Generator
     progress: Callable[[str], None]
+    without: Collection[str]  # conditions that refuse nothing
 
     @property
     def fold(self) -> Index:
@@ -111,13 +112,8 @@ class _Residual:
         return self.block % FOLDS
 
     def naming(self, varying: bool = True) -> Naming:
-        """The effects that are named, without rivals that their own replay refutes."""
-        naming = name_missing(self.fit, self.runs, self.block, self.rng, self.progress, varying)
-        named = [
-            replace(one, rivals=tuple(rival for rival in one.rivals if self._stands(rival, one)))
-            for one in naming.named
-        ]
-        return replace(naming, named=tuple(named))
+        """The effects that are named."""
+        return name_missing(self.fit, self.runs, self.block, self.rng, self.progress, varying, self.without)
 
     def by_motion(self) -> float:
         """Share of the residual that motion explains."""
@@ -137,17 +133,6 @@ class _Residual:
             return False
         left = self.runs.observed - naming.corrected.predicted
         return self.by(naming) < thresholds.BY_NAMED and is_autocorrelated(left, self.runs)
-
-    def _stands(self, rival: Term, named: Named) -> bool:
-        """Whether a rival that a channel would show which some run lacks explains as much in its own joint replay.
-
-        A rival was found by its linearised contribution; others are told apart by what was recorded.
-        """
-        channel = rival.hypothesis.map_channel
-        if not channel or self.runs.has(channel):
-            return True
-        alone = fit_model(self.fit, [rival], self.runs, self.block)
-        return explained(self.fit, alone, self.runs, self.fold) >= thresholds.CONFUSABLE_SHARE * named.held_out_gain
 
     def remaining(self, corrected: Corrected) -> RemainingDependence | None:
         """The residual of the corrected model where, by the test of the refit's, it depends on a channel."""

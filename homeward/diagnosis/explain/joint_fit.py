@@ -206,7 +206,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     # The load per unit of a size depends on the groups, such as a share of the power.
     for again in range(_PASSES if any(one.at_work is not None for one in terms) else 1):
         model = _at(model, runs, theta, values) if again else model
-        start = (theta, values, *_linearised(model, runs, theta, values, ~fit.held))
+        start = (theta, values, *_linearised(model, runs, theta, values, fit.held))
         theta, values, predicted, jacobian = _descended(fit, model, runs, everything, start)
     groups = fit.jacobian.shape[1]
     at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
@@ -299,7 +299,7 @@ def _descended(
         if to_first and share == 1.0:
             break
         done, error = after > error * (1.0 - 1e-7), after
-        _, jacobian = _linearised(model, runs, theta, values, ~fit.held)
+        _, jacobian = _linearised(model, runs, theta, values, fit.held)
         if done:
             break
     return theta, values, predicted, jacobian
@@ -349,11 +349,11 @@ def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     return _stepped(fit, model, model.given, jacobian, runs.observed - fit.predicted)[1:]
 
 
-def _linearised(model: Model, runs: Runs, theta: Array, values: Array, moving: Mask) -> tuple[Array, Array]:
-    """Prediction, (windows,), and its Jacobian by the groups that are `moving` and the unknowns, (windows, columns)."""
+def _linearised(model: Model, runs: Runs, theta: Array, values: Array, held: Mask) -> tuple[Array, Array]:
+    """Prediction, (windows,), and its Jacobian by the groups that are not `held` and the
+    unknowns, (windows, columns)."""
     predicted = model.predict(runs, theta, values)
-    groups = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values))
-    columns = [column * bool(open_) for column, open_ in zip(groups, moving, strict=True)]
+    columns = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), held)
     for index, one in enumerate(model.unknowns):
         term = model.terms[one.term]
         if one.column is not None and term.linear:

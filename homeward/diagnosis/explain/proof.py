@@ -60,7 +60,6 @@ class Bench:
     target: Array  # what is to be explained, (windows,)
     block: Index
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
-    refit_error: float = 0.0  # squared error that the refit leaves, without any effect
     channel_error: float = 0.0  # squared error expected from errors of the channels
     noise: float = 0.0  # squared error that noise of power explains, where no effect is in the base
 

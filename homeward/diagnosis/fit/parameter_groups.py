@@ -14,7 +14,7 @@ import numpy as np
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
-from homeward.logs.channels import Array
+from homeward.logs.channels import Array, Mask
 from homeward.physics import Robot
 from homeward.physics.model import rolling_force
 
@@ -143,13 +143,22 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     return Parameters(robot, groups, start, low, high, scale, to_group, known)
 
 
-def derivatives(problem: Parameters, theta: Array, predicted: Array, predict: Callable[[Array], Array]) -> list[Array]:
+def derivatives(
+    problem: Parameters,
+    theta: Array,
+    predicted: Array,
+    predict: Callable[[Array], Array],
+    held: Mask | None = None,
+) -> list[Array]:
     """Derivative of `predict` by each group in units of `scale`, (windows,) each, by a finite difference at theta.
 
-    `predicted`, shape (windows,), is its value at theta.
+    `predicted`, shape (windows,), is its value at theta; groups that are `held`, shape (groups,), have none.
     """
     columns = []
     for index in range(len(theta)):
+        if held is not None and held[index]:
+            columns.append(np.zeros(len(predicted)))
+            continue
         step = 1e-4 * problem.scale[index]
         if theta[index] + step > problem.high[index]:
             step = -step

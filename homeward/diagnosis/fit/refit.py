@@ -128,8 +128,8 @@ def _fit(problem: Parameters, runs: Runs, held: Mask) -> Refit:
     best, least = None, np.inf
     for _ in range(_ITERATIONS):
         predicted = problem.predict(runs, theta)
-        jacobian = np.column_stack(derivatives(problem, theta, predicted, lambda moved: problem.predict(runs, moved)))
-        jacobian[:, held] = 0.0
+        columns = derivatives(problem, theta, predicted, lambda moved: problem.predict(runs, moved), held)
+        jacobian = np.column_stack(columns)
         residual = runs.observed - predicted
         error = float(residual @ residual)
         if best is not None and error >= least * (1.0 - 1e-10):

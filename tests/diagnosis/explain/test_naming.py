@@ -2,10 +2,8 @@
 
 import dataclasses
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -14,20 +12,11 @@ import pytest
 import homeward  # noqa: F401
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose, thresholds
-from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
+from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.naming import (
-    Naming,
-    _beside,
-    _followed,
-    _half,
-    _likeliest,
-    _outdone,
-    _splits_a_schedule,
-)
-from homeward.diagnosis.explain.proof import Bench
+from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
@@ -382,19 +371,6 @@ def test_ground_that_changes_all_the_time_in_places_that_are_met_again_is_no_hyp
     assert max(ground(place_known=True), default=0) <= 6
 
 
-def test_a_size_at_the_bound_of_what_is_physical_is_not_at_work(short_drive: Drive, husky: Robot) -> None:
-    heavy = short_drive(husky, effects={"turning": {"scrub": 0.3}})
-    runs = average(usable_runs(heavy, husky)[0])
-    fit = refit(runs, husky)
-    setting = Setting.of(fit, runs)
-    term = next(one for one in CATALOGUE["turning"].forms(setting, False) if not one.flexible)
-    block = cut_blocks(runs.run)
-    assert fit_model(fit, [term], runs, block).at_work().all()
-    least = dataclasses.replace(term.hypothesis, bounds=(0.0, 0.1))
-    bounded = dataclasses.replace(term, hypothesis=least, high=np.array([0.1]))
-    assert not fit_model(fit, [bounded], runs, block).at_work().all()
-
-
 def test_levels_confounded_with_their_mean_are_at_work_together(short_drive: Drive, husky: Robot) -> None:
     """The mean of the levels of a ground and the rolling resistance are confounded, but a difference of levels is not:
     no interval of a level excludes zero."""
@@ -436,81 +412,6 @@ def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
     assert motion.effect == effect
 
 
-def test_half_of_a_pair_has_its_rivals_beside_the_other_and_physics_comes_before_a_fault(
-    drive: Drive, husky: Robot
-) -> None:
-    """Alone, neither of the pair need be significant; a load and a zero that has shifted are the same column."""
-    runs_read = drive(husky, runs=3, minutes=4.0, effects={"breakaway": {"start_j": 60.0}})
-    since_s = (150.0, 0.0, 0.0)
-    recordings = [
-        with_power([run], lambda of, on_s=on_s: of["power_w"] + 20.0 * (of["time_s"] > on_s))[0]  # type: ignore[misc]
-        for run, on_s in zip(runs_read, since_s, strict=True)
-    ]
-    runs = average(usable_runs(recordings, husky)[0])
-    fit = refit(runs, husky)
-    setting, block = Setting.of(fit, runs), cut_blocks(runs.run, runs.observed - fit.predicted)
-    refit_error = float(setting.residual @ setting.residual)
-    bench = Bench(fit, tuple(terms(setting)), runs, setting.residual, block, (), refit_error, 0.0)
-
-    def best(effect: str, of: Bench) -> int:
-        same = [index for index, one in enumerate(of.candidates) if one.effect == effect]
-        return max(same, key=of.share)
-
-    beside = bench.with_base(best("breakaway", bench))
-    half = _half(
-        beside,
-        best("sensor_offset", beside),
-        beside.independent(best("sensor_offset", beside)),
-        rng=np.random.default_rng(0),
-    )
-    assert half is not None and half.term.effect == "standby"
-    assert "sensor_offset" in [one.effect for one in half.rivals]
-
-
-@pytest.mark.parametrize(
-    ("axis", "sudden", "apart", "first", "by_motion", "gain", "stands"),
-    [
-        ("steady", False, 0.0, "steady", 0.9, 0.5, True),
-        ("time", True, 1.0, "steady", 0.2, 0.5, True),
-        ("time", False, 9.0, "steady", 0.2, 0.5, False),
-        ("time", True, 9.0, "steady", 0.6, 0.5, False),
-        ("time", True, 1.0, "time", 0.2, 0.5, False),
-        ("time", True, 1.0, "time", 0.2, 0.8, True),
-        ("time", False, 1.0, "time", 0.2, 0.8, False),
-        ("time", True, 9.0, "time", 0.2, 0.5, True),
-        ("place", False, 0.0, "time", 0.6, 0.5, False),
-    ],
-)
-def test_a_further_schedule_stands_out_from_the_first_and_from_motion(
-    axis: str, sudden: bool, apart: float, first: str, by_motion: float, gain: float, stands: bool
-) -> None:
-    """It explains a share, `gain`, of what the named effect leaves."""
-
-    def named(axis: str) -> Any:
-        term = SimpleNamespace(axis=axis, schedule=SimpleNamespace(apart=apart))
-        return SimpleNamespace(term=term, sudden=sudden, held_out_gain=gain)
-
-    assert _beside(named(axis), [named(first)], lambda: by_motion) == stands
-
-
-@pytest.mark.parametrize(
-    ("axes", "apart", "split"),
-    [
-        (("time", "time"), 1.0, True),
-        (("time", "time"), 9.0, False),
-        (("time", "steady"), 0.0, False),
-        (("steady", "time"), 1.0, False),
-        (("time",), 1.0, False),  # it has replaced the first
-    ],
-)
-def test_a_schedule_beside_another_that_is_not_clearly_apart_may_be_a_part_of_it(
-    axes: Sequence[str], apart: float, split: bool
-) -> None:
-    schedule = SimpleNamespace(apart=apart)
-    named: Any = [SimpleNamespace(term=SimpleNamespace(axis=axis, schedule=schedule)) for axis in axes]
-    assert _splits_a_schedule(named) == split
-
-
 @pytest.mark.parametrize(
     ("channels", "slopes", "lacks"),
     [
@@ -527,50 +428,3 @@ def test_what_depends_on_the_place_only_may_be_slopes_that_were_not_recorded(
 ) -> None:
     runs = windows(2, 2) if slopes is None else windows(2, 2, grade_rad=np.array(slopes))
     assert Naming().needs_unrecorded_channel(runs, channels) == lacks
-
-
-@pytest.mark.parametrize(
-    ("axis", "map_channel", "share"), [("steady", "grade_rad", 1.0), ("steady", "", 0.0), ("place", "", 1.0)]
-)
-def test_what_is_like_a_slope_may_absorb_errors_of_slopes(axis: str, map_channel: str, share: float) -> None:
-    bench: Any = SimpleNamespace(
-        candidates=[SimpleNamespace(axis=axis, hypothesis=SimpleNamespace(map_channel=map_channel))]
-    )
-    assert _followed(bench, 0) == share
-
-
-def test_one_half_of_a_pair_is_no_other_form_of_the_other_half() -> None:
-    """Though it explains as much, and physics comes before a fault."""
-
-    def candidate(effect: str, physical: bool) -> Any:
-        return SimpleNamespace(
-            effect=effect, axis="steady", typical=True, hypothesis=SimpleNamespace(physical=physical, channels=())
-        )  # fmt: skip
-
-    candidates = (candidate("breakaway", True), candidate("breakaway", True), candidate("clock_lag", False))
-    bench: Any = SimpleNamespace(candidates=candidates, shares=np.full(3, 0.5), beside=(0,))
-    assert _likeliest(bench, 2, np.zeros(3)) == 2
-    bench.beside = ()
-    assert _likeliest(bench, 2, np.zeros(3)) == 0
-
-
-@pytest.mark.parametrize(
-    ("axis", "sudden", "gain", "refused_axis", "refused_sudden", "outdone"),
-    [
-        ("time", False, 0.36, "time", False, True),
-        ("steady", False, 0.36, "steady", False, True),
-        ("steady", False, 0.36, "time", False, False),  # a channel is simpler than a schedule
-        ("steady", False, 0.2, "time", False, True),
-        ("time", True, 0.2, "time", False, False),  # steps stand out of a drift
-        ("time", True, 0.2, "time", True, True),
-    ],
-)
-def test_what_placebos_refuse_bars_what_explains_less(
-    axis: str, sudden: bool, gain: float, refused_axis: str, refused_sudden: bool, outdone: bool
-) -> None:
-    """The refused effect explains 0.4."""
-
-    def named(axis: str, sudden: bool, gain: float) -> Any:
-        return SimpleNamespace(term=SimpleNamespace(axis=axis), sudden=sudden, held_out_gain=gain)
-
-    assert _outdone(named(axis, sudden, gain), named(refused_axis, refused_sudden, 0.4)) == outdone

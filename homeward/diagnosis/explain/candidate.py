@@ -1,0 +1,164 @@
+"""A set of effects in its joint replay, and a candidate: one effect beside the others of its set.
+
+Every number that a condition reads is computed here. A set is fitted together with the parameters, through the replay,
+and scored by the windows that its fit has not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.random import Generator
+
+from homeward.diagnosis.explain.hypothesis import Term
+from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.explain.motion import largest_by_motion
+from homeward.diagnosis.explain.proof import Bench
+from homeward.diagnosis.fit.folds import FOLDS
+from homeward.diagnosis.fit.held_out import Gain, gain, held_out
+from homeward.diagnosis.fit.refit import Refit
+from homeward.diagnosis.fit.replay import Runs
+from homeward.logs.channels import Array, Index
+
+
+@dataclass(frozen=True)
+class EffectSet:
+    """Effects that are fitted together with the parameters; without any, the refit."""
+
+    model: Refit | Corrected
+    runs: Runs
+    block: Index  # (windows,)
+    rng: Generator
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The effects, each in the form that was fitted."""
+        return self.model.model.terms if isinstance(self.model, Corrected) else ()
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Held-out prediction by replays, shape (windows,): each fold by the model fitted to the others."""
+        return held_out(lambda chosen: self.model.refitted(chosen, self.runs).replayed(self.runs), self.block % FOLDS)
+
+    @cached_property
+    def squared_error(self) -> float:
+        """Of the held-out prediction, summed over windows."""
+        return float(np.sum((self.runs.observed - self.predicted) ** 2))
+
+    @cached_property
+    def by_motion(self) -> float:
+        """Share of what the set leaves that the motion of the robot explains."""
+        return largest_by_motion(self.model, self.runs, self.block, self.rng)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect of a set, beside the set without it."""
+
+    place: int  # among the effects of the set
+    with_it: EffectSet
+    without: EffectSet
+    noise: float  # squared error that noise of power explains; 0 beside other effects
+    at: Callable[[], tuple[Bench, int]]  # the hypotheses beside `without`, and which of them it is
+
+    @cached_property
+    def _at(self) -> tuple[Bench, int]:
+        return self.at()
+
+    @property
+    def bench(self) -> Bench:
+        """The hypotheses beside the set without it."""
+        return self._at[0]
+
+    @property
+    def index(self) -> int:
+        """Which of them it is."""
+        return self._at[1]
+
+    @property
+    def term(self) -> Term:
+        """Its form in the joint replay."""
+        return self.with_it.terms[self.place]
+
+    @property
+    def runs(self) -> Runs:
+        """The recordings."""
+        return self.with_it.runs
+
+    @cached_property
+    def gain(self) -> Gain:
+        """Share of the squared held-out error of the set without it that it explains."""
+        before, after = self.without.predicted, self.with_it.predicted
+        return gain(self.runs.observed, before, after, self.with_it.block, self.with_it.rng)
+
+    @cached_property
+    def searched_share(self) -> float:
+        """The same with change points that are searched anew without the held-out windows."""
+        return self.gain.share if self.term.axis == "steady" else min(self.gain.share, self.bench.share(self.index))
+
+    @property
+    def gain_beyond_noise(self) -> float:
+        """That share of what noise of power does not explain."""
+        return self.searched_share / max(1.0 - self.noise / max(self.without.squared_error, 1e-300), 1e-9)
+
+    @property
+    def explained(self) -> float:
+        """Squared error that it explains, summed over windows."""
+        return self.searched_share * self.without.squared_error
+
+    @property
+    def channel_error(self) -> float:
+        """Squared error by errors of the channels that the effect may follow."""
+        return self.bench.channel_error * followed(self.bench, self.index)
+
+    @property
+    def size_p_value(self) -> float | None:
+        """P-value of its size in the joint replay; 1 at the size of the robot file.
+
+        None where other parameters of its kernel are fitted too: its size may be confounded with them.
+        """
+        model = self.with_it.model
+        assert isinstance(model, Corrected)
+        own = model.model.of(self.place)
+        sizes = [number for number in own if model.model.unknowns[number].column is not None]
+        lowest = model.model.bounds[0]
+        absent = (model.values <= lowest) & (lowest != 0.0) & (lowest != model.model.given)
+        if absent[sizes].any():
+            return 1.0
+        return float(model.p_values[self.place]) if len(sizes) == len(own) else None
+
+    @property
+    def energy_share(self) -> float:
+        """Share of the recorded energy that it adds and saves."""
+        model, duration_s = self.with_it.model, self.runs.duration_s
+        assert isinstance(model, Corrected)
+        moved_j = float(np.abs(model.contribution[self.place] * duration_s).sum())
+        return moved_j / max(float(np.abs(self.runs.observed * duration_s).sum()), 1e-300)
+
+    @property
+    def innovations_bic(self) -> float:
+        """Reduction of BIC by the effect, from the innovations of the residual."""
+        return self.bench.innovations_bic(self.index)
+
+    @property
+    def delta_bic(self) -> float:
+        """Reduction of BIC by the effect, from what it explains of held-out windows or, in steps, from innovations."""
+        return self.bench.delta_bic(self.index)
+
+    @cached_property
+    def p_value(self) -> float:
+        """Share of placebos in which the same search scores as high."""
+        return self.bench.p_value(self.index, self.bench.independent(self.index), self.with_it.rng)
+
+
+def followed(bench: Bench, chosen: int) -> float:
+    """Share of the channels' errors that a hypothesis may absorb: all by place, where they repeat, and all of what is
+    like a slope; in time one independent window for each of its levels."""
+    term = bench.candidates[chosen]
+    if term.axis != "time":
+        return float(term.axis == "place" or bool(term.hypothesis.map_channel))
+    changes = 1 if term.schedule is None else term.schedule.changes
+    return min(1.0, (changes + 1) / bench.independent(chosen))

@@ -1,0 +1,165 @@
+"""When an effect is named: one table of conditions, each a number of the candidate and its limit.
+
+`judge` is the only place where they are evaluated. The result and the report carry every value, and the page "When an
+effect is named" is this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from homeward.diagnosis import thresholds
+from homeward.diagnosis.fit.channel_errors import meter_error
+from homeward.diagnosis.result import Checked
+
+if TYPE_CHECKING:
+    from homeward.diagnosis.explain.candidate import Candidate
+
+Side = Literal["at least", "at most", "more than"]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition: what it asks of a candidate, of which candidates, and its limit."""
+
+    name: str
+    asks: str  # the quantity, in words
+    applies_to: str  # in words
+    side: Side
+    limit: Callable[[Candidate], float]
+    limit_in_words: str
+    origin: str
+    value: Callable[[Candidate], float | None]  # None where it does not apply
+
+    def check(self, candidate: Candidate) -> Checked | None:
+        """The value of a candidate beside the limit; None where the condition does not apply."""
+        value = self.value(candidate)
+        if value is None:
+            return None
+        limit = self.limit(candidate)
+        holds = {"at least": value >= limit, "at most": value <= limit, "more than": value > limit}[self.side]
+        return Checked(self.name, float(value), self.side, limit, bool(holds))
+
+
+def check_names(names: Collection[str]) -> None:
+    """Raise a `ValueError` for a name that is no condition's."""
+    known = [condition.name for condition in CONDITIONS]
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ValueError(f"{unknown[0]!r} is no condition; these are: {', '.join(known)}")
+
+
+def judge(
+    candidate: Candidate, without: Collection[str] = (), conditions: Sequence[Condition] | None = None
+) -> tuple[Checked, ...]:
+    """Check a candidate against the conditions (all by default), in their order, up to the first that does not hold.
+
+    Conditions `without` which an experiment runs are checked as well, and refuse nothing.
+    """
+    checks = []
+    for condition in CONDITIONS if conditions is None else conditions:
+        checked = condition.check(candidate)
+        if checked is None:
+            continue
+        checks.append(checked)
+        if not checked.holds and condition.name not in without:
+            break
+    return tuple(checks)
+
+
+def passes(checks: Collection[Checked], without: Collection[str] = ()) -> bool:
+    """Whether no check refuses."""
+    return all(checked.holds or checked.condition in without for checked in checks)
+
+
+def _least_gain(candidate: Candidate) -> float:
+    of_fault = not candidate.term.hypothesis.physical
+    return thresholds.SMALLEST_GAIN_OF_A_FAULT if of_fault else thresholds.SMALLEST_GAIN_TO_NAME
+
+
+def _times_instruments(candidate: Candidate) -> float:
+    by_instruments = max(meter_error(candidate.runs), candidate.channel_error)
+    return candidate.explained / max(by_instruments, 1e-300)
+
+
+def _evidence(candidate: Candidate) -> float | None:
+    if candidate.term.axis == "steady":
+        return None
+    beside = bool(candidate.without.terms) and candidate.term.axis == "time"
+    sudden = candidate.term.schedule is not None and candidate.term.hypothesis.is_sudden
+    return candidate.innovations_bic if beside or sudden else candidate.delta_bic
+
+
+def _apart(candidate: Candidate) -> float | None:
+    schedule = candidate.term.schedule
+    beside = any(term.axis == "time" for term in candidate.without.terms)
+    return schedule.apart if beside and schedule is not None and candidate.term.axis == "time" else None
+
+
+def _beyond_motion(candidate: Candidate) -> float | None:
+    if candidate.term.axis == "steady" or not candidate.without.terms:
+        return None
+    return candidate.gain.share - candidate.without.by_motion
+
+
+CONDITIONS: tuple[Condition, ...] = (
+    Condition(
+        "size", "p-value of the hypothesis that its size is that of the robot file (Wald test)",
+        "every effect", "at most", lambda candidate: thresholds.SIGNIFICANT, "5 %", "SIGNIFICANT",
+        lambda candidate: candidate.size_p_value,
+    ),
+    Condition(
+        "energy", "share of the recorded energy that it adds or saves",
+        "an effect whose size changes", "at least", lambda candidate: thresholds.SMALLEST_SHARE, "0.5 %",
+        "SMALLEST_SHARE",
+        lambda candidate: None if candidate.term.axis == "steady" else candidate.energy_share,
+    ),
+    Condition(
+        "evidence",
+        "reduction of BIC by it; of a load that switches, and beside another effect, from the innovations of the "
+        "residual, of which its steps must stand out",
+        "an effect whose size changes", "at least", lambda candidate: thresholds.STRONG_BIC, "6", "STRONG_BIC",
+        _evidence,
+    ),
+    Condition(
+        "apart", "distance of its levels, in standard deviations of their residual",
+        "a schedule beside another", "more than", lambda candidate: thresholds.CLEARLY_APART, "4", "CLEARLY_APART",
+        _apart,
+    ),
+    Condition(
+        "gain",
+        "share of the held-out squared error of the model without it, less noise of power, that it explains",
+        "every effect", "at least", _least_gain, "10 %, of a fault of an instrument 15 %",
+        "SMALLEST_GAIN_TO_NAME, SMALLEST_GAIN_OF_A_FAULT",
+        lambda candidate: candidate.gain_beyond_noise,
+    ),
+    Condition(
+        "interval", "lower end of the 95 % interval of this share, by block bootstrap",
+        "every effect", "more than", lambda candidate: 0.0, "0", "definition of an interval",
+        lambda candidate: candidate.gain.ci95[0],
+    ),
+    Condition(
+        "instruments", "what it explains, over what errors of the channels and of the meter's scale explain",
+        "every effect", "more than", lambda candidate: 1.0, "1", "errors of the recording's own channels",
+        _times_instruments,
+    ),
+    Condition(
+        "motion", "share that it explains, less the share that trees on the motion explain",
+        "an effect whose size changes, beside another", "more than", lambda candidate: 0.0, "0",
+        "the robot's motion is a rival",
+        _beyond_motion,
+    ),
+    Condition(
+        "placebo", "share of placebos in which the same search scores as high",
+        "every effect", "at most", lambda candidate: thresholds.FALSE_ALARM_RATE, "1 %", "FALSE_ALARM_RATE",
+        lambda candidate: candidate.p_value,
+    ),
+)  # fmt: skip
+
+BEFORE_PLACEBOS = tuple(condition for condition in CONDITIONS if condition.name != "placebo")
+"""Those that a rival must meet: that noise would score as high as the named effect is refuted already."""
+
+BEFORE_REPLAYS = tuple(condition for condition in CONDITIONS if condition.name in ("size", "energy"))
+"""Those that need no replay on held-out windows: evaluated first, as they take no time."""
