@@ -13,18 +13,18 @@ from scipy import stats
 
 from homeward.agents.evaluation.statistics import Bootstrap
 from homeward.agents.evaluation.summary import Evaluation
+from homeward.envs.missions import MISSIONS
 
 _COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#666666")
 """Okabe and Ito's palette, distinguishable with any colour vision."""
-_UNITS = {"OutAndBack": "furthest distance, m", "Survey": "information", "Patrol": "laps"}
 _GREY = "#666666"
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 """Golden ratio: its multiples modulo 1 are spread evenly, and neighbours lie far apart."""
 
 
 def unit_of(mission: str) -> str:
-    """Unit of a mission's score."""
-    return _UNITS[mission]
+    """What a mission's score measures, with its unit."""
+    return MISSIONS[mission].scored
 
 
 def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:

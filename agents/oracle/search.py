@@ -13,7 +13,7 @@ from homeward.agents.oracle.linear_programs import Plan
 from homeward.agents.oracle.problem import Problem
 from homeward.agents.oracle.rates import PIECES, Array, Rates
 from homeward.envs.actions import LEVELS
-from homeward.envs.state import GO, STOP, SURVEY
+from homeward.envs.state import GO, STOP
 
 _FINE = 4.0
 """Points along the route per shortest move of a decision, and cells of energy and backlog per greatest change in one.
@@ -118,7 +118,7 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     records, work = (case.constants, case.robot, case.route, case.start), case.start.copy()
     home = np.full((2, len(points_m)), np.inf)  # energy (J) and time (s)
     kernel.way_home(*records, work, step_m, j_per_s, home[0], home[1])
-    levels = LEVELS if s["mission"] == SURVEY else 1
+    levels = LEVELS if s["senses"] else 1
     for reserve in _RESERVES:
         kernel.search(
             *records, room, levels, guide.multipliers, guide.per_sample, guide.ahead, guide.plan, reserve * home[0],

@@ -21,7 +21,7 @@ from homeward.envs.options import Known
 from homeward.envs.routes import thresholds as routes_thresholds
 from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
 from homeward.envs.sensing import information
-from homeward.envs.state import AHEAD, GO, PATROL, RETURN, STOP, SURVEY
+from homeward.envs.state import AHEAD, GO, RETURN, STOP
 from homeward.estimation.prior import (
     EAST,
     GAIN,
@@ -63,12 +63,12 @@ class Planner(Policy):
     def __init__(self, known: Known, deviations: float) -> None:
         self._known = known
         s, robot = known.shared[0], known.robot
-        self._survey = bool(s["mission"] == SURVEY)
-        pace = Pace(float(self._survey), 0.0, 1.0)
+        self._senses = bool(s["senses"])
+        pace = Pace(float(self._senses), 0.0, 1.0)
         self.rule: BelievingRule
         self._belief: Belief | None = None
         self._vehicle = vehicle_of(known)
-        if s["mission"] == PATROL:
+        if s["shuttles"]:
             self.rule = (LapRule if sees_posts(known) else AdaptiveDmaxRule)(known, pace, deviations)
         else:
             self.rule = rule = BeliefDmaxRule(known, pace, deviations, float(s["min_speed_mps"]))
@@ -99,11 +99,11 @@ class Planner(Policy):
         `rule.turns` must have been called with the same observations before: it updates the belief.
         """
         s, beliefs = self._known.shared[0], self._beliefs(observations)
-        outwards = feature(observations, "outbound") if s["mission"] == PATROL else 1.0
+        outwards = feature(observations, "outbound") if s["shuttles"] else 1.0
         speed_mps, sensing_hz, stops = np.zeros((3, len(observations)))
         numbers = self._vehicle, self._model, self._known.shared
         kernel.efficient_speeds(beliefs, *numbers, np.where(homebound, -1.0, outwards), speed_mps)
-        if self._survey:
+        if self._senses:
             out = ~homebound
             commands = np.empty((out.sum(), 3))
             kernel.plan(beliefs[out], *numbers, commands)

@@ -36,7 +36,7 @@ class BeliefDmaxRule(BelievingRule):
         super().__init__(known, pace, deviations)
         s = known.shared[0]
         self._onwards_mps = float(s["cruise_mps"])
-        if step_mps is not None and not self._patrol:
+        if step_mps is not None and not self._shuttles:
             self._onwards_mps, self._outward_m = step_mps, step_mps * float(s["decision_s"])
         self.belief = Belief(known, thresholds.MISSED)
 

@@ -18,12 +18,12 @@ from homeward.agents.base import Observations, feature
 from homeward.agents.belief import Belief
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
-from homeward.agents.rules.reserves import PACES, RESERVES
+from homeward.agents.rules.reserves import pace_of, reserve_of
 from homeward.agents.rules.turn_back import sees_posts
 from homeward.envs.actions import LEVELS, MODES, encode_actions
 from homeward.envs.features import GAINS, INDEX, NAMES
 from homeward.envs.options import Known
-from homeward.envs.state import GO, PATROL, RETURN, STOP
+from homeward.envs.state import GO, RETURN, STOP
 from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, PER_CAPACITY, ROLLING, WEIGHT
 from homeward.physics import ancillary_power
 
@@ -86,13 +86,13 @@ class BeliefInputs:
         self._rule, self._belief = MappedDmaxRule(known, NO_SENSING, 0.0), Belief(known, thresholds.MISSED)
         s = known.shared[0]
         idle_w = float(ancillary_power(known.robot, 0.0))
-        self._patrol, self._sees_posts = bool(s["mission"] == PATROL), sees_posts(known)
-        self._pace = PACES[known.mission]
+        self._shuttles, self._sees_posts = bool(s["shuttles"]), sees_posts(known)
+        self._pace = pace_of(known.mission)
         self._sent = float(s["radio_hz"] * s["decision_s"] / s["backlog_limit"])  # of the memory, at base
         sensing_w = float(ancillary_power(known.robot, self._pace.rate * s["max_sensing_hz"])) - idle_w
         # The next chance to turn is the next decision; of a patrol that notices its posts, a lap with its stops away.
-        onwards_m = float(s["length_m"] if self._patrol else s["cruise_mps"] * s["decision_s"])
-        onwards_s, stops_s = onwards_m / float(s["cruise_mps"]), 2.0 * float(s["pit_stop_s"]) if self._patrol else 0.0
+        onwards_m = float(s["length_m"] if self._shuttles else s["cruise_mps"] * s["decision_s"])
+        onwards_s, stops_s = onwards_m / float(s["cruise_mps"]), 2.0 * float(s["pit_stop_s"]) if self._shuttles else 0.0
         onwards_j = idle_w * (onwards_s + stops_s) + sensing_w * onwards_s
         self._onwards = {"onwards_m": onwards_m, "onwards_s": onwards_s, "onwards_j": onwards_j}
         self._round_s = 2.0 * onwards_s + stops_s
@@ -133,7 +133,7 @@ class BeliefInputs:
         margin = np.minimum(margin, 0.01 * decisions_left)
         if self._sees_posts:
             return np.where(distance_m <= 0.0, margin, 1.0)
-        ends = np.asarray(distance_m >= thresholds.AT_END * s["length_m"]) & (not self._patrol)
+        ends = np.asarray(distance_m >= thresholds.AT_END * s["length_m"]) & (not self._shuttles)
         return np.where(ends, -1.0, margin)
 
     def _believed(self, observations: Observations, going: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -170,7 +170,7 @@ class BeliefInputs:
 
 def make_inputs(known: Known) -> BeliefInputs:
     """Inputs with the reserve of the rule `dmax_belief` (`homeward.agents.rules.reserves`)."""
-    return BeliefInputs(known, RESERVES["dmax_belief"][known.mission])
+    return BeliefInputs(known, reserve_of("dmax_belief", known.mission))
 
 
 def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
@@ -215,7 +215,7 @@ def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.
     """
     columns = len(NAMES) + (0 if inputs is None else len(COLUMNS))
     build = _discrete if known.shared["discrete"][0] else _continuous
-    weight, bias = build(known, columns, PACES[known.mission].rate > 0.0, inputs is not None)
+    weight, bias = build(known, columns, pace_of(known.mission).rate > 0.0, inputs is not None)
     return weight.astype(np.float32), bias.astype(np.float32)
 
 
@@ -231,7 +231,7 @@ def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[
     bias[cruise], bias[LEVELS], bias[stop] = _CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE
     weight[back, _SPARE], weight[back, returning] = -_RETURN_BY_RULE, _AGAIN_BY_RULE
     if survey:
-        none, sense = LEVELS, LEVELS + round((LEVELS - 1) * PACES[known.mission].rate)
+        none, sense = LEVELS, LEVELS + round((LEVELS - 1) * pace_of(known.mission).rate)
         bias[none] = bias[sense] = _SENSE
         full, to_send, worth = (len(NAMES) + _BELIEVED.index(name) for name in ("full", "to_send", "worth"))
         weight[none, worth] = -_WORTH

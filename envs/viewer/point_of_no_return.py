@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.envs.options import Known
 from homeward.envs.routes import thresholds as routes_thresholds
-from homeward.envs.state import IN_SIGHT, PATROL
+from homeward.envs.state import IN_SIGHT
 from homeward.physics import ancillary_power, d_max
 
 # Chosen: steps of 0.025, linear in between.
@@ -22,7 +22,7 @@ class PointOfNoReturn:
 
     Driven ground has the energy that the environment stored there. For ground ahead Eq. 8 gives the energy per metre at
     cruise, without sensing, on the slope that the robot knows: that of each place if the route is known, otherwise that
-    of the next two places and beyond them the mean.
+    of the next two places and beyond them the mean. A mission that shuttles has no point of no return.
 
     Args:
         known: Constants of the environment.
@@ -75,10 +75,6 @@ class PointOfNoReturn:
         sines = self._known_sines(m, places)
         lap_j = float((self._cost(sines) + self._cost(-sines)).sum() * s["place_m"]) + self._pit_stops_j
         return max(margin_j, 0.0) / lap_j
-
-    def is_patrol(self) -> bool:
-        """Whether the mission is a patrol, which shuttles and has no point of no return."""
-        return bool(self._known.shared[0]["mission"] == PATROL)
 
     def _known_sines(self, m: Any, places: NDArray[np.void]) -> NDArray[np.float64]:
         sines = places["sine_read"].astype(np.float64)

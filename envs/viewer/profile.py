@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from homeward import quantities
+from homeward.envs.missions import MISSIONS
 from homeward.envs.viewer import palette
 from homeward.envs.viewer.canvas import Box, Canvas, Point
 from homeward.envs.viewer.palette import Colour, mix
@@ -210,10 +211,10 @@ def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour:
 
 
 def _draw_ending(canvas: Canvas, plot: Box, scene: Scene, colour: Colour) -> None:
-    unit = {"OutAndBack": " m", "Survey": "", "Patrol": " laps"}[scene.mission]
+    unit = MISSIONS[scene.mission].unit
     where = "" if scene.state == "home" else f", {quantities.distance(scene.position_m)} from home"
     score = scene.score if scene.state == "home" else 0.0
-    words = f"{scene.state.capitalize()}{where}: score {quantities.count(score)}{unit}"
+    words = f"{scene.state.capitalize()}{where}: score {quantities.count(score)} {unit}".rstrip()
     width = canvas.width_of(words, 17, bold=True) + 40.0
     left = plot[0] + 0.5 * (plot[2] - width)
     canvas.box((left, plot[1] + 8.0, width, 36.0), colour, radius=18.0)
