@@ -17,7 +17,7 @@ from homeward.envs.routes.route import generate
 from homeward.envs.state import AHEAD, IN_SIGHT, MAX_PLACES
 from homeward.physics.jit import compiled, inline, prefetch
 
-_FETCH_AHEAD = 4  # missions; chosen: 0.7 us (docs/results.md: 6 million steps a second), above the latency of memory
+_FETCH_AHEAD = 4  # missions; chosen: 0.7 us (benchmarks/speed.py), above the latency of memory
 _FORECAST_PLACES = 4
 """Places that the forecast averages. Chosen: an eighth of a generated route, a piece between two knots."""
 _FORECAST_SINE = 0.01
