@@ -143,7 +143,7 @@ def test_every_drive_that_is_advised_is_on_the_page_that_the_advice_names(root: 
     assert (root / GUIDE).is_file()
     page = html.unescape((site / Path(GUIDE).with_suffix(".html").name).read_text("utf-8"))
     for drive in MENU:
-        assert f'<h3 id="{drive.id}">' in page
+        assert f'<h3 id="{drive.id.replace("_", "-")}">' in page
         assert f"{drive.sentence[0].upper()}{drive.sentence[1:]} (" in page
 
 
