@@ -121,11 +121,11 @@ class Belief:
             self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
             self._decisions[begun], self._soc_lowest[begun] = 0, 1.0
         outwards = feature(observations, "outbound")
-        at = feature(observations, "distance") * s["reach_m"] / s["place_m"]
-        on_border = np.abs(at - np.rint(at)) < _ON_BORDER
+        places_from_home = feature(observations, "distance") * s["reach_m"] / s["place_m"]
+        on_border = np.abs(places_from_home - np.rint(places_from_home)) < _ON_BORDER
         # On a border the place ahead is observed: on the way out the next one.
-        at = np.where(on_border & (outwards > 0.0), np.rint(at) + _AHEAD, at)
-        position_m = at * s["place_m"]
+        places_from_home = np.where(on_border & (outwards > 0.0), np.rint(places_from_home) + _AHEAD, places_from_home)
+        position_m = places_from_home * s["place_m"]
         modelled = feature(observations, "modelled")
         readings = np.zeros(len(begun), READING_DTYPE)
         decisions = np.rint(feature(observations, "time") * s["max_decisions"]).astype(np.int64)
@@ -142,7 +142,7 @@ class Belief:
         readings["speed_mps"] = feature(observations, "speed") * s["max_speed_mps"]
         readings["east"] = outwards * feature(observations, "east")
         readings["north"] = outwards * feature(observations, "north")
-        place = at.astype(np.int64)
+        place = places_from_home.astype(np.int64)
         # The slope read on the way out belongs to the place: reading it twice gives no information.
         outbound = (outwards > 0.0) & (position_m >= self._position_m)
         new = (place != self._place) & outbound & later

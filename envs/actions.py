@@ -175,9 +175,9 @@ def thirds(actions: NDArray[Any]) -> NDArray[np.float64]:
 
 def silenced(actions: NDArray[Any], which: NDArray[np.bool_]) -> NDArray[Any]:
     """Actions, shape (n, 3) of either space, of which some, shape (n,), get a sensing rate of 0."""
-    kept: NDArray[Any] = actions.copy()
-    kept[which, 1] = -1 if actions.dtype.kind == "f" else 0
-    return kept
+    filled: NDArray[Any] = actions.copy()
+    filled[which, 1] = -1 if actions.dtype.kind == "f" else 0
+    return filled
 
 
 def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:

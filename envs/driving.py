@@ -118,7 +118,7 @@ def map_place(
     cruise = shared.cruise_mps
     headwind = weather.headwind(m, place) if shared.route_is_known else 0.0
     # The model's powers are computed in the mission's own record, with cold windings, long after a start, at time 0.
-    kept = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w
+    state_before = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w
     m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left = 0.0, shared.decision_s, cruise, 0.0, 0.0
     true_home_w = demand(p, m, _conditions(m, place, cruise, 0.0, 0.0, weather.headwind(m, place), -1.0))
     true_sine, true_j = place.sin_grade, m.energy_j
@@ -128,7 +128,7 @@ def map_place(
     out_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
     home_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
     place.sin_grade, m.energy_j = true_sine, true_j
-    m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w = kept
+    m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w = state_before
     place.standing_w = standing_w
     place.out_j_per_m = (out_w - standing_w) / cruise
     place.back_j_per_m = (home_w - standing_w) / cruise

@@ -30,15 +30,15 @@ def by_mission(function: str, arguments: str) -> Callable[..., Any]:
         arguments: Names of its arguments, of which one is `shared`.
     """
     names: dict[str, Any] = {"__name__": __name__}
-    *others, last = MISSIONS.values()
+    *other_missions, last_mission = MISSIONS.values()
     lines = [f"def chosen({arguments}):"]
-    for mission in others:
+    for mission in other_missions:
         lines += [
             f"    if shared.mission == {CODES[mission.name]}:",
             f"        return {mission.name}({arguments})",
         ]
-    lines.append(f"    return {last.name}({arguments})")
+    lines.append(f"    return {last_mission.name}({arguments})")
     names |= {mission.name: getattr(mission, function) for mission in MISSIONS.values()}
     exec("\n".join(lines), names)
-    chosen: Callable[..., Any] = inline(names["chosen"])
-    return chosen
+    chosen_by_number: Callable[..., Any] = inline(names["chosen"])
+    return chosen_by_number

@@ -248,10 +248,13 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
         RobotError, RouteError, OptionError, InstrumentError: An option is invalid.
     """
     robot = load_robot(options.robot)
-    truth, scale = (robot if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
-    for one in (robot, truth, scale):
-        if not np.isfinite(d_max(one)):
-            raise OptionError(f"robot {one.name!r} never runs empty on level ground; check its effects")
+    truth, scale = (
+        robot if given_robot is None else load_robot(given_robot)
+        for given_robot in (options.true_robot, options.scaled_for)
+    )
+    for a_robot in (robot, truth, scale):
+        if not np.isfinite(d_max(a_robot)):
+            raise OptionError(f"robot {a_robot.name!r} never runs empty on level ground; check its effects")
     mission = MISSIONS[options.mission]
     cruise = float(optimal_speed(scale))
     range_m = float(d_max(scale))
@@ -309,9 +312,9 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     s["information_per_m"] = interest * 2.0 / 3.0
     duty = length_m / (length_m + cruise * pit_stop_s)
 
-    def mission_range_m(one: Robot) -> float:
-        sensing_hz = 0.5 * one.max_sensing_hz if mission.senses else 0.0
-        return float(d_max(one, float(optimal_speed(one)), duty=duty, sensing_hz=sensing_hz))
+    def mission_range_m(a_robot: Robot) -> float:
+        sensing_hz = 0.5 * a_robot.max_sensing_hz if mission.senses else 0.0
+        return float(d_max(a_robot, float(optimal_speed(a_robot)), duty=duty, sensing_hz=sensing_hz))
 
     s["energy_per_m"] = robot.usable_energy_j / mission_range_m(robot)
     s["out_and_home_j_per_m"] = s["energy_per_m"] + s["cruise_w"] / s["cruise_mps"]
@@ -343,11 +346,11 @@ def _by_file(
     between = sure.between_runs or 0.0
     one_run = sure.between_runs is None
 
-    def around(middle: float, name: str, otherwise: Uniform, more: float = 0.0) -> Uniform:
+    def around(middle: float, name: str, otherwise: Uniform, between_runs: float = 0.0) -> Uniform:
         variance = sure.variance(name)
-        if variance is None and more == 0.0:
+        if variance is None and between_runs == 0.0:
             return otherwise
-        half = min(_SQRT_3 * float(np.hypot(np.sqrt(variance or 0.0), more)), _MOST_HALF)
+        half = min(_SQRT_3 * float(np.hypot(np.sqrt(variance or 0.0), between_runs)), _MOST_HALF)
         return Uniform(middle - half, middle + half)
 
     difficulty = replace(
@@ -393,17 +396,17 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
 
 def _write_gauges(instruments: Instruments, robot: Robot, s: Any) -> None:
     """Write the gauges that a robot can have: those that map a voltage only if it changes with the charge."""
-    chosen = [GAUGES[name] for name in instruments.gauges if suits(GAUGES[name], robot)]
-    if not chosen:
+    fitting = [GAUGES[name] for name in instruments.gauges if suits(GAUGES[name], robot)]
+    if not fitting:
         raise OptionError(
             f"instruments have the gauges {', '.join(instruments.gauges)}, but {robot.name!r} has a constant voltage; "
             "give its chemistry and cells_in_series, or another gauge"
         )
     lasts_s = robot.usable_energy_j / float(s["cruise_w"])
-    s["soc_error"] = np.sqrt(np.mean([rms_error(gauge, robot, lasts_s, RISE) ** 2 for gauge in chosen]))
+    s["soc_error"] = np.sqrt(np.mean([rms_error(gauge, robot, lasts_s, RISE) ** 2 for gauge in fitting]))
     s["resistance_ohm"] = resistance_ohm(robot)
-    s["gauge_count"] = len(chosen)
-    for gauge, record in zip(chosen, s["gauges"], strict=False):
+    s["gauge_count"] = len(fitting)
+    for gauge, record in zip(fitting, s["gauges"], strict=False):
         write_gauge(gauge, robot, instruments.soc_step, instruments.soc_lag_s, float(s["decision_s"]), record)
 
 

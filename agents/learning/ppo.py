@@ -96,8 +96,8 @@ def train(
         versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
 
         def write(into: Path, layers: Sequence[Layer], after: int) -> None:
-            more = {**details, **ON_THE_GO, "steps": total, "after_steps": after, "versions": versions}
-            save_policy(into, layers, model.action_space, more, inputs_of(settings, known))
+            description = {**details, **ON_THE_GO, "steps": total, "after_steps": after, "versions": versions}
+            save_policy(into, layers, model.action_space, description, inputs_of(settings, known))
 
         if not model.num_timesteps:
             write(folder / FIRST, layers_of(model), 0)
@@ -153,8 +153,8 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
     inputs = inputs_of(settings, known := missions.batch.known)
     env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True, senses_on_the_go=True)
-    first = first_policy(known, inputs)
-    network = {"hidden": settings.hidden, "first": first, "valued": valued() if settings.start == DMAX else None}
+    start = first_policy(known, inputs)
+    network = {"hidden": settings.hidden, "first": start, "valued": valued() if settings.start == DMAX else None}
     model = PPO(
         ResidualPolicy,
         env,

@@ -88,8 +88,8 @@ class SB3Adapter(VecEnv):
     def as_missions(self) -> bool:
         """Whether observations and actions are those of the missions: no wrapper or input changes their spaces."""
         missions = self.missions
-        own = missions.single_observation_space, missions.single_action_space
-        return (self.observation_space, self.action_space) == own
+        spaces_of_one = missions.single_observation_space, missions.single_action_space
+        return (self.observation_space, self.action_space) == spaces_of_one
 
     def reset(self) -> NDArray[np.float32]:
         """Begin all missions, with the seeds given to `seed()` if there are any."""
@@ -186,7 +186,7 @@ class SB3Adapter(VecEnv):
 
 def _of_one(values: Any, i: int) -> Any:
     """The values of one mission, from arrays or dictionaries of them."""
-    return {name: one[i].item() for name, one in values.items()} if isinstance(values, dict) else values[i].item()
+    return {name: column[i].item() for name, column in values.items()} if isinstance(values, dict) else values[i].item()
 
 
 def _of_each(values: Any) -> list[Any]:

@@ -83,7 +83,7 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
     return Optimum(
         np.concatenate([part.lower for part in parts]),
         np.concatenate([part.upper for part in parts]),
-        tuple(one for part in parts for one in part.actions),
+        tuple(actions for part in parts for actions in part.actions),
     )
 
 
@@ -111,8 +111,8 @@ def _solve_some(task: tuple[Options, list[int]]) -> Optimum:
     env.reset(seed=seeds)
     upper, actions = np.empty(len(seeds)), []
     for i in range(len(seeds)):
-        upper[i], found = _solve(problem_of(env.batch, i))
-        actions.append(found)
+        upper[i], sequence = _solve(problem_of(env.batch, i))
+        actions.append(sequence)
     return Optimum(score_of(options, seeds, actions), upper, tuple(actions))
 
 

@@ -112,7 +112,7 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     step_m, most_m = points_m[1], rates.speeds_mps[-1] * float(s["decision_s"])
     cell_m = max(_FINE * step_m, most_m / _MOST_CELLS)
     room = np.zeros((int(most_m / cell_m) + 2, kernel.CELLS**2), case.start.dtype)
-    parents, codes, found = np.empty(_NODES, np.int64), np.empty(_NODES, np.int8), np.empty((_TRIED, 2))
+    parents, codes, best_turns = np.empty(_NODES, np.int64), np.empty(_NODES, np.int8), np.empty((_TRIED, 2))
     actions = np.empty((int(s["max_decisions"]), 3), np.int64)
     j_per_s = guide.multipliers[1] / guide.multipliers[0] if guide.multipliers[0] > 0.0 else 0.0
     records, work = (case.constants, case.robot, case.route, case.start), case.start.copy()
@@ -122,9 +122,9 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     for reserve in _RESERVES:
         kernel.search(
             *records, room, levels, guide.multipliers, guide.per_sample, guide.ahead, guide.plan, reserve * home[0],
-            home[1], step_m, np.array([cell_m, *guide.cells]), parents, codes, found,
+            home[1], step_m, np.array([cell_m, *guide.cells]), parents, codes, best_turns,
         )  # fmt: skip
-        for score, node in found:
+        for score, node in best_turns:
             if score > 0.0:
                 out = _actions_to(int(node), parents, codes)
                 count = kernel.follow(*records, work, out, home[0], home[1], j_per_s, step_m, actions)

@@ -87,7 +87,7 @@ class Planner(Policy):
             [information(1.0, 1.0, rate_hz / speed_mps, 1.0, s["saturation_per_m"]) for rate_hz in model["rates_hz"]]
             for speed_mps in model["speeds_mps"]
         ]
-        model["spread"] = [_spread(last - first) for first, last in AHEAD]
+        model["spread"] = [_spread(end - start) for start, end in AHEAD]
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission, see `Policy.act`."""
@@ -137,9 +137,9 @@ class Planner(Policy):
             beliefs[name] = outwards * feature(observations, name)
         beliefs["sine_here"] = 0.1 * outwards * feature(observations, "grade")
         beliefs["interest_here"] = 2.0 * feature(observations, "interest")
-        for stretch, (first, _) in enumerate(AHEAD):
-            beliefs["sine_ahead"][:, stretch] = 0.1 * feature(observations, f"grade_{first}")
-            beliefs["interest_ahead"][:, stretch] = 2.0 * feature(observations, f"interest_{first}")
+        for stretch, (start, _) in enumerate(AHEAD):
+            beliefs["sine_ahead"][:, stretch] = 0.1 * feature(observations, f"grade_{start}")
+            beliefs["interest_ahead"][:, stretch] = 2.0 * feature(observations, f"interest_{start}")
         return beliefs
 
 

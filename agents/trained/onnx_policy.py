@@ -78,12 +78,12 @@ def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
     metadata = session.get_modelmeta().custom_metadata_map
     try:
         columns, setting = json.loads(metadata["inputs"])[INPUT], json.loads(metadata["setting"])
-        if [one["name"] for one in columns] != list(NAMES):
+        if [column["name"] for column in columns] != list(NAMES):
             raise PolicyFileError(f"{path} needs other features than this version has: export it again")
         setting["robot"] = _robot(metadata["robot_file"])
         trained, known = known_of(Options(**setting)), known_of(Options(**setting | other))
         inputs = inputs_from(json.loads(metadata["beliefs"]), known) if "beliefs" in metadata else None
-        size, zero = (np.array([number(one[name]) for one in columns]) for name in ("size", "zero"))
+        size, zero = (np.array([number(column[name]) for column in columns]) for name in ("size", "zero"))
     except (PolicyFileError, OptionError, RobotError, RouteError):
         raise
     except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
@@ -125,7 +125,7 @@ def _refuse_foreign(path: Path, model: Any) -> None:
     if any(constant.external_data for constant in model.graph.initializer):
         raise PolicyFileError(f"{path} has weights in another file, which no export has: export it again")
     for value in (*model.graph.value_info, *model.graph.output):
-        size = math.prod(max(one.dim_value, 1) for one in value.type.tensor_type.shape.dim)
+        size = math.prod(max(dimension.dim_value, 1) for dimension in value.type.tensor_type.shape.dim)
         if size > MOST_VALUES:
             raise PolicyFileError(f"{path} computes {size:.3g} values at once, which no export does: export it again")
 

@@ -53,8 +53,8 @@ class PointOfNoReturn:
         there_and_back = self._cost(self._known_sines(m, places)) + self._cost(-self._known_sines(m, places))
         edges = np.arange(len(places) + 1) * float(s["place_m"])
         needed = np.concatenate(([0.0], np.cumsum(there_and_back * float(s["place_m"]))))
-        found = float(np.interp(m["position_m"], edges, needed)) + margin_j
-        return None if found >= needed[-1] else float(np.interp(found, needed, edges))
+        affordable_j = float(np.interp(m["position_m"], edges, needed)) + margin_j
+        return None if affordable_j >= needed[-1] else float(np.interp(affordable_j, needed, edges))
 
     def runs_out_m(self, m: Any, places: NDArray[np.void], margin_j: float) -> float | None:
         """Place on the way home where the battery will be empty, by the robot's own model; None if it gets home.
@@ -65,9 +65,9 @@ class PointOfNoReturn:
             return None
         driven = places[: int(m["mapped"])]
         edges = np.arange(len(driven) + 1) * float(self._known.shared[0]["place_m"])
-        last = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
+        end_cost_j = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
         # The uncovered part is the distance left when the battery is empty.
-        return float(np.interp(-margin_j, np.append(driven["home_cost_j"], last), edges))
+        return float(np.interp(-margin_j, np.append(driven["home_cost_j"], end_cost_j), edges))
 
     def laps_left(self, m: Any, places: NDArray[np.void], margin_j: float) -> float:
         """Laps of a patrol for which the margin is enough; arguments as in `no_return_m`."""

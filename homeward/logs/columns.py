@@ -268,12 +268,12 @@ def numeric(column: pd.Series[Any]) -> pd.Series[Any]:
 
 def _spread(stamps: pd.Series[Any]) -> pd.Series[Any]:
     """Times of samples whose stamps are whole seconds, s: evenly spaced from each change of the stamp to the next."""
-    second = numeric(stamps)
-    if second.isna().any():
-        second = pd.to_timedelta(stamps.astype(str), errors="coerce").dt.total_seconds()
-    if second.isna().any():
-        raise RecordingError(f"the time stamp {str(stamps[second.isna()].iloc[0])[:30]!r} is not a number or HH:MM:SS")
-    values = second.to_numpy(dtype=np.float64, copy=True)
+    seconds = numeric(stamps)
+    if seconds.isna().any():
+        seconds = pd.to_timedelta(stamps.astype(str), errors="coerce").dt.total_seconds()
+    if seconds.isna().any():
+        raise RecordingError(f"the time stamp {str(stamps[seconds.isna()].iloc[0])[:30]!r} is not a number or HH:MM:SS")
+    values = seconds.to_numpy(dtype=np.float64, copy=True)
     values += 86400.0 * np.cumsum(np.diff(values, prepend=values[:1]) < -thresholds.HALF_A_DAY_S)  # past midnight
     first = np.flatnonzero(np.diff(values) != 0.0) + 1
     if len(first) < 2 or (np.diff(values) < 0.0).any():

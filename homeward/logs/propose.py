@@ -142,8 +142,8 @@ def propose(path: str | Path) -> Proposal:
         if guess.channel not in chosen and guess.column not in {other.column for other in chosen.values()}:
             chosen[guess.channel] = guess
     chosen = tried_on_physics(chosen, table)
-    taken = {name for guess in chosen.values() for name in (guess.column, guess.and_column)}
-    left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in taken}
+    used = {name for guess in chosen.values() for name in (guess.column, guess.and_column)}
+    left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in used}
     return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
 
 
@@ -154,8 +154,8 @@ def _dated(offered: list[Guess], table: pd.DataFrame) -> list[Guess]:
     hours = [time for time in times if time.why.startswith("times of day")]
     if not days or not hours:
         return offered
-    both = replace(days[0], and_column=hours[0].column, why="a date and the time of day")
-    return [both, *(guess for guess in offered if guess not in times)]
+    date_and_time = replace(days[0], and_column=hours[0].column, why="a date and the time of day")
+    return [date_and_time, *(guess for guess in offered if guess not in times)]
 
 
 def _of_few_days(column: pd.Series[Any]) -> bool:
@@ -271,12 +271,12 @@ def _by_letter(name: str, values: Array, unit: str) -> Guess | None:
 
 def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offered: list[Guess]) -> list[Guess]:
     """Guesses by the unit alone, for channels and columns of which nothing else says anything."""
-    taken = {guess.channel for guess in offered} | {guess.column for guess in offered}
+    explained = {guess.channel for guess in offered} | {guess.column for guess in offered}
     guesses = []
     for channel, of_channel in _BY_UNIT.items():
-        columns = {name: units.get(name) or _bracket(name) for name in header if name not in taken}
+        columns = {name: units.get(name) or _bracket(name) for name in header if name not in explained}
         having = [name for name, unit in columns.items() if unit in of_channel and not _words(name)[0] & _OF_OTHERS]
-        if channel in taken or len(having) != 1:
+        if channel in explained or len(having) != 1:
             continue
         (name,) = having
         unit = columns[name]
@@ -292,19 +292,21 @@ def _bracket(name: str) -> str:
 
 def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> Guess | None:
     """The guess with the unit that the name gives or, failing that, the values; None where neither is possible."""
-    about = CHANNELS[channel]
-    units = UNITS[about.unit]
+    channel_info = CHANNELS[channel]
+    units = UNITS[channel_info.unit]
     for word in unit_words:
         if word in units:
             factor, offset = units[word], OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
-            if channel == "soc" and np.nanmax(values) <= about.high:
+            if channel == "soc" and np.nanmax(values) <= channel_info.high:
                 return Guess(name, channel, 1.0, 0.0, 1, f"its name says {word}, and its values lie in 0 to 1")
             if _possible(channel, values * factor + offset):
                 return _signed(Guess(name, channel, factor, offset, 0, f"its name says {word}"), values)
-    for word, factor in [(about.unit, 1.0), *about.mistaken]:
+    for word, factor in [(channel_info.unit, 1.0), *channel_info.mistaken]:
         if _possible(channel, values * factor) and _plausible(channel, values * factor):
             sure = 1 if factor == 1.0 else 2
-            why = f"its name says no unit; values fit {word}" if about.unit != "1" else "its values lie in 0 to 1"
+            why = (
+                f"its name says no unit; values fit {word}" if channel_info.unit != "1" else "its values lie in 0 to 1"
+            )
             why = why if sure == 1 else f"values fit {word}"
             if channel == "time_s" and values[0] > thresholds.EPOCH_COUNT:
                 why = "its name says no unit; a count since 1970, whose size shows its unit"

@@ -111,11 +111,11 @@ def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None, st
     if len(mappings) != len(paths):
         raise RecordingError(f"{len(paths)} tables are joined by {len(mappings)} mappings; give one, or one each")
     tables, notes = [], list[str]()
-    for path, given in zip(paths, mappings, strict=True):
+    for path, mapping in zip(paths, mappings, strict=True):
         try:
             if path.exists() and is_bag(path):
                 raise RecordingError("is a bag or log, which is a run by itself; only tables are joined")
-            table, said = _read_table(path, None if given is None else load_columns(given), False, part=True)
+            table, said = _read_table(path, None if mapping is None else load_columns(mapping), False, part=True)
             _refuse_few(table)
             time_s, taken_for = from_epoch(_finite(table["time_s"]))
             said += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
@@ -205,7 +205,7 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
     wanted = _wanted(list(mapping.header), mapping)
     places = [mapping.header.index(name) for name in wanted]
     stamp = wanted.index(mapping.stamp) if mapping.stamp is not None else None
-    whole: dict[str, list[Any]] = {name: [] for name in wanted}
+    columns: dict[str, list[Any]] = {name: [] for name in wanted}
     numbers: list[int] = []
     broken = 0
     with tables.refusing(), tables.opened(path) as file:
@@ -220,20 +220,20 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
                 continue
             numbers.append(number)
             for name, value in zip(wanted, values, strict=True):
-                whole[name].append(value)
+                columns[name].append(value)
     count = broken + len(numbers)
     if broken > thresholds.MOST_BROKEN_SHARE * count:
         meant = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
         raise RecordingError(f"{broken} of {count} lines do not hold {meant}")
     if broken:
         notes.append(f"{broken} broken lines are left out")
-    return mapping.apply(pd.DataFrame(whole, index=numbers))
+    return mapping.apply(pd.DataFrame(columns, index=numbers))
 
 
 def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> list[float | str] | None:
     """The wanted cells of a line as numbers, or as it is for the stamp; None where one is no number."""
     try:
-        values = [cells[place] if at == stamp else float(cells[place]) for at, place in enumerate(places)]
+        values = [cells[place] if column == stamp else float(cells[place]) for column, place in enumerate(places)]
     except ValueError:
         return None
     return values if all(isinstance(value, str) or math.isfinite(value) for value in values) else None

@@ -192,9 +192,9 @@ def _comments(lines: Sequence[tuple[int, str]]) -> tuple[list[int], list[tuple[i
 
 def _separator(lines: Sequence[str]) -> str:
     """Separator with most cells in the line of names; spaces if no other occurs and all lines have equally many."""
-    best = max(_SEPARATORS, key=lambda separator: len(_cells(lines[0], separator)))
+    most_used = max(_SEPARATORS, key=lambda separator: len(_cells(lines[0], separator)))
     widths = {len([cell for cell in _cells(line, " ") if cell]) for line in lines}
-    return " " if len(_cells(lines[0], best)) == 1 and widths != {1} and len(widths) == 1 else best
+    return " " if len(_cells(lines[0], most_used)) == 1 and widths != {1} and len(widths) == 1 else most_used
 
 
 def _are_units(row: Sequence[str], following: Sequence[str]) -> bool:

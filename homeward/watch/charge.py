@@ -60,9 +60,9 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
             shown, noise = (took_as[0] - took_as[sample]) / seen_as, scale_of(sure.unexplained_over(driven_m)) ** 2
             share = variance / (variance + noise) if variance > 0.0 else 0.0
             factor, unsure = 1.0 + share * (shown - 1.0), (1.0 - share) * variance
-        rest = scale_of(sure.unexplained_over(max(left_m[sample], thresholds.LEAST_WAY_M)))
+        rest_scale = scale_of(sure.unexplained_over(max(left_m[sample], thresholds.LEAST_WAY_M)))
         rest_as = float(expected_as[sample])
-        spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
+        spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest_scale)) * rest_as))
     mean, low, high = (np.array([getattr(spread, name) for spread in spreads]) for name in ("mean", "low", "high"))
     words = (f"charge of the motors and its uncertainty from the robot's file: {sure.source or 'no source given'}",)
     return Watched(

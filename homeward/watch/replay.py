@@ -138,7 +138,7 @@ def watch(
     rest = Rest(run, companion)
     if rest.left_m[0] <= 0.0:
         raise CompanionError(f"{recording.name}: the robot stood all the time; there is no way to predict")
-    given = _readings(recording, run, turns(recording))
+    readings = _readings(recording, run, turns(recording))
     moments: list[tuple[float, float, float, float, float, float]] = []
     wrong_sign = wrong_slopes([run], robot)
     warned = {} if wrong_sign is None else {wrong_sign: 0.0}  # what was warned of, and when first
@@ -146,7 +146,7 @@ def watch(
     for first in range(0, len(run.time_s), stride):
         last = min(first + stride, len(run.time_s)) - 1
         since_s = float(run.time_s[last] - run.time_s[0])
-        reading = {name: _mean(values[first : last + 1]) for name, values in given.items()}
+        reading = {name: _mean(values[first : last + 1]) for name, values in readings.items()}
         advice = companion.update(since_s, **reading)
         for text in advice.warnings:
             warned.setdefault(text.split(":")[0].split(" (")[0], since_s)
@@ -177,22 +177,22 @@ def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, 
     A slope from elevations is smoothed over the drive, and a heading is integrated from turning rates.
     """
     raw = recording.channels
-    kept = np.isin(raw["time_s"], run.time_s)
-    given: dict[str, Array] = {"speed_mps": speed_of(raw)[kept], "sensing_hz": run.sensing_hz}
+    is_kept = np.isin(raw["time_s"], run.time_s)
+    channels: dict[str, Array] = {"speed_mps": speed_of(raw)[is_kept], "sensing_hz": run.sensing_hz}
     for name in ("voltage_v", "current_a", "soc"):
         if name in raw:
-            given[name] = raw[name][kept]
+            channels[name] = raw[name][is_kept]
     if "power_w" in raw:
-        given["power_w"] = raw["power_w"][kept]
+        channels["power_w"] = raw["power_w"][is_kept]
     if "grade_rad" in run.context:
-        grade = raw["grade_rad"][kept] if "grade_rad" in raw else run.grade_rad
-        given["grade_rad"] = np.where(run.speed_mps < 0.0, -grade, grade)
+        grade = raw["grade_rad"][is_kept] if "grade_rad" in raw else run.grade_rad
+        channels["grade_rad"] = np.where(run.speed_mps < 0.0, -grade, grade)
     if has_turns:
-        given["heading_rad"] = heading_of(run)
+        channels["heading_rad"] = heading_of(run)
     else:
         # No heading: the distance from home is the distance driven.
-        given["position"] = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * steps_s(run.time_s))))
-    return given
+        channels["position"] = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * steps_s(run.time_s))))
+    return channels
 
 
 def run_all(

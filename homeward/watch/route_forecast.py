@@ -59,15 +59,15 @@ def forecast_along(robot: Robot, route: RouteLike, speed_mps: float | None, risk
     back = out[::-1].copy()
     for name in ("sine", "east", "north"):
         back[name] *= -1.0
-    both = np.concatenate((out, back))
-    total_m = float(both["way_m"].sum())
+    there_and_back = np.concatenate((out, back))
+    total_m = float(there_and_back["way_m"].sum())
     driven_m = np.linspace(0.0, total_m, _POINTS + 1)
-    ends = np.cumsum(both["way_m"])
-    left = [companion.after(_first(both, ends, float(way_m))) for way_m in driven_m]
+    ends = np.cumsum(there_and_back["way_m"])
+    left = [companion.after(_first(there_and_back, ends, float(way_m))) for way_m in driven_m]
     left_j = np.array([[energy.quantile(share) for share in _QUANTILES] for energy in left])
     reach = tuple(_empty_m(driven_m, left_j[:, k]) for k in range(len(_QUANTILES)))
     standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * 0.5 * total_m
-    there_j, both_j = companion.ahead(out, standing_j), companion.ahead(both, 2.0 * standing_j)
+    there_j, both_j = companion.ahead(out, standing_j), companion.ahead(there_and_back, 2.0 * standing_j)
     return RouteForecast(advice, driven_m, left_j, there_j, both_j, reach)
 
 

@@ -40,8 +40,8 @@ class Battery:
 
     def __str__(self) -> str:
         voltage_v = self.voltage_v[np.isfinite(self.voltage_v)]
-        at = f" at {np.median(voltage_v):.3g} V" if len(voltage_v) else ""
-        return f"{self.name} ({self._mean:.3g}{at})"
+        at_voltage = f" at {np.median(voltage_v):.3g} V" if len(voltage_v) else ""
+        return f"{self.name} ({self._mean:.3g}{at_voltage})"
 
     @property
     def _mean(self) -> float:
@@ -79,7 +79,7 @@ def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
             return Choice((battery.name,), f"batteries {listed}: {battery.name} is the sum of the others, and used")
     if len({_PLACES.sub("", name) for name in names}) == 1 and _one_voltage(batteries):
         return Choice(names, f"batteries {listed}: added, as packs in parallel by their names and voltage")
-    if all(_equal(batteries[0], other) for other in batteries[1:]):
+    if all(_equal(batteries[0], battery) for battery in batteries[1:]):
         return Choice(names[:1], f"batteries {listed}: readings are equal, so {names[0]} is used")
     raise RecordingError(
         f"has several batteries, and not which is the whole: {listed}; name one in a mapping file (--columns), "

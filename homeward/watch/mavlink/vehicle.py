@@ -138,7 +138,7 @@ class Vehicle:
 
     def take(self) -> list[Message]:
         """Translated messages since the last call."""
-        taken = []
+        messages = []
         for _ in range(_MOST):
             try:
                 with _quiet():
@@ -153,8 +153,8 @@ class Vehicle:
                 translated = self.translator.see(message)
                 if translated is not None:
                     self._found[translated.topic] = KINDS[translated.topic]
-                    taken.append(Message(translated.topic, translated.content, self.translator.boots))
-        return taken
+                    messages.append(Message(translated.topic, translated.content, self.translator.boots))
+        return messages
 
     def _is_vehicle(self, message: Any) -> bool:
         """Whether a message is of the autopilot that is advised: the first with a heartbeat."""
