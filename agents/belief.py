@@ -116,8 +116,9 @@ class Belief:
         if len(begun) != len(self._place):
             self._forget(len(begun))
         if begun.any():
-            east, north = (10.0 * feature(observations, f"forecast_{axis}") for axis in ("east", "north"))
-            self.estimator.begin(begun, east, north)
+            east_mps = 10.0 * feature(observations, "forecast_east")
+            north_mps = 10.0 * feature(observations, "forecast_north")
+            self.estimator.begin(begun, east_mps, north_mps)
             self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
             self._decisions[begun], self._soc_lowest[begun] = 0, 1.0
         outwards = feature(observations, "outbound")

@@ -248,10 +248,8 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
         RobotError, RouteError, OptionError, InstrumentError: An option is invalid.
     """
     robot = load_robot(options.robot)
-    truth, scale = (
-        robot if given_robot is None else load_robot(given_robot)
-        for given_robot in (options.true_robot, options.scaled_for)
-    )
+    truth = robot if options.true_robot is None else load_robot(options.true_robot)
+    scale = robot if options.scaled_for is None else load_robot(options.scaled_for)
     for a_robot in (robot, truth, scale):
         if not np.isfinite(d_max(a_robot)):
             raise OptionError(f"robot {a_robot.name!r} never runs empty on level ground; check its effects")
@@ -413,7 +411,8 @@ def _write_gauges(instruments: Instruments, robot: Robot, s: Any) -> None:
 def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:
     if options.decision_s is None:
         return float(f"{lasts_s / _DECISIONS:.1g}")
-    least_s, most_s = (float(f"{lasts_s / count:.2g}") for count in (_MOST_DECISIONS, _FEWEST_DECISIONS))
+    least_s = float(f"{lasts_s / _MOST_DECISIONS:.2g}")
+    most_s = float(f"{lasts_s / _FEWEST_DECISIONS:.2g}")
     if not least_s <= options.decision_s <= most_s:
         raise OptionError(
             f"decision_s = {options.decision_s:g} is not allowed; give {least_s:g} to {most_s:g} s, as the battery of "

@@ -138,7 +138,8 @@ class Evaluation:
 
 
 def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:
-    stranded, home = (np.stack([getattr(run.episodes, which) for run in runs]) for which in ("stranded", "home"))
+    stranded = np.stack([run.episodes.stranded for run in runs])
+    home = np.stack([run.episodes.home for run in runs])
     left_j = np.stack([run.episodes.energy_left_j for run in runs])
     events = int(stranded.sum())
     return {
@@ -171,7 +172,9 @@ def _plain(value: Any) -> Any:
 
 
 def _versions() -> dict[str, str]:
-    used = ["numpy", "numba", "gymnasium", "scipy"] + ["torch"] * ("torch" in sys.modules)
+    used = ["numpy", "numba", "gymnasium", "scipy"]
+    if "torch" in sys.modules:
+        used.append("torch")
     return {"homeward": homeward.__version__, "python": platform.python_version()} | {
         library: version(library) for library in used
     }

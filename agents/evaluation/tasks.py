@@ -76,10 +76,8 @@ def self_contained(options: Options) -> Options:
     route = options.route
     if not isinstance(route, Route) and route not in (GENERATED, HIDDEN_WIND):
         route = load_route(route, float(known_of(options).shared["place_m"][0]))
-    truth, scale = (
-        None if given_robot is None else load_robot(given_robot)
-        for given_robot in (options.true_robot, options.scaled_for)
-    )
+    truth = None if options.true_robot is None else load_robot(options.true_robot)
+    scale = None if options.scaled_for is None else load_robot(options.scaled_for)
     instruments = None if options.instruments is None else load_instruments(options.instruments)
     return dataclasses.replace(
         options, robot=load_robot(options.robot), route=route, instruments=instruments, true_robot=truth,

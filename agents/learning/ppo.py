@@ -151,7 +151,8 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     """An untrained learner with its missions, on the CPU, which is fastest for so small a network."""
     by_start, keywords = settings.by_start, vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
-    inputs = inputs_of(settings, known := missions.batch.known)
+    known = missions.batch.known
+    inputs = inputs_of(settings, known)
     env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True, senses_on_the_go=True)
     start = first_policy(known, inputs)
     network = {"hidden": settings.hidden, "first": start, "valued": valued() if settings.start == DMAX else None}
@@ -193,9 +194,10 @@ def stagger(model: PPO) -> None:
     begins, ended, seen = np.arange(env.num_envs) % _STAGGERED, np.zeros(env.num_envs, np.bool_), env.reset()
     for decision in range(_STAGGERED):
         seen, _, ended, _ = env.step(model.predict(seen)[0])  # type: ignore[assignment]
-        if (now := begins == decision).any():
-            seen = env.begin(now)
-            ended |= now
+        begins_now = begins == decision
+        if begins_now.any():
+            seen = env.begin(begins_now)
+            ended |= begins_now
     model._last_obs, model._last_episode_starts = seen, ended
 
 

@@ -81,9 +81,9 @@ def guide_patrol(rates: Rates, multipliers: Multipliers, pit_stop_s: float, poin
     """Guide of a patrol: the rest of the mission is that of the lap under way, with its pit stops."""
     per_m = ((multipliers.per_j * leg_w(rates) + multipliers.per_s) / rates.speeds_mps).min(axis=1)
     borders = np.arange(rates.places + 1) * rates.place_m
-    out, home = (
-        np.interp(points_m, borders, np.append(0.0, np.cumsum(leg * rates.place_m))) for leg in np.split(per_m, 2)
-    )
+    out_per_m, home_per_m = np.split(per_m, 2)
+    out = np.interp(points_m, borders, np.append(0.0, np.cumsum(out_per_m * rates.place_m)))
+    home = np.interp(points_m, borders, np.append(0.0, np.cumsum(home_per_m * rates.place_m)))
     standing_per_s = multipliers.per_j * float(rates.standing_w.min()) + multipliers.per_s
     pit_stop = standing_per_s * pit_stop_s
     return Guide(

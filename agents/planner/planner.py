@@ -75,7 +75,9 @@ class Planner(Policy):
             self._belief = rule.belief
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
-        model["speeds_mps"], model["rates_hz"] = (at_level(np.arange(LEVELS), *ends) for ends in limits(known))
+        speed_limits, rate_limits = limits(known)
+        model["speeds_mps"] = at_level(np.arange(LEVELS), *speed_limits)
+        model["rates_hz"] = at_level(np.arange(LEVELS), *rate_limits)
         idle_w = ancillary_power(robot, 0.0)
         model["sensing"] = (ancillary_power(robot, model["rates_hz"]) - idle_w) / s["usable_j"]
         model["standing"], model["steepest"] = idle_w / s["usable_j"], routes_thresholds.STEEPEST_SINE
@@ -83,10 +85,10 @@ class Planner(Policy):
         for level, speed_mps in enumerate(model["speeds_mps"]):
             model["per_m"][level] = 1.0 / np.asarray(d_max(robot, float(speed_mps), np.arcsin(sines)))
         model["interest"] = s["information_per_m"] / _TYPICAL_SHARE
-        model["found"] = [
-            [information(1.0, 1.0, rate_hz / speed_mps, 1.0, s["saturation_per_m"]) for rate_hz in model["rates_hz"]]
-            for speed_mps in model["speeds_mps"]
-        ]
+        for speed_level, speed_mps in enumerate(model["speeds_mps"]):
+            for rate_level, rate_hz in enumerate(model["rates_hz"]):
+                per_m = information(1.0, 1.0, rate_hz / speed_mps, 1.0, s["saturation_per_m"])
+                model["found"][speed_level, rate_level] = per_m
         model["spread"] = [_spread(end - start) for start, end in AHEAD]
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:

@@ -50,7 +50,8 @@ class BeliefDmaxRule(BelievingRule):
         onwards["speed_mps"] = self._onwards_mps
         onwards["onwards_j"] = self._extra_share * s["usable_j"]
         onwards["onwards_j"] += self.belief.estimator.vehicle.idle_w * onwards["onwards_s"]
-        now, then = (self.belief.margin(plan, 0.0).total for plan in (home, onwards))
+        now = self.belief.margin(home, 0.0).total
+        then = self.belief.margin(onwards, 0.0).total
         full_j = s["usable_j"] / self.belief.estimator.mean()[:, PER_CAPACITY]
         return Outlook(
             left=now["left_j"] / full_j,

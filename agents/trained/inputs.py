@@ -144,7 +144,8 @@ class BeliefInputs:
         for name, value in self._onwards.items():
             plans[name] = value
         total = belief.margin(plans, 0.0).total
-        margin, deviation, way = (total[f"{name}_j"] / s["usable_j"] for name in ("margin", "margin_sd", "cost"))
+        margin, deviation = total["margin_j"] / s["usable_j"], total["margin_sd_j"] / s["usable_j"]
+        way = total["cost_j"] / s["usable_j"]
         mean = belief.estimator.mean()
         ratios = mean[:, [ROLLING, WEIGHT, GAIN]] * mean[:, [PER_CAPACITY]] - 1.0
         headwind_mps = (mean[:, EAST] + mean[:, GUST_EAST]) * feature(observations, "east")
@@ -219,10 +220,15 @@ def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.
     return weight.astype(np.float32), bias.astype(np.float32)
 
 
+def _column(name: str) -> int:
+    """Index of a column of the belief among the inputs."""
+    return len(NAMES) + _BELIEVED.index(name)
+
+
 def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[NDArray[Any], NDArray[Any]]:
     weight, bias = np.zeros((2 * LEVELS + len(MODES), columns)), np.zeros(2 * LEVELS + len(MODES))
     cruise = int(encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, 0])
-    stop, go, back = (2 * LEVELS + mode for mode in (STOP, GO, RETURN))
+    stop, go, back = 2 * LEVELS + STOP, 2 * LEVELS + GO, 2 * LEVELS + RETURN
     returning = INDEX["returning"]
     if not by_rule:
         bias[cruise], bias[LEVELS] = _CRUISE, _NO_SENSING_ON_SURVEYS if survey else _NO_SENSING
@@ -233,7 +239,7 @@ def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[
     if survey:
         none, sense = LEVELS, LEVELS + round((LEVELS - 1) * pace_of(known.mission).rate)
         bias[none] = bias[sense] = _SENSE
-        full, to_send, worth = (len(NAMES) + _BELIEVED.index(name) for name in ("full", "to_send", "worth"))
+        full, to_send, worth = _column("full"), _column("to_send"), _column("worth")
         weight[none, worth] = -_WORTH
         bias[stop], weight[stop, full], weight[stop, to_send], weight[stop, returning] = _STOP_ON_SURVEYS
     return weight, bias

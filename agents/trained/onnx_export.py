@@ -105,10 +105,8 @@ def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDA
     undecided = np.zeros((len(outputs), 3), np.bool_)
     if isinstance(policy.action_space, spaces.MultiDiscrete):
         parts = np.split(outputs, np.cumsum(policy.action_space.nvec)[:-1], axis=1)
-        top_two = [np.sort(part, axis=1)[:, -2:] for part in parts]
-        undecided = np.stack(
-            [runner_up >= top - thresholds.SAME_OUTPUT for runner_up, top in (values.T for values in top_two)], axis=1
-        )
+        ordered = [np.sort(part, axis=1) for part in parts]
+        undecided = np.stack([part[:, -2] >= part[:, -1] - thresholds.SAME_OUTPUT for part in ordered], axis=1)
     else:
         borders = thirds(actions)
         undecided[:, 2] = np.abs(borders - np.rint(borders)) < thresholds.SAME_OUTPUT

@@ -83,7 +83,8 @@ def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
         setting["robot"] = _robot(metadata["robot_file"])
         trained, known = known_of(Options(**setting)), known_of(Options(**setting | other))
         inputs = inputs_from(json.loads(metadata["beliefs"]), known) if "beliefs" in metadata else None
-        size, zero = (np.array([number(column[name]) for column in columns]) for name in ("size", "zero"))
+        size = np.array([number(column["size"]) for column in columns])
+        zero = np.array([number(column["zero"]) for column in columns])
     except (PolicyFileError, OptionError, RobotError, RouteError):
         raise
     except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:

@@ -79,7 +79,7 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
         options: Options of the environment.
         known: Its constants.
     """
-    training, code = (_mapping(description.get(name)) for name in ("training", "made_with"))
+    training, code = _mapping(description.get("training")), _mapping(description.get("made_with"))
     here: dict[str, Any] = {"env": env, **vars(options)}
     different = [name for name in _COMPARED if name in training and str(training[name]) != str(here[name])]
     # By their contents: a file may have changed, or moved.

@@ -307,7 +307,8 @@ def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array
         points = _apart(east_m, north_m)
         # Each kept point represents those near it.
         size = np.diff(np.append(points, len(elevation)))
-        elevation, east_m, north_m = (np.add.reduceat(values, points) / size for values in (elevation, east_m, north_m))
+        elevation = np.add.reduceat(elevation, points) / size
+        east_m, north_m = np.add.reduceat(east_m, points) / size, np.add.reduceat(north_m, points) / size
         steps = np.hypot(np.diff(east_m), np.diff(north_m))
         return np.concatenate(([0.0], np.cumsum(steps))), elevation, east_m, north_m
     if east_m is not None and north_m is not None:
@@ -382,10 +383,9 @@ def _heading(grid: Array, distance: Array, east_m: Array | None, north_m: Array 
     if east_m is None or north_m is None:
         return np.zeros(len(grid))
     # Over a stretch as long as the smoothing of the heights, so that jitter makes no bends.
-    east, north = (
-        np.interp(grid + SIGMA_M, distance, values) - np.interp(grid - SIGMA_M, distance, values)
-        for values in (east_m, north_m)
-    )
+    behind_m, ahead_m = grid - SIGMA_M, grid + SIGMA_M
+    east = np.interp(ahead_m, distance, east_m) - np.interp(behind_m, distance, east_m)
+    north = np.interp(ahead_m, distance, north_m) - np.interp(behind_m, distance, north_m)
     heading: Array = np.unwrap(np.arctan2(north, east))
     return heading
 

@@ -28,7 +28,7 @@ def _where(scene: Scene) -> str:
 
 
 def _route(scene: Scene) -> str:
-    line = ["#" if edge < scene.furthest_m else "." for edge in (_metres(scene, column) for column in range(_WIDTH))]
+    line = ["#" if _metres(scene, column) < scene.furthest_m else "." for column in range(_WIDTH)]
     turn = scene.no_return_m if scene.runs_out_m is None else scene.runs_out_m
     note = ""
     if turn is not None:

@@ -113,9 +113,10 @@ def members_of(args: Args) -> dict[str, Member]:
     if not folders:
         raise RecordingError(f"{args.fleet} contains no folder: give one with a folder of recordings per robot")
     nominal, cases = load_robot(args.robot or ASSUMED), {}
-    if args.robot is None and (unknown := [folder.name for folder in folders if not (folder / ROBOT).is_file()]):
-        said = f"no --robot is given: {ASSUMED} is assumed for {', '.join(unknown[:5])}{', ...' * (len(unknown) > 5)}"
-        print(cli.printable(said), file=sys.stderr)
+    unknown = [folder.name for folder in folders if not (folder / ROBOT).is_file()]
+    if args.robot is None and unknown:
+        named = ", ".join(unknown[:5]) + (", ..." if len(unknown) > 5 else "")
+        print(cli.printable(f"no --robot is given: {ASSUMED} is assumed for {named}"), file=sys.stderr)
     for folder in folders:
         files = sorted(entry for entry in folder.iterdir() if entry.name[0] != "." and entry.name != ROBOT)
         if not files:

@@ -91,9 +91,8 @@ def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.flo
     rows = []
     for route in routes:
         rise = route.place_m * np.sin(route.grade_rad)
-        charge_out, charge_back = (
-            float((route.place_m / d_max(robot, speed, sign * route.grade_rad)).sum()) for sign in (1.0, -1.0)
-        )
+        charge_out = float((route.place_m / d_max(robot, speed, route.grade_rad)).sum())
+        charge_back = float((route.place_m / d_max(robot, speed, -route.grade_rad)).sum())
         steepest = np.degrees(route.grade_rad)
         rows.append(
             {
@@ -148,7 +147,7 @@ def _table() -> Table:
     for name in route_names():
         if name not in (GENERATED, HIDDEN_WIND):
             route = load_route(name, _FINEST_M)
-            low, high = (float(np.degrees(end)) for end in (route.grade_rad.min(), route.grade_rad.max()))
+            low, high = float(np.degrees(route.grade_rad.min())), float(np.degrees(route.grade_rad.max()))
             grade = f"{low:.2f}°" if high - low < 0.005 else f"{low:.2f} to {high:.2f}°"
             table.add_row(name, f"{route.length_m:.2f} m", grade, _first_comment(name))
     return table

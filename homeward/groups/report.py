@@ -26,6 +26,11 @@ def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
     return write_files(folder, {"groups.json": comparison.to_json(), "groups.html": _page(comparison)})
 
 
+def _unit_after(unit: str) -> str:
+    """A unit behind its number; ratios have none."""
+    return "" if unit == "1" else f" {unit}"
+
+
 def show_groups(comparison: Comparison, console: Console) -> None:
     """Print the verdict, each group's level, each pair's difference and remarks; lines wrap at the width."""
     if len(comparison.groups) > 1:
@@ -33,18 +38,16 @@ def show_groups(comparison: Comparison, console: Console) -> None:
     say(console, comparison.summary)
     levels = _table("group", "quantity", "runs", "mean", "95 %", "between runs")
     for level in comparison.levels:
-        unit, ends = f" {level.unit}" * (level.unit != "1"), interval(level.ci95, 4)
         levels.add_row(*map(plain, (
-            level.group, level.quantity, str(level.runs), f"{number(level.value, 4)}{unit}", ends,
-            number(level.run_spread),
+            level.group, level.quantity, str(level.runs), number(level.value, 4) + _unit_after(level.unit),
+            interval(level.ci95, 4), number(level.run_spread),
         )))  # fmt: skip
     pairs = _table("pair", "quantity", "difference", "95 %", "p, Holm", "held-out error", "")
     for pair in comparison.differences:
-        unit = f" {pair.unit}" * (pair.unit != "1")
         errors = f"{number(pair.held_out_rmse, 2)} for {number(pair.held_out_rmse_without_groups, 2)}"
         pairs.add_row(*map(plain, (
-            f"{pair.group} - {pair.minus}", pair.quantity, f"{number(pair.value)}{unit}", interval(pair.ci95),
-            f"{pair.p_holm:.2g}", errors, "differs" if pair.named else "",
+            f"{pair.group} - {pair.minus}", pair.quantity, number(pair.value) + _unit_after(pair.unit),
+            interval(pair.ci95), f"{pair.p_holm:.2g}", errors, "differs" if pair.named else "",
         )), style="bold" if pair.named else None)  # fmt: skip
     for table in (levels, pairs):
         if table.row_count:

@@ -130,7 +130,8 @@ def propose(path: str | Path) -> Proposal:
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     try:
-        if not (offered := _by_program(header, table)):
+        offered = _by_program(header, table)
+        if not offered:
             offered = [guess for name in header for guess in _guesses(name, table[name], units.get(name, ""))]
             offered += _by_unit(header, table, units, offered)
     except RecordingError as error:
@@ -208,7 +209,8 @@ def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], di
 
 def _by_program(header: list[str], table: pd.DataFrame) -> list[Guess]:
     """The columns of the program that wrote the table, where its mapping ships."""
-    if (mapping := known_columns(header)) is None:
+    mapping = known_columns(header)
+    if mapping is None:
         return []
     return [
         Guess(column, channel, factor, source.offset, 0, f"the mapping {mapping.name} that ships")

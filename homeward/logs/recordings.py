@@ -242,8 +242,10 @@ def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> l
 def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool) -> pd.DataFrame:
     given = mapping or Columns("", {}, {})
     table = tables.sniff(path, given.separator, given.decimal)
-    if mapping is None and (mapping := known_columns(table.header)) is not None:
-        notes.append(f"mapping {mapping.name}, known by the names of the columns")
+    if mapping is None:
+        mapping = known_columns(table.header)
+        if mapping is not None:
+            notes.append(f"mapping {mapping.name}, known by the names of the columns")
     mapping = mapping_of_table(mapping, table.header) if part else mapping
     wanted = _wanted(table.header, mapping, standing, part)
     dated: list[str] = []
@@ -488,7 +490,8 @@ def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
     beyond = f"{count} of {len(values)} values of {channel.name} are outside {allowed}"
     moving = np.isfinite(values) & (values != 0.0)
     if count > thresholds.STRAY_SHARE * len(values) and impossible[moving].mean() > thresholds.MOST_BROKEN_SHARE:
-        typical, worst = (float(pick(np.abs(values[impossible]))) for pick in (np.median, np.max))
+        sizes = np.abs(values[impossible])
+        typical, worst = float(np.median(sizes)), float(sizes.max())
         at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= typical * f <= channel.high]
         guess = f"; this looks like {at_hand[0][0]} (factor {at_hand[0][1]:.6g} in a mapping file)" if at_hand else ""
         if channel.name == "temperature_c" and np.nanmin(values) > thresholds.COLDEST_K:

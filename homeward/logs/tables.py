@@ -168,7 +168,7 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
         raise RecordingError("holds no samples")
     if separator is None:
         separator = _separator([line for _, line in lines[:20]])
-    header, *rows = ([cell.strip() for cell in _cells(line, separator)] for _, line in lines[:200])
+    header, *rows = (_cells_of(line, separator) for _, line in lines[:200])
     units = rows.pop(0) if len(rows) > 1 and _are_units(rows[0], rows[1]) else []
     if decimal is None:
         decimal = "," if _has_decimal_commas(rows) else "."
@@ -188,6 +188,11 @@ def _comments(lines: Sequence[tuple[int, str]]) -> tuple[list[int], list[tuple[i
         count -= 1
         lines = [*lines[:count], (lines[count][0], lines[count][1].lstrip("# ")), *lines[count + 1 :]]
     return [number for number, _ in lines[:count]], list(lines[count:])
+
+
+def _cells_of(line: str, separator: str) -> list[str]:
+    """Cells of a line without the spaces around them."""
+    return [cell.strip() for cell in _cells(line, separator)]
 
 
 def _separator(lines: Sequence[str]) -> str:

@@ -56,7 +56,8 @@ class Rest:
         self.took_j = rest_of(run.observed * step_s)
         self._modelled_j = rest_of(modelled.power_w * step_s)
         self._sine_m, self._speed_m = rest_of(sine * self.way_m), rest_of(np.abs(run.speed_mps) * self.way_m)
-        self._east_m, self._north_m = (rest_of(along[:, axis] * self.way_m) for axis in range(2))
+        self._east_m = rest_of(along[:, 0] * self.way_m)
+        self._north_m = rest_of(along[:, 1] * self.way_m)
         at_m = self.left_m[0] * (1.0 - np.arange(_STRETCHES + 1) / _STRETCHES)
         # First samples of the stretches: the way left falls.
         self._edges = np.unique(np.searchsorted(-self.left_m, -at_m))

@@ -96,7 +96,8 @@ def _one_voltage(batteries: Sequence[Battery]) -> bool:
 def _equal(first: Battery, second: Battery) -> bool:
     """Whether the quantiles of both currents are equal: they need not come at the same times."""
     shares = np.linspace(0.0, 1.0, 11)
-    mine, other = (np.nanquantile(battery.drawn, shares) for battery in (first, second))
-    return bool(np.abs(mine - other).max() <= thresholds.SAME_READING * np.abs(mine).max()) and _one_voltage(
-        [first, second]
-    )
+    quantiles_first = np.nanquantile(first.drawn, shares)
+    quantiles_second = np.nanquantile(second.drawn, shares)
+    largest = np.abs(quantiles_first).max()
+    same_current = bool(np.abs(quantiles_first - quantiles_second).max() <= thresholds.SAME_READING * largest)
+    return same_current and _one_voltage([first, second])

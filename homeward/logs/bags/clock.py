@@ -55,5 +55,6 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     means = np.interp(clock_s, time_s, values)
     means[has_width] = (integral(end[has_width]) - integral(start[has_width])) / (2.0 * half[has_width])
     gap = np.concatenate(([0], np.cumsum(steps > thresholds.GAP_STEPS * max(median_step_s(time_s), tick_s))))
-    first, last = (np.clip(np.searchsorted(time_s, moment_s, side="right"), 1, len(steps)) for moment_s in (start, end))
+    first = np.clip(np.searchsorted(time_s, start, side="right"), 1, len(steps))
+    last = np.clip(np.searchsorted(time_s, end, side="right"), 1, len(steps))
     return np.asarray(np.where(inside & (gap[last] == gap[first - 1]), means, np.nan))

@@ -116,9 +116,9 @@ def _contents(
     """Fields of battery state, odometry and IMU."""
     stamp = message("builtin_interfaces/msg/Time", sec=int(stamp_s), nanosec=int(stamp_s % 1.0 * 1e9))
     header = message("std_msgs/msg/Header", stamp=stamp, frame_id="odom")
-    (s_y, c_y), (s_p, c_p) = (
-        (math.sin(0.5 * angle_rad), math.cos(0.5 * angle_rad)) for angle_rad in (yaw_rad, -slope_rad)
-    )
+    # Halves of the angles, of which quaternions are made; a positive pitch looks down.
+    s_y, c_y = math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
+    s_p, c_p = math.sin(-0.5 * slope_rad), math.cos(-0.5 * slope_rad)
     flat = message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=s_y, w=c_y)
     tilted = message("geometry_msgs/msg/Quaternion", x=-s_y * s_p, y=c_y * s_p, z=s_y * c_p, w=c_y * c_p)
     still = {"x": 0.0, "y": 0.0, "z": 0.0}
