@@ -10,6 +10,7 @@ from homeward.agents.base import Observations, feature
 from homeward.envs.actions import encode_actions
 from homeward.envs.conditions.gauges import LOST, lowest_believed
 from homeward.envs.conditions.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
+from homeward.envs.features import SINE_UNIT, WIND_UNIT_MPS
 from homeward.envs.options import Known
 from homeward.envs.routes.route import HIDDEN_WIND_MPS, KNOTS, NEW_PATCH, WIND_SCALE_MPS
 from homeward.envs.state import RETURN
@@ -116,8 +117,8 @@ class Belief:
         if len(begun) != len(self._place):
             self._forget(len(begun))
         if begun.any():
-            east_mps = 10.0 * feature(observations, "forecast_east")
-            north_mps = 10.0 * feature(observations, "forecast_north")
+            east_mps = WIND_UNIT_MPS * feature(observations, "forecast_east")
+            north_mps = WIND_UNIT_MPS * feature(observations, "forecast_north")
             self.estimator.begin(begun, east_mps, north_mps)
             self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
             self._decisions[begun], self._soc_lowest[begun] = 0, 1.0
@@ -147,7 +148,7 @@ class Belief:
         # The slope read on the way out belongs to the place: reading it twice gives no information.
         outbound = (outwards > 0.0) & (position_m >= self._position_m)
         new = (place != self._place) & outbound & later
-        readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
+        readings["sine"] = np.where(new, SINE_UNIT * outwards * feature(observations, "grade"), np.nan)
         self._place = np.where(new, place, self._place)
         self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
         self._modelled, self._position_m = modelled, position_m
@@ -175,7 +176,7 @@ class Belief:
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""
         plans = self.estimator.plans(feature(observations, "home_cost") * self._known.shared["usable_j"][0], home_mps)
-        plans["sine"] = 0.1 * feature(observations, "grade_1")
+        plans["sine"] = SINE_UNIT * feature(observations, "grade_1")
         return plans
 
     def margin(self, plans: NDArray[np.void], risk: float) -> Margin:

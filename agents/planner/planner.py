@@ -17,6 +17,7 @@ from homeward.agents.rules.dmax_lap import LapRule
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.turn_back import BelievingRule, sees_posts
 from homeward.envs.actions import LEVELS, at_level, encode_actions, limits
+from homeward.envs.features import INTEREST_UNIT, SINE_UNIT
 from homeward.envs.options import Known
 from homeward.envs.routes import thresholds as routes_thresholds
 from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
@@ -137,11 +138,11 @@ class Planner(Policy):
         outwards = feature(observations, "outbound")
         for name in ("east", "north"):
             beliefs[name] = outwards * feature(observations, name)
-        beliefs["sine_here"] = 0.1 * outwards * feature(observations, "grade")
-        beliefs["interest_here"] = 2.0 * feature(observations, "interest")
+        beliefs["sine_here"] = SINE_UNIT * outwards * feature(observations, "grade")
+        beliefs["interest_here"] = INTEREST_UNIT * feature(observations, "interest")
         for stretch, (start, _) in enumerate(AHEAD):
-            beliefs["sine_ahead"][:, stretch] = 0.1 * feature(observations, f"grade_{start}")
-            beliefs["interest_ahead"][:, stretch] = 2.0 * feature(observations, f"interest_{start}")
+            beliefs["sine_ahead"][:, stretch] = SINE_UNIT * feature(observations, f"grade_{start}")
+            beliefs["interest_ahead"][:, stretch] = INTEREST_UNIT * feature(observations, f"interest_{start}")
         return beliefs
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from homeward.agents import thresholds
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.rules.pace import Pace
+from homeward.envs.features import SINE_UNIT
 from homeward.envs.options import Known
 from homeward.envs.routes import thresholds as routes_thresholds
 from homeward.physics import ancillary_power, d_max
@@ -160,4 +161,4 @@ def sees_posts(known: Known) -> bool:
 
 
 def _mean_sine(observations: Observations) -> NDArray[np.float64]:
-    return 0.1 * feature(observations, "grade_mean")
+    return SINE_UNIT * feature(observations, "grade_mean")

@@ -21,7 +21,7 @@ from homeward.agents.rules.pace import NO_SENSING
 from homeward.agents.rules.reserves import pace_of, reserve_of
 from homeward.agents.rules.turn_back import sees_posts
 from homeward.envs.actions import LEVELS, MODES, encode_actions
-from homeward.envs.features import GAINS, INDEX, NAMES
+from homeward.envs.features import GAINS, INDEX, INTEREST_UNIT, NAMES
 from homeward.envs.options import Known
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, PER_CAPACITY, ROLLING, WEIGHT
@@ -163,7 +163,9 @@ class BeliefInputs:
             0.1 * headwind_mps,
             np.clip(100.0 * (feature(observations, "backlog") - self._pace.full), -1.0, 1.0),
             np.minimum(feature(observations, "backlog") / sent - 1.0, 1.0),
-            np.clip(3.0 * np.log(np.maximum(2.0 * feature(observations, "interest"), _ANY) / threshold), -1.0, 1.0),
+            np.clip(
+                3.0 * np.log(np.maximum(INTEREST_UNIT * feature(observations, "interest"), _ANY) / threshold), -1.0, 1.0
+            ),
             belief.looks_back(observations),
         )
         return np.stack(columns, axis=1)
