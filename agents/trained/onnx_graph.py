@@ -19,7 +19,7 @@ from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
 from homeward.agents.trained.policy_file import NetworkPolicy
 from homeward.envs import IDS
 from homeward.envs.actions import LEVELS, MODES, at_level, decode_actions, limits
-from homeward.envs.features import FEATURES, LIMIT
+from homeward.envs.features import FEATURES, INTEREST_UNIT, LIMIT, SINE_UNIT, WIND_UNIT_MPS
 from homeward.envs.options import Known, Options
 from homeward.envs.state import GO
 
@@ -50,15 +50,15 @@ def quantities(known: Known) -> list[PhysicalInput]:
     units = {  # of the observation: physical unit, size of one, zero
         "1": ("1", 1.0, 0.0),
         "-1 to 1": ("1", 1.0, 0.0),
-        "2": ("1", 2.0, 0.0),
+        "2": ("1", INTEREST_UNIT, 0.0),
         "usable energy": ("J", s["usable_j"], 0.0),
         "cruise power": ("W", s["cruise_w"], 0.0),
         "reach": ("m", s["reach_m"], 0.0),
         "top speed": ("m/s", s["max_speed_mps"], 0.0),
         "top rate": ("Hz", s["max_sensing_hz"], 0.0),
-        "sine 0.1": ("sine of the angle", 0.1, 0.0),
+        "sine 0.1": ("sine of the angle", SINE_UNIT, 0.0),
         "memory": ("samples", s["backlog_limit"], 0.0),
-        "10 m/s": ("m/s", 10.0, 0.0),
+        "10 m/s": ("m/s", WIND_UNIT_MPS, 0.0),
         "20 K": ("degree C", 20.0, 10.0),
         "good score": ("score", s["score_scale"], 0.0),
         "time limit": ("decisions", s["max_decisions"], 0.0),
