@@ -33,7 +33,9 @@ def prior_of(known: Known, missed: float) -> Prior:
         known: Constants of the environment.
         missed: Probability that the forecast is of another wind.
     """
-    d, i, s = known.difficulty, known.instruments, known.shared[0]
+    d = known.difficulty
+    i = known.instruments
+    s = known.shared[0]
     hides = not d.route_is_known
     conditions = 2 if d.weather_changes else int(hides)
     surface = d.surface
@@ -91,7 +93,9 @@ class Belief:
 
     def __init__(self, known: Known, missed: float) -> None:
         s = known.shared[0]
-        self._known, self._prior, self._vehicle = known, prior_of(known, missed), vehicle_of(known)
+        self._known = known
+        self._prior = prior_of(known, missed)
+        self._vehicle = vehicle_of(known)
         self.back_action = encode_actions(known, s["min_speed_mps"], 0.0, RETURN)[0]
         # In shorter pit stops, turns can be missed: the distance driven is then unknown, and there is no update.
         self._sees_turns = bool(s["pit_stop_s"] == 0.0 or s["pit_stop_s"] >= s["decision_s"])
@@ -120,7 +124,9 @@ class Belief:
             east_mps = WIND_UNIT_MPS * feature(observations, "forecast_east")
             north_mps = WIND_UNIT_MPS * feature(observations, "forecast_north")
             self.estimator.begin(begun, east_mps, north_mps)
-            self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
+            self._modelled[begun] = 0.0
+            self._position_m[begun] = 0.0
+            self._place[begun] = -1
             self._decisions[begun], self._soc_lowest[begun] = 0, 1.0
         outwards = feature(observations, "outbound")
         places_from_home = feature(observations, "distance") * s["reach_m"] / s["place_m"]
@@ -167,7 +173,8 @@ class Belief:
 
         This reverses the relative wind and nothing else. It is never used where one decision makes a return final.
         """
-        decision_s, changes = float(self._known.shared["decision_s"][0]), self._known.difficulty.weather_changes
+        decision_s = float(self._known.shared["decision_s"][0])
+        changes = self._known.difficulty.weather_changes
         due = looks_back(self._decisions, self._position_m, self._vehicle.cruise_mps, decision_s, changes)
         out = feature(observations, "outbound") > 0.0
         may = not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1

@@ -79,7 +79,8 @@ class Onboard:
         if self._beliefs is not None and forecast_mps is None:
             self._beliefs.forget_forecast()
         self.robot: Robot = known.robot
-        self.decision_s, self._most = float(known.shared["decision_s"][0]), int(known.shared["max_decisions"][0])
+        self.decision_s = float(known.shared["decision_s"][0])
+        self._most = int(known.shared["max_decisions"][0])
         self.begin()
         for time_s in (0.0, 1.0):  # compile its kernels
             self.update(time_s * self.decision_s, 0.0)

@@ -115,7 +115,9 @@ def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
     batch = env.batch
     observations, _ = env.reset(seed=list(seeds))
-    rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
+    rewards = np.empty(count)
+    terminated = np.empty(count, np.bool_)
+    truncated = np.empty(count, np.bool_)
     begun, over = np.ones(count, np.bool_), 0
     times_us, states = [], [_state(batch.records)]
     while over < count:

@@ -39,7 +39,8 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
         heights = row + 0.56 * (_GOLDEN * stats.rankdata(scores, "ordinal") % 1.0 - 0.5)
         scores_axis.scatter(scores, heights, s=5, color=colour, alpha=0.25, linewidths=0, rasterized=True)
         _interval(scores_axis, agent["score_mean"], agent["score_ci95"], row, f"{agent['score_mean']:.4g}")
-        rate, interval = 100.0 * agent["stranded_rate"], [100.0 * end for end in agent["stranded_ci95"]]
+        rate = 100.0 * agent["stranded_rate"]
+        interval = [100.0 * end for end in agent["stranded_ci95"]]
         stranded_axis.barh(row, rate, height=0.5, color=colour, alpha=0.6)
         _interval(stranded_axis, rate, interval, row, f"{rate:.1f} %")
     scores_axis.set_yticks(range(len(names)), names)

@@ -40,7 +40,8 @@ class Curve:
         11.0
         """
         order = np.lexsort((-np.array(self.score), np.array(self.stranded)))  # of equal stranding the best first
-        stranded, best_score = np.array(self.stranded)[order], np.maximum.accumulate(np.array(self.score)[order])
+        stranded = np.array(self.stranded)[order]
+        best_score = np.maximum.accumulate(np.array(self.score)[order])
         if level < stranded[0]:
             return None
         below = int(np.searchsorted(stranded, level, side="right")) - 1

@@ -94,7 +94,8 @@ def _restore(model: PPO, path: Path, most_steps: int) -> Best | None:
     averages = _averages(_part(tensors, "optimizer"), model)
     model.policy.load_state_dict(weights)
     model.policy.optimizer.load_state_dict({**model.policy.optimizer.state_dict(), "state": averages})
-    model.num_timesteps, model._n_updates = steps, steps // (model.n_steps * model.n_envs) * model.n_epochs
+    model.num_timesteps = steps
+    model._n_updates = steps // (model.n_steps * model.n_envs) * model.n_epochs
     return best
 
 

@@ -44,7 +44,8 @@ class ResidualPolicy(ActorCriticPolicy):
         valued: NDArray[np.bool_] | None,
         **keywords: Any,
     ) -> None:
-        self._hidden, self._valued = hidden, None if valued is None else torch.from_numpy(valued.astype(np.float32))
+        self._hidden = hidden
+        self._valued = None if valued is None else torch.from_numpy(valued.astype(np.float32))
         super().__init__(*arguments, **keywords)
         weight, bias = torch.from_numpy(first[0]), torch.from_numpy(first[1])
         head = self.action_net

@@ -191,7 +191,9 @@ def stagger(model: PPO) -> None:
     """Begin missions in turn, so that updates cover all stages (Bharthulwar et al. 2025, arXiv 2511.21011)."""
     env = model.get_env()
     assert isinstance(env, SB3Adapter)
-    begins, ended, seen = np.arange(env.num_envs) % _STAGGERED, np.zeros(env.num_envs, np.bool_), env.reset()
+    begins = np.arange(env.num_envs) % _STAGGERED
+    ended = np.zeros(env.num_envs, np.bool_)
+    seen = env.reset()
     for decision in range(_STAGGERED):
         seen, _, ended, _ = env.step(model.predict(seen)[0])  # type: ignore[assignment]
         begins_now = begins == decision

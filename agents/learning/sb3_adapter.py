@@ -78,7 +78,9 @@ class SB3Adapter(VecEnv):
         if inputs is not None:
             space = spaces.Box(-LIMIT, LIMIT, (len(FEATURES) + len(COLUMNS),), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
-        self._stranding_cost, self._inputs, self._late_is_lost = stranding_cost, inputs, late_is_lost
+        self._stranding_cost = stranding_cost
+        self._inputs = inputs
+        self._late_is_lost = late_is_lost
         self._senses_on_the_go, self._info_keys = senses_on_the_go, tuple(info_keys)
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)

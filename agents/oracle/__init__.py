@@ -141,7 +141,9 @@ def score_of(options: Options, seeds: Sequence[int], actions: Sequence[NDArray[n
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
     observations, _ = env.reset(seed=list(seeds))
     batch, records = env.batch, env.batch.records
-    rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
+    rewards = np.empty(count)
+    terminated = np.empty(count, np.bool_)
+    truncated = np.empty(count, np.bool_)
     now = np.empty((count, 3), np.int64)
     while not records["over"].all():
         for i, mine in enumerate(actions):

@@ -78,7 +78,8 @@ def dual_feasible(rates: Rates, multipliers: Multipliers) -> Multipliers:
 
     That of time is raised as far as needed. That of a sample is lowered where it rises outwards faster than allowed.
     """
-    sample, standing_w = _greater(multipliers.per_sample), rates.standing_w.min(axis=1)[rates.place_of_piece]
+    sample = _greater(multipliers.per_sample)
+    standing_w = rates.standing_w.min(axis=1)[rates.place_of_piece]
     stand = float((sample * rates.radio_hz[:, 0] - multipliers.per_j * standing_w).max())
     per_s = max(multipliers.per_s, stand)
     least_pass = float(_pass(rates, multipliers.per_j, per_s, sample).min())

@@ -56,7 +56,9 @@ def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: i
 @compiled
 def see_route(constants: Any, missions_begun: Any, routes: Any) -> None:
     """Enter every place of the route into the robot's map, as if it had driven there. `routes` is changed."""
-    c, m, route = constants[0], missions_begun[0], routes[0]
+    c = constants[0]
+    m = missions_begun[0]
+    route = routes[0]
     for k in range(1, c.shared.places):
         nearer = route.places[k - 1]
         cost_j = nearer.home_cost_j + nearer.home_j_per_m * c.shared.place_m
@@ -89,7 +91,10 @@ def measure(
         pieces: Pieces of a place.
         out_w: Written, as are the following ones; shapes and units as in `homeward.agents.oracle.rates.Rates`.
     """
-    c, p, route, m = constants[0], robots[0], routes[0], works[0]
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
+    m = works[0]
     s, radio = c.shared, c.shared.radio_hz
     s.backlog_limit = np.inf
     winds = np.empty((s.max_decisions + 1, 2))
@@ -141,7 +146,8 @@ def _weather(works: Any, starts: Any, winds: Any) -> Any:
     m = works[0]
     warmest_c = m.temperature_c
     for n in range(len(winds)):
-        winds[n, 0], winds[n, 1] = m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps
+        winds[n, 0] = m.mean_east_mps + m.gust_east_mps
+        winds[n, 1] = m.mean_north_mps + m.gust_north_mps
         warmest_c = max(warmest_c, m.temperature_c)
         m.decisions += 1
         weather.change(m)
@@ -171,7 +177,10 @@ def _set_out(works: Any, starts: Any, route: Any, k: int, position_m: float, spe
     """Copy the start into `works`, moved to a position in place `k` that is reached for the first time, at a speed."""
     works[0] = starts[0]
     m = works[0]
-    m.place, m.position_m, m.furthest_m, m.speed_mps = k, position_m, position_m, speed_mps
+    m.place = k
+    m.position_m = position_m
+    m.furthest_m = position_m
+    m.speed_mps = speed_mps
     m.here = route.places[k]
 
 
@@ -199,7 +208,10 @@ def way_home(
         home_j: Written, the energy in J(x); left as it is where no speed gets there before the battery is empty.
         home_s: Written, the time in J(x), likewise.
     """
-    c, p, route, m = constants[0], robots[0], routes[0], works[0]
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
+    m = works[0]
     s = c.shared
     home_j[0] = home_s[0] = 0.0
     for point in range(1, len(home_j)):
@@ -276,7 +288,9 @@ def search(
     Returns:
         Number of nodes.
     """
-    c, p, route = constants[0], robots[0], routes[0]
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
     s = c.shared
     ring, width = room.shape
     values = np.full((ring, width), _NONE)
@@ -284,7 +298,10 @@ def search(
     origin, action = np.empty((ring, width), np.int64), np.empty((ring, width), np.int64)
     work = np.empty(2, starts.dtype)
     best_turns[:] = _NONE
-    room[0, 0], values[0, 0], fresh[0, 0], origin[0, 0] = starts[0], 0.0, True, -1
+    room[0, 0] = starts[0]
+    values[0, 0] = 0.0
+    fresh[0, 0] = True
+    origin[0, 0] = -1
     nodes, near, last_distance = 0, 0, 0
     while near <= last_distance and nodes < len(parents):
         row, repeats = near % ring, True
@@ -380,7 +397,10 @@ def follow(
     Returns:
         Number of actions, or -1 if the robot does not come home.
     """
-    c, p, route, m = constants[0], robots[0], routes[0], works[0]
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
+    m = works[0]
     s = c.shared
     m_before = starts.copy()
     works[0] = starts[0]

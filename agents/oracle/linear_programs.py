@@ -82,7 +82,9 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
         _rows(widths, {0: -sent_moving, 2: -sent_standing, 4: eye}),
         _rows(widths, {5: sparse.eye(pieces, k=1) - eye})[:-1],  # a piece is reached through the one before
     ])  # fmt: skip
-    gain, low, high = np.zeros(sum(widths)), np.zeros(sum(widths)), np.full(sum(widths), np.inf)
+    gain = np.zeros(sum(widths))
+    low = np.zeros(sum(widths))
+    high = np.full(sum(widths), np.inf)
     gain[: widths[0]] = rates.gain_per_m[place].ravel()
     low[-pieces:], high[-pieces:] = np.arange(pieces) < turn * PIECES, 1.0
     high[-3 * pieces : -2 * pieces] = rates.memory

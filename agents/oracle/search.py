@@ -55,7 +55,9 @@ class Guide:
 
 def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Array) -> Guide:
     """Guide of a mission out and back that turns within the place of its plan."""
-    sums, multipliers, count = lagrangian_sums(rates, plan.multipliers), plan.multipliers, len(rates.radio_hz)
+    sums = lagrangian_sums(rates, plan.multipliers)
+    multipliers = plan.multipliers
+    count = len(rates.radio_hz)
     ends = np.full(count + 1, _NEVER)  # greatest Lagrangian of a turn at a border or beyond it
     for piece in range(plan.turn * PIECES, (plan.turn + 1) * PIECES):
         far, near = sums.way[piece + 1], sums.way[piece]
@@ -64,7 +66,8 @@ def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Ar
     ahead = ends - sums.way + sums.home - sums.fallen
     borders = np.arange(count + 1) * rates.piece_m
     planned = borders[: len(plan.energy_j) + 1]
-    most_j, most_samples = rates.out_w.max() * decision_s, rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
+    most_j = rates.out_w.max() * decision_s
+    most_samples = rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
     return Guide(
         multipliers=np.array([multipliers.per_j, multipliers.per_s, 0.0]),
         per_sample=np.interp(points_m, borders, multipliers.per_sample),
@@ -112,7 +115,9 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     step_m, most_m = points_m[1], rates.speeds_mps[-1] * float(s["decision_s"])
     cell_m = max(_FINE * step_m, most_m / _MOST_CELLS)
     room = np.zeros((int(most_m / cell_m) + 2, kernel.CELLS**2), case.start.dtype)
-    parents, codes, best_turns = np.empty(_NODES, np.int64), np.empty(_NODES, np.int8), np.empty((_TRIED, 2))
+    parents = np.empty(_NODES, np.int64)
+    codes = np.empty(_NODES, np.int8)
+    best_turns = np.empty((_TRIED, 2))
     actions = np.empty((int(s["max_decisions"]), 3), np.int64)
     j_per_s = guide.multipliers[1] / guide.multipliers[0] if guide.multipliers[0] > 0.0 else 0.0
     records, work = (case.constants, case.robot, case.route, case.start), case.start.copy()

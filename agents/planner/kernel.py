@@ -110,7 +110,9 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
             + drives[1, LEVELS]
             + b.gain * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
         )
-        most_information, best_energy, best_sample = -1.0, information / cost, 0.0
+        most_information = -1.0
+        best_energy = information / cost
+        best_sample = 0.0
         for eagerness in EAGERNESS:
             for stop in STOPS:
                 energy_multiplier = eagerness * information / cost
@@ -119,7 +121,9 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
                     sample_multiplier = energy_multiplier * b.gain * model.standing / _radio(s, stop * s.link_m, False)
                 information_found = _follow(b, model, s, drives, energy_multiplier, sample_multiplier)
                 if information_found > most_information:
-                    most_information, best_energy, best_sample = information_found, energy_multiplier, sample_multiplier
+                    most_information = information_found
+                    best_energy = energy_multiplier
+                    best_sample = sample_multiplier
         _command(b, model, s, drives[0], best_energy, best_sample, commands[n])
 
 
@@ -137,7 +141,9 @@ def efficient_speeds(beliefs: Any, vehicle: Any, models: Any, constants: Any, ah
     """
     s, model = constants[0], models[0]
     for n in range(len(beliefs)):
-        least_cost, drive, b = np.inf, np.zeros(LEVELS + 1), beliefs[n]
+        least_cost = np.inf
+        drive = np.zeros(LEVELS + 1)
+        b = beliefs[n]
         _drive(b, vehicle, model, s, b.sine_here, drive)
         for speed in range(LEVELS):
             home = ahead[n] < 0.0
@@ -167,7 +173,9 @@ def _best_way(
     energy_gain: float, model: Any, drive: Any, interest: float, energy_multiplier: float, sample_multiplier: float
 ) -> tuple[int, int]:
     """Levels of speed and sensing rate that maximise the Lagrangian of a metre out; `energy_gain` is `gain` of `b`."""
-    best_value, best_speed, best_rate = -1e300, LEVELS - 1, 0
+    best_value = -1e300
+    best_speed = LEVELS - 1
+    best_rate = 0
     for speed in range(LEVELS):
         s_per_m = 1.0 / model.speeds_mps[speed]
         for rate in range(LEVELS):
@@ -314,6 +322,8 @@ def _command(
         stops = stops or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
     while not _fits(b, model, s, drive, speed):
         speed -= 1
-    command[0], command[1], command[2] = model.speeds_mps[speed], model.rates_hz[rate], 1.0 if stops else 0.0
+    command[0] = model.speeds_mps[speed]
+    command[1] = model.rates_hz[rate]
+    command[2] = 1.0 if stops else 0.0
     if stops:
         command[1] = 0.0

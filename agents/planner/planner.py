@@ -81,7 +81,8 @@ class Planner(Policy):
         model["rates_hz"] = at_level(np.arange(LEVELS), *rate_limits)
         idle_w = ancillary_power(robot, 0.0)
         model["sensing"] = (ancillary_power(robot, model["rates_hz"]) - idle_w) / s["usable_j"]
-        model["standing"], model["steepest"] = idle_w / s["usable_j"], routes_thresholds.STEEPEST_SINE
+        model["standing"] = idle_w / s["usable_j"]
+        model["steepest"] = routes_thresholds.STEEPEST_SINE
         sines = np.linspace(-routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, model["per_m"].shape[1])
         for level, speed_mps in enumerate(model["speeds_mps"]):
             model["per_m"][level] = 1.0 / np.asarray(d_max(robot, float(speed_mps), np.arcsin(sines)))

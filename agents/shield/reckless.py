@@ -37,6 +37,7 @@ class Wanderer(Policy):
         count = len(observations)
         speed_levels, rate_levels = self._rng.integers(0, LEVELS, (2, count))
         speed_limits, rate_limits = limits(self._known)
-        speed_mps, sensing_hz = at_level(speed_levels, *speed_limits), at_level(rate_levels, *rate_limits)
+        speed_mps = at_level(speed_levels, *speed_limits)
+        sensing_hz = at_level(rate_levels, *rate_limits)
         mode = np.where(self._rng.random(count) < 0.1, STOP, GO)  # a tenth: chosen, so that it gets far
         return encode_actions(self._known, speed_mps, sensing_hz, mode)

@@ -55,13 +55,21 @@ _FLEETING = (
 
 # Logits of the first policies. Chosen so that other choices are explored occasionally, at a small cost: at first cruise
 # has a probability of 93 %, no sensing 83 % (40 % on surveys), a stop 0.7 % and a return 1.5 %.
-_CRUISE, _NO_SENSING, _STOP, _GO, _RETURN = 4.0, 3.0, -3.0, 2.0, -2.2
+_CRUISE = 4.0
+_NO_SENSING = 3.0
+_STOP = -3.0
+_GO = 2.0
+_RETURN = -2.2
 _NO_SENSING_ON_SURVEYS = 1.0  # less than elsewhere: a survey scores by sensing
 _AGAIN = 12.0
 """Weight of the share of the decisions that make a return final. Without it, an explored return is hardly ever followed
 by the others, and the value of a return is not learned. Chosen: after one of three such decisions, the next has a
 probability of 45 %, after two 98 %."""
-_CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 4.0, 6.0, -3.0, 10.0, 12.0
+_CRUISE_BY_RULE = 4.0
+_NO_SENSING_BY_RULE = 6.0
+_STOP_BY_RULE = -3.0
+_RETURN_BY_RULE = 10.0
+_AGAIN_BY_RULE = 12.0
 """The same if the first policy is the rule; `_RETURN_BY_RULE` is the weight of the negated spare energy. Chosen:
 greater, so that the rule is followed."""
 _SENSE, _WORTH = 2.5, 4.0
@@ -83,7 +91,8 @@ class BeliefInputs:
     def __init__(self, known: Known, deviations: float) -> None:
         self._known, self._deviations = known, deviations
         # By the file, with nothing sensed.
-        self._rule, self._belief = MappedDmaxRule(known, NO_SENSING, 0.0), Belief(known, thresholds.MISSED)
+        self._rule = MappedDmaxRule(known, NO_SENSING, 0.0)
+        self._belief = Belief(known, thresholds.MISSED)
         s = known.shared[0]
         idle_w = float(ancillary_power(known.robot, 0.0))
         self._shuttles, self._sees_posts = bool(s["shuttles"]), sees_posts(known)
@@ -92,7 +101,8 @@ class BeliefInputs:
         sensing_w = float(ancillary_power(known.robot, self._pace.rate * s["max_sensing_hz"])) - idle_w
         # The next chance to turn is the next decision; of a patrol that notices its posts, a lap with its stops away.
         onwards_m = float(s["length_m"] if self._shuttles else s["cruise_mps"] * s["decision_s"])
-        onwards_s, stops_s = onwards_m / float(s["cruise_mps"]), 2.0 * float(s["pit_stop_s"]) if self._shuttles else 0.0
+        onwards_s = onwards_m / float(s["cruise_mps"])
+        stops_s = 2.0 * float(s["pit_stop_s"]) if self._shuttles else 0.0
         onwards_j = idle_w * (onwards_s + stops_s) + sensing_w * onwards_s
         self._onwards = {"onwards_m": onwards_m, "onwards_s": onwards_s, "onwards_j": onwards_j}
         self._round_s = 2.0 * onwards_s + stops_s
@@ -230,18 +240,25 @@ def _column(name: str) -> int:
 def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[NDArray[Any], NDArray[Any]]:
     weight, bias = np.zeros((2 * LEVELS + len(MODES), columns)), np.zeros(2 * LEVELS + len(MODES))
     cruise = int(encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, 0])
-    stop, go, back = 2 * LEVELS + STOP, 2 * LEVELS + GO, 2 * LEVELS + RETURN
+    stop = 2 * LEVELS + STOP
+    go = 2 * LEVELS + GO
+    back = 2 * LEVELS + RETURN
     returning = INDEX["returning"]
     if not by_rule:
         bias[cruise], bias[LEVELS] = _CRUISE, _NO_SENSING_ON_SURVEYS if survey else _NO_SENSING
-        bias[stop], bias[go], bias[back], weight[back, returning] = _STOP, _GO, _RETURN, _AGAIN
+        bias[stop] = _STOP
+        bias[go] = _GO
+        bias[back] = _RETURN
+        weight[back, returning] = _AGAIN
         return weight, bias
     bias[cruise], bias[LEVELS], bias[stop] = _CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE
     weight[back, _SPARE], weight[back, returning] = -_RETURN_BY_RULE, _AGAIN_BY_RULE
     if survey:
         none, sense = LEVELS, LEVELS + round((LEVELS - 1) * pace_of(known.mission).rate)
         bias[none] = bias[sense] = _SENSE
-        full, to_send, worth = _column("full"), _column("to_send"), _column("worth")
+        full = _column("full")
+        to_send = _column("to_send")
+        worth = _column("worth")
         weight[none, worth] = -_WORTH
         bias[stop], weight[stop, full], weight[stop, to_send], weight[stop, returning] = _STOP_ON_SURVEYS
     return weight, bias
@@ -252,7 +269,9 @@ def _continuous(known: Known, columns: int, survey: bool, by_rule: bool) -> tupl
     bias[:2] = encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, :2]
     if by_rule:
         # Each mode has a third of [-1, 1]: stop, go and return.
-        weight[2, _SPARE], weight[2, INDEX["returning"]], bias[2] = -1.0 / 3.0, 1.0, 1.0 / 3.0
+        weight[2, _SPARE] = -1.0 / 3.0
+        weight[2, INDEX["returning"]] = 1.0
+        bias[2] = 1.0 / 3.0
         if survey:
             bias[1] = 0.0
     return weight, bias

@@ -22,7 +22,9 @@ from homeward.files import read_bytes
 from homeward.installed import advice
 from homeward.physics import Robot, RobotError, load_robot
 
-INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
+INPUT = "observation"
+BELIEF = "belief"
+OUTPUTS = ("speed_mps", "sensing_hz", "mode")
 
 OPERATIONS = frozenset({
     "Add", "ArgMax", "Cast", "Clip", "Concat", "Div", "Gather", "Gemm", "Min", "Mul", "Slice", "Sub", "Tanh",
@@ -52,7 +54,10 @@ class OnnxPolicy(Policy):
         zero: NDArray[np.float64],
         inputs: BeliefInputs | None = None,
     ) -> None:
-        self._session, self._trained, self._size, self._zero = session, trained, size, zero
+        self._session = session
+        self._trained = trained
+        self._size = size
+        self._zero = zero
         self.inputs = inputs
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:

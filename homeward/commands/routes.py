@@ -147,7 +147,8 @@ def _table() -> Table:
     for name in route_names():
         if name not in (GENERATED, HIDDEN_WIND):
             route = load_route(name, _FINEST_M)
-            low, high = float(np.degrees(route.grade_rad.min())), float(np.degrees(route.grade_rad.max()))
+            low = float(np.degrees(route.grade_rad.min()))
+            high = float(np.degrees(route.grade_rad.max()))
             grade = f"{low:.2f}°" if high - low < 0.005 else f"{low:.2f} to {high:.2f}°"
             table.add_row(name, f"{route.length_m:.2f} m", grade, _first_comment(name))
     return table

@@ -151,7 +151,9 @@ def runs_of(args: Args) -> dict[str, train.Args]:
     Raises:
         TrainingError: A setting does not exist or cannot take a value, or a value or seed is given twice.
     """
-    base, runs, choices = _base(args), dict[str, train.Args](), []
+    base = _base(args)
+    runs = dict[str, train.Args]()
+    choices = []
     for request in args.vary:
         setting, values = _choices(request)
         if isinstance(values, SearchRange):
@@ -220,7 +222,9 @@ def _search(args: Args, trials: int) -> dict[str, Path]:
     check_workers(args.jobs, args.cluster)
     import_optuna()
     write_whole(base.out / MARK, f"{trials} trials\n")
-    console, folders, said = cli.Terminal(stderr=True), dict[str, Path](), set[str]()
+    console = cli.Terminal(stderr=True)
+    folders = dict[str, Path]()
+    said = set[str]()
 
     def objective(number: int, settings: dict[str, Any]) -> float:
         runs = _seeds_of(base, args.seeds, f"trial_{number}", settings)

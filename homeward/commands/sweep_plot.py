@@ -21,7 +21,8 @@ def sweep_png(curves: Mapping[str, Sequence[Sequence[Point]]], env_id: str, miss
     figure.set_figwidth(8.0)  # names of settings are long
     for row, (settings, seeds) in enumerate(curves.items()):
         for index, points in enumerate(seeds):
-            millions, label = [point.steps / 1e6 for point in points], settings if index == 0 else None
+            millions = [point.steps / 1e6 for point in points]
+            label = settings if index == 0 else None
             above.plot(millions, [point.score for point in points], color=colour_of(row), label=label, linewidth=1.2)
             below.plot(millions, [100.0 * point.stranded_rate for point in points], color=colour_of(row), linewidth=1.2)
     above.legend(**LEGEND)

@@ -282,7 +282,8 @@ def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offe
             continue
         (name,) = having
         unit = columns[name]
-        values, factor = numeric(table[name]).to_numpy(np.float64, na_value=np.nan), UNITS[of_channel[0]][unit.lower()]
+        values = numeric(table[name]).to_numpy(np.float64, na_value=np.nan)
+        factor = UNITS[of_channel[0]][unit.lower()]
         if np.isfinite(values).any() and _possible(channel, values * factor):
             guesses.append(_signed(Guess(name, channel, factor, 0.0, 2, f"only its unit, {unit}, says so"), values))
     return guesses
@@ -298,7 +299,8 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
     units = UNITS[channel_info.unit]
     for word in unit_words:
         if word in units:
-            factor, offset = units[word], OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
+            factor = units[word]
+            offset = OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
             if channel == "soc" and np.nanmax(values) <= channel_info.high:
                 return Guess(name, channel, 1.0, 0.0, 1, f"its name says {word}, and its values lie in 0 to 1")
             if _possible(channel, values * factor + offset):
@@ -331,7 +333,8 @@ def _possible(channel: str, values: Array) -> bool:
 def _plausible(channel: str, values: Array) -> bool:
     """Whether values without a unit are in the typical range of a ground robot, beyond being possible."""
     finite = np.abs(values[np.isfinite(values)])
-    largest, step = float(finite.max()), float(np.median(np.diff(values))) if len(values) > 1 else 0.0
+    largest = float(finite.max())
+    step = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     if channel == "time_s":
         # The reader infers the unit of an epoch in ms to ns.
         return 0.0 < step < thresholds.SLOW_STEP_S or values[0] > thresholds.EPOCH_COUNT

@@ -57,7 +57,8 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
         seen_as, driven_m = expected_as[0] - expected_as[sample], left_m[0] - left_m[sample]
         factor, unsure = 1.0, variance
         if seen_as > 0.0 and driven_m > 0.0:
-            shown, noise = (took_as[0] - took_as[sample]) / seen_as, scale_of(sure.unexplained_over(driven_m)) ** 2
+            shown = (took_as[0] - took_as[sample]) / seen_as
+            noise = scale_of(sure.unexplained_over(driven_m)) ** 2
             share = variance / (variance + noise) if variance > 0.0 else 0.0
             factor, unsure = 1.0 + share * (shown - 1.0), (1.0 - share) * variance
         rest_scale = scale_of(sure.unexplained_over(max(left_m[sample], thresholds.LEAST_WAY_M)))

@@ -55,7 +55,8 @@ class Rest:
         self.left_m = rest_of(self.way_m)
         self.took_j = rest_of(run.observed * step_s)
         self._modelled_j = rest_of(modelled.power_w * step_s)
-        self._sine_m, self._speed_m = rest_of(sine * self.way_m), rest_of(np.abs(run.speed_mps) * self.way_m)
+        self._sine_m = rest_of(sine * self.way_m)
+        self._speed_m = rest_of(np.abs(run.speed_mps) * self.way_m)
         self._east_m = rest_of(along[:, 0] * self.way_m)
         self._north_m = rest_of(along[:, 1] * self.way_m)
         at_m = self.left_m[0] * (1.0 - np.arange(_STRETCHES + 1) / _STRETCHES)
@@ -143,7 +144,9 @@ def watch(
     moments: list[tuple[float, float, float, float, float, float]] = []
     wrong_sign = wrong_slopes([run], robot)
     warned = {} if wrong_sign is None else {wrong_sign: 0.0}  # what was warned of, and when first
-    next_s, advice, stride = 0.0, None, -(-len(run.time_s) // _MOST_FED)
+    next_s = 0.0
+    advice = None
+    stride = -(-len(run.time_s) // _MOST_FED)
     for first in range(0, len(run.time_s), stride):
         last = min(first + stride, len(run.time_s)) - 1
         since_s = float(run.time_s[last] - run.time_s[0])

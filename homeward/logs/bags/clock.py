@@ -49,7 +49,9 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     half = np.minimum(half, np.minimum(clock_s - time_s[0], time_s[-1] - clock_s))  # as far as the channel goes
     inside = half >= 0.0
     half = np.maximum(half, 0.0)
-    start, end, steps = clock_s - half, clock_s + half, np.diff(time_s)
+    start = clock_s - half
+    end = clock_s + half
+    steps = np.diff(time_s)
     integral = make_interp_spline(time_s, values, k=1).antiderivative()
     has_width = half > 0.0
     means = np.interp(clock_s, time_s, values)

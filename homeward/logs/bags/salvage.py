@@ -91,7 +91,8 @@ def _ros1(file: BinaryIO, allowance: Allowance) -> Iterator[Record]:
         (connection,) = struct.unpack("<I", fields[b"conn"])
         if operation == _ROS1_CONNECTION:
             fields = _ros1_fields(data)
-            text, kind = fields[b"message_definition"].decode(), normalize_msgtype(fields[b"type"].decode())
+            text = fields[b"message_definition"].decode()
+            kind = normalize_msgtype(fields[b"type"].decode())
             yield _connection(connection, fields[b"topic"].decode(), kind, MessageDefinitionFormat.MSG, text)
         else:
             seconds, nanoseconds = struct.unpack("<II", fields[b"time"])

@@ -99,7 +99,9 @@ class Vehicle:
         self._others: set[int] = set()
         self._broken = ""
         self._found: dict[str, str] = {}
-        self._texts, self._text_id, self._beaten_s = Texts(), 0, -math.inf
+        self._texts = Texts()
+        self._text_id = 0
+        self._beaten_s = -math.inf
 
     def meet(self, waiting: Callable[[str], None]) -> Met:
         """Wait for a position, then for home and wind a moment longer.
@@ -107,7 +109,9 @@ class Vehicle:
         Args:
             waiting: Is told, once, what is missing.
         """
-        began_s, placed_s, said = time.monotonic(), math.inf, False
+        began_s = time.monotonic()
+        placed_s = math.inf
+        said = False
         while time.monotonic() - placed_s < _SETTLES_S:
             for message in self.take():
                 if placed_s == math.inf and hasattr(message.content, "pose"):

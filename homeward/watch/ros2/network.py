@@ -70,7 +70,8 @@ class Network:
                 and publication.topic_name.startswith(f"{_PREFIX}/")
                 and publication.participant_key != self._participant.guid
             ):
-                kind, name = kind_of(publication.type_name), publication.topic_name.removeprefix(_PREFIX)
+                kind = kind_of(publication.type_name)
+                name = publication.topic_name.removeprefix(_PREFIX)
                 if kind is not None and is_meant(name, self._namespace):
                     self._found[name] = kind
         return dict(self._found)

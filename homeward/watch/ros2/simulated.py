@@ -85,8 +85,12 @@ def main(args: Args) -> None:
         name: DataWriter(participant, Topic(participant, f"rt{name}", struct_of(kind)), qos=sensor)
         for name, kind in _TOPICS.items()
     }
-    rng, began_s, tick = np.random.default_rng(args.seed), time.time(), 0
-    left_j, x_m, yaw_rad = float(energy_share(robot.curve, args.soc)) * robot.usable_energy_j, args.x, 0.0
+    rng = np.random.default_rng(args.seed)
+    began_s = time.time()
+    tick = 0
+    left_j = float(energy_share(robot.curve, args.soc)) * robot.usable_energy_j
+    x_m = args.x
+    yaw_rad = 0.0
     while (since_s := tick / args.hz) < args.seconds:
         time.sleep(max(began_s + since_s - time.time(), 0.0))
         back = (since_s // args.out_s) % 2 == 1
