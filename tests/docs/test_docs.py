@@ -108,7 +108,7 @@ assert CATALOGUE["lamp"].measurement == "put a clamp meter on the lead of the la
 def site(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built with warnings as errors."""
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     build = subprocess.run(command, cwd=root, capture_output=True, text=True)
     assert build.returncode == 0, build.stderr
     return folder
