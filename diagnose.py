@@ -97,7 +97,7 @@ def main(args: Args, without: Collection[str] = ()) -> Analysis | Comparison:
     check_writable(args.out)
     recordings = _read([(path, columns) for path in paths], args.standing)
     analysis = _diagnose(recordings, robot, args, without)
-    if all(stands(one) for one in recordings):
+    if all(stands(recording) for recording in recordings):
         level = compare_standing(recordings, ["these runs"] * len(recordings))
         write_groups(level, args.out)
         show_groups(level, cli.Terminal())
@@ -113,10 +113,10 @@ def _compare(args: Args) -> Comparison:
         raise RecordingError("give either --group or RUN and --dataset, not both; --group takes NAME=DATASET/GROUP")
     groups = grouped_runs(args.group, args.columns)
     check_writable(args.out)
-    recordings = _read([(path, columns) for one in groups for path, columns in one.runs], args.standing)
-    labels = [one.name for one in groups for _ in one.runs]
+    recordings = _read([(path, columns) for group in groups for path, columns in group.runs], args.standing)
+    labels = [group.name for group in groups for _ in group.runs]
     _refuse_twice(recordings, labels)
-    if all(stands(one) for one in recordings):
+    if all(stands(recording) for recording in recordings):
         comparison = compare_standing(recordings, labels)
     else:
         comparison = compare_driving(_diagnose(recordings, _robot_of(args, groups), args, ()), recordings, labels)
@@ -129,7 +129,7 @@ def _compare(args: Args) -> Comparison:
 
 def _read(paths: list[tuple[Path, str | None]], standing: bool) -> list[Recording]:
     recordings = [read_recording(path, columns, standing=standing) for path, columns in paths]
-    drives = [one.name for one in recordings if not stands(one)]
+    drives = [recording.name for recording in recordings if not stands(recording)]
     if standing and drives:
         raise RecordingError(f"{drives[0]}: its motion channel shows that it drives; leave out --standing")
     return recordings
@@ -137,14 +137,16 @@ def _read(paths: list[tuple[Path, str | None]], standing: bool) -> list[Recordin
 
 def _refuse_twice(recordings: list[Recording], labels: list[str]) -> None:
     seen: dict[str, str] = {}
-    for one, label in zip(recordings, labels, strict=True):
-        if one.sha256 in seen:
-            raise RecordingError(f"{one.name} ({label}) is the same recording as {seen[one.sha256]}; a run counts once")
-        seen[one.sha256] = f"{one.name} ({label})"
+    for recording, label in zip(recordings, labels, strict=True):
+        if recording.sha256 in seen:
+            raise RecordingError(
+                f"{recording.name} ({label}) is the same recording as {seen[recording.sha256]}; a run counts once"
+            )
+        seen[recording.sha256] = f"{recording.name} ({label})"
 
 
 def _robot_of(args: Args, groups: list[Grouped]) -> str | None:
-    datasets = [one.dataset for one in groups if one.dataset is not None]
+    datasets = [group.dataset for group in groups if group.dataset is not None]
     return args.robot or (_robot_of_dataset(datasets[0]) if datasets else None)
 
 
@@ -159,7 +161,7 @@ def _diagnose(recordings: list[Recording], robot: str | None, args: Args, withou
     if robot is None:
         print(f"no --robot is given: {ASSUMED} is assumed; name yours, a preset or a TOML file", file=sys.stderr)
     top_mps = load_robot(robot or ASSUMED).max_speed_mps
-    recordings = [within_top_speed(one, top_mps) for one in recordings]
+    recordings = [within_top_speed(recording, top_mps) for recording in recordings]
     console = cli.Terminal(stderr=True)
     with Progress(
         TextColumn("{task.description:<22}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
@@ -189,10 +191,10 @@ def _inputs(args: Args) -> tuple[list[Path], str | None, str | None]:
 
 
 def _print(analysis: Analysis, recordings: list[Recording], written: list[Path]) -> None:
-    how_read = {(one.name, note) for one in recordings for note in one.notes}
-    for one in analysis.findings:
-        if not one.refused and (is_bag(Path(one.recording)) or (one.recording, one.text) in how_read):
-            cli.remark(Path(one.recording).name, one.text)
+    how_read = {(recording.name, note) for recording in recordings for note in recording.notes}
+    for finding in analysis.findings:
+        if not finding.refused and (is_bag(Path(finding.recording)) or (finding.recording, finding.text) in how_read):
+            cli.remark(Path(finding.recording).name, finding.text)
     console = cli.Terminal()
     terminal.show(analysis, console)
     if analysis.evidence is not None and not any(path.name == MCAP for path in written):

@@ -113,7 +113,9 @@ def main(args: Args) -> Evaluation:
     options = _options(args)
     env = HomewardVectorEnv(**vars(options))
     asked = _named(args.agents)
-    bare = {label: [make_policy(one.name, env, file, args.seed) for file in one.files] for label, one in asked.items()}
+    bare = {
+        label: [make_policy(agent.name, env, file, args.seed) for file in agent.files] for label, agent in asked.items()
+    }
     _warn_of_transfer(bare, args.env, env)
     seeds = episode_seeds(args.seed, args.episodes)
     if args.optimum:
@@ -122,7 +124,7 @@ def main(args: Args) -> Evaluation:
     args.out.mkdir(parents=True, exist_ok=True)
     optimum = _optimum(args, options, seeds) if args.optimum else None
     agents = {
-        label: [Shield(one, env.batch.known) if asked[label].shielded else one for one in policies]
+        label: [Shield(policy, env.batch.known) if asked[label].shielded else policy for policy in policies]
         for label, policies in bare.items()
     }
     runs = run_agents(agents, options, seeds, jobs=args.jobs, cluster=args.cluster)
@@ -158,14 +160,14 @@ def main(args: Args) -> Evaluation:
 def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, seeds: Sequence[int]) -> dict[str, Curve]:
     """Every agent with several reserves, on the same episodes."""
     known, curves = env.batch.known, {}
-    for label, one in asked.items():
-        reserves = tuple(10.0**-k for k in range(1, 9)) if one.shielded else SWEPT.get(one.name, (None,))
+    for label, agent in asked.items():
+        reserves = tuple(10.0**-k for k in range(1, 9)) if agent.shielded else SWEPT.get(agent.name, (None,))
         agents = {}
         for reserve in reserves:
-            own = None if one.shielded else reserve
-            policies = [make_policy(one.name, env, file, args.seed, own) for file in one.files]
+            reserve_used = None if agent.shielded else reserve
+            policies = [make_policy(agent.name, env, file, args.seed, reserve_used) for file in agent.files]
             agents[str(reserve)] = (
-                [Shield(bare, known, reserve) for bare in policies] if one.shielded and reserve else policies
+                [Shield(bare, known, reserve) for bare in policies] if agent.shielded and reserve else policies
             )
         runs = run_agents(agents, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
         curves[label] = curve_of({reserve: runs[str(reserve)] for reserve in reserves})
@@ -188,8 +190,8 @@ def _options(args: Args) -> Options:
     if args.env not in missions:
         raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(missions)}")
     if not 1 <= args.episodes <= _MOST_EPISODES or args.seed < 0:
-        given = f"--episodes {args.episodes} --seed {args.seed}"
-        raise OptionError(f"{given}: give 1 to {_MOST_EPISODES:,} episodes and a seed of 0 or more")
+        episodes = f"--episodes {args.episodes} --seed {args.seed}"
+        raise OptionError(f"{episodes}: give 1 to {_MOST_EPISODES:,} episodes and a seed of 0 or more")
     return Options(
         missions[args.env],
         robot=args.robot,
@@ -212,12 +214,12 @@ class Asked:
     files: tuple[str | None, ...]
 
 
-def _named(given: tuple[str, ...]) -> dict[str, Asked]:
+def _named(requests: tuple[str, ...]) -> dict[str, Asked]:
     """Each agent under its label: the one given, or its name, or the whole argument if a name is given twice."""
-    if not given:
+    if not requests:
         raise AgentError(f"no agent given; choose from {', '.join(AGENTS)}")
     parsed, own_labels = [], []
-    for spec in given:
+    for spec in requests:
         agent, equals, file = spec.partition("=")
         own_label, colon, agent = agent.rpartition(":")
         if colon and not own_label:
@@ -231,8 +233,8 @@ def _named(given: tuple[str, ...]) -> dict[str, Asked]:
         label if has_own or labels.count(label) == 1 else spec: asked
         for (spec, label, asked), has_own in zip(parsed, own_labels, strict=True)
     }
-    if len(agents) < len(given):
-        raise AgentError(f"an agent or a label is given twice: {' '.join(given)}")
+    if len(agents) < len(requests):
+        raise AgentError(f"an agent or a label is given twice: {' '.join(requests)}")
     return agents
 
 
@@ -268,17 +270,17 @@ def _learning_curves(
             at_points = {str(folder): [make_policy(agent.name, env, folder, args.seed)] for folder in folders}
             if agent.shielded:
                 known = env.batch.known
-                at_points = {name: [Shield(one, known) for one in single] for name, single in at_points.items()}
+                at_points = {name: [Shield(policy, known) for policy in single] for name, single in at_points.items()}
             runs = run_agents(at_points, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
             present = [
                 point_of(runs[str(folder)][0].episodes, point.steps, point.trained_s)
                 for folder, point in zip(folders, points, strict=True)
             ]
-            kept = [
-                dataclasses.replace(present[best], steps=point.steps)
-                for best, point in zip(best_so_far(points), points, strict=True)
+            best_points = [
+                dataclasses.replace(present[index], steps=point.steps)
+                for index, point in zip(best_so_far(points), points, strict=True)
             ]
-            curves.setdefault(label, []).append(EvaluatedCurve(present, kept))
+            curves.setdefault(label, []).append(EvaluatedCurve(present, best_points))
     return curves
 
 
@@ -294,58 +296,58 @@ def _check_optimum(options: Options) -> None:
 def _optimum(args: Args, options: Options, seeds: Sequence[int]) -> Optima:
     from homeward.agents.oracle import solve
 
-    found = solve(options, seeds, args.jobs, args.cluster)
-    return Optima(found.lower, found.upper)
+    optimum = solve(options, seeds, args.jobs, args.cluster)
+    return Optima(optimum.lower, optimum.upper)
 
 
 def _warn_of_transfer(agents: Mapping[str, Sequence[Policy]], env_id: str, env: HomewardVectorEnv) -> None:
     for label, policies in agents.items():
-        found = [
+        differing = [
             difference
             for policy in policies
             if isinstance(policy, NetworkPolicy)
             for difference in differences(policy.description, env_id, env.batch.options, env.batch.known)
         ]
-        if found:
+        if differing:
             print(
-                f"evaluate.py: warning: {label} meets {', '.join(dict.fromkeys(found))}; its figures are those of a "
-                "transfer",
+                f"evaluate.py: warning: {label} meets {', '.join(dict.fromkeys(differing))}; its figures are those of "
+                "a transfer",
                 file=sys.stderr,
             )
 
 
 def _print(summary: Mapping[str, Any], out: Path, files: Sequence[str]) -> None:
-    first = next(iter(summary["agents"]))
-    chosen = summary["options"]
+    reference = next(iter(summary["agents"]))
+    options = summary["options"]
     table = Table(
         title=f"{summary['env']}, {summary['episodes']} episodes, seed {summary['seed']}\n"
-        f"{chosen['difficulty']}, {chosen['robot']}, route {chosen['route']}, {chosen['action_type']} actions"
-        + (f" every {chosen['decision_s']:g} s" if chosen["decision_s"] else ""),
+        f"{options['difficulty']}, {options['robot']}, route {options['route']}, {options['action_type']} actions"
+        + (f" every {options['decision_s']:g} s" if options["decision_s"] else ""),
         caption="below: 95 % intervals; late: out of time; us: microseconds a decision\n"
         + ("optimum: share of the upper and of the lower bound\n" if summary["optimum"] else "")
-        + ", ".join(f"{one} {which}" for one, which in summary["versions"].items()),
+        + ", ".join(f"{library} {which}" for library, which in summary["versions"].items()),
         box=box.SIMPLE_HEAD,
     )
     table.add_column("agent", overflow="fold", min_width=13)
     optimum = ["optimum"] if summary["optimum"] else []
-    for heading in ("score", "IQM", f"minus {first}", *optimum, "stranded", "late", "us"):
+    for heading in ("score", "IQM", f"minus {reference}", *optimum, "stranded", "late", "us"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for name, one in summary["agents"].items():
-        difference = summary["paired"].get(f"{name} - {first}")
+    for name, agent in summary["agents"].items():
+        difference = summary["paired"].get(f"{name} - {reference}")
         table.add_row(
             name,
-            _with_interval(one["score_mean"], one["score_ci95"], _number),
-            _number(one["score_iqm"]),
+            _with_interval(agent["score_mean"], agent["score_ci95"], _number),
+            _number(agent["score_iqm"]),
             _with_interval(difference["mean"], difference["ci95"], functools.partial(_number, sign="+"))
             if difference
             else "",
-            *([_share_of_optimum(one)] if optimum else []),
-            _with_interval(one["stranded_rate"], one["stranded_ci95"], "{:.1%}".format),
-            str(one["timed_out"]),
-            f"{one['decision_us']:.2g}",
+            *([_share_of_optimum(agent)] if optimum else []),
+            _with_interval(agent["stranded_rate"], agent["stranded_ci95"], "{:.1%}".format),
+            str(agent["timed_out"]),
+            f"{agent['decision_us']:.2g}",
         )
     console = cli.Terminal()
-    console.show(table, ("us", "IQM", "late", "optimum", f"minus {first}"))
+    console.show(table, ("us", "IQM", "late", "optimum", f"minus {reference}"))
     console.print(f"Written to {out}: {', '.join(files)}")
 
 
@@ -353,10 +355,10 @@ def _number(value: float, sign: str = "") -> str:
     return f"{value:{sign}.0f}" if abs(value) >= 100.0 else f"{value:{sign}.3g}"
 
 
-def _share_of_optimum(one: Mapping[str, Any]) -> str:
+def _share_of_optimum(agent: Mapping[str, Any]) -> str:
     """Share of the upper bound, and of the oracle's score: the true share lies between."""
-    least, most = one["share_of_optimum_at_least"], one["share_of_optimum"]
-    return "" if least is None or most is None else f"{least:.0%} to\n{most:.0%}"
+    at_least, at_most = agent["share_of_optimum_at_least"], agent["share_of_optimum"]
+    return "" if at_least is None or at_most is None else f"{at_least:.0%} to\n{at_most:.0%}"
 
 
 def _with_interval(value: float, ends: list[float] | None, write: Callable[[float], str]) -> Text:

@@ -166,13 +166,13 @@ def _options(args: Args) -> Options:
     if args.action_type == "flat":
         raise TrainingError("action_type = 'flat' is for learners of one list of actions; train with 'discrete'")
     check_seed(args.seed)
-    for name, value, least in (
+    for name, value, lowest in (
         ("steps", args.steps, 1),
         ("checkpoints", args.checkpoints, 1),
         ("curve", args.curve, 1),
     ):
-        if not value >= least:
-            raise TrainingError(f"{name} = {value} is not allowed; give at least {least}")
+        if not value >= lowest:
+            raise TrainingError(f"{name} = {value} is not allowed; give at least {lowest}")
     return Options(
         missions[args.env],
         robot=args.robot,

@@ -10,6 +10,7 @@ from homeward.agents.base import Observations, feature
 from homeward.envs.actions import encode_actions
 from homeward.envs.conditions.gauges import LOST, lowest_believed
 from homeward.envs.conditions.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S
+from homeward.envs.features import SINE_UNIT, WIND_UNIT_MPS
 from homeward.envs.options import Known
 from homeward.envs.routes.route import HIDDEN_WIND_MPS, KNOTS, NEW_PATCH, WIND_SCALE_MPS
 from homeward.envs.state import RETURN
@@ -32,7 +33,9 @@ def prior_of(known: Known, missed: float) -> Prior:
         known: Constants of the environment.
         missed: Probability that the forecast is of another wind.
     """
-    d, i, s = known.difficulty, known.instruments, known.shared[0]
+    d = known.difficulty
+    i = known.instruments
+    s = known.shared[0]
     hides = not d.route_is_known
     conditions = 2 if d.weather_changes else int(hides)
     surface = d.surface
@@ -90,7 +93,9 @@ class Belief:
 
     def __init__(self, known: Known, missed: float) -> None:
         s = known.shared[0]
-        self._known, self._prior, self._vehicle = known, prior_of(known, missed), vehicle_of(known)
+        self._known = known
+        self._prior = prior_of(known, missed)
+        self._vehicle = vehicle_of(known)
         self.back_action = encode_actions(known, s["min_speed_mps"], 0.0, RETURN)[0]
         # In shorter pit stops, turns can be missed: the distance driven is then unknown, and there is no update.
         self._sees_turns = bool(s["pit_stop_s"] == 0.0 or s["pit_stop_s"] >= s["decision_s"])
@@ -116,16 +121,19 @@ class Belief:
         if len(begun) != len(self._place):
             self._forget(len(begun))
         if begun.any():
-            east, north = (10.0 * feature(observations, f"forecast_{axis}") for axis in ("east", "north"))
-            self.estimator.begin(begun, east, north)
-            self._modelled[begun], self._position_m[begun], self._place[begun] = 0.0, 0.0, -1
+            east_mps = WIND_UNIT_MPS * feature(observations, "forecast_east")
+            north_mps = WIND_UNIT_MPS * feature(observations, "forecast_north")
+            self.estimator.begin(begun, east_mps, north_mps)
+            self._modelled[begun] = 0.0
+            self._position_m[begun] = 0.0
+            self._place[begun] = -1
             self._decisions[begun], self._soc_lowest[begun] = 0, 1.0
         outwards = feature(observations, "outbound")
-        at = feature(observations, "distance") * s["reach_m"] / s["place_m"]
-        on_border = np.abs(at - np.rint(at)) < _ON_BORDER
+        places_from_home = feature(observations, "distance") * s["reach_m"] / s["place_m"]
+        on_border = np.abs(places_from_home - np.rint(places_from_home)) < _ON_BORDER
         # On a border the place ahead is observed: on the way out the next one.
-        at = np.where(on_border & (outwards > 0.0), np.rint(at) + _AHEAD, at)
-        position_m = at * s["place_m"]
+        places_from_home = np.where(on_border & (outwards > 0.0), np.rint(places_from_home) + _AHEAD, places_from_home)
+        position_m = places_from_home * s["place_m"]
         modelled = feature(observations, "modelled")
         readings = np.zeros(len(begun), READING_DTYPE)
         decisions = np.rint(feature(observations, "time") * s["max_decisions"]).astype(np.int64)
@@ -142,11 +150,11 @@ class Belief:
         readings["speed_mps"] = feature(observations, "speed") * s["max_speed_mps"]
         readings["east"] = outwards * feature(observations, "east")
         readings["north"] = outwards * feature(observations, "north")
-        place = at.astype(np.int64)
+        place = places_from_home.astype(np.int64)
         # The slope read on the way out belongs to the place: reading it twice gives no information.
         outbound = (outwards > 0.0) & (position_m >= self._position_m)
         new = (place != self._place) & outbound & later
-        readings["sine"] = np.where(new, 0.1 * outwards * feature(observations, "grade"), np.nan)
+        readings["sine"] = np.where(new, SINE_UNIT * outwards * feature(observations, "grade"), np.nan)
         self._place = np.where(new, place, self._place)
         self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
         self._modelled, self._position_m = modelled, position_m
@@ -165,7 +173,8 @@ class Belief:
 
         This reverses the relative wind and nothing else. It is never used where one decision makes a return final.
         """
-        decision_s, changes = float(self._known.shared["decision_s"][0]), self._known.difficulty.weather_changes
+        decision_s = float(self._known.shared["decision_s"][0])
+        changes = self._known.difficulty.weather_changes
         due = looks_back(self._decisions, self._position_m, self._vehicle.cruise_mps, decision_s, changes)
         out = feature(observations, "outbound") > 0.0
         may = not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1
@@ -174,7 +183,7 @@ class Belief:
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""
         plans = self.estimator.plans(feature(observations, "home_cost") * self._known.shared["usable_j"][0], home_mps)
-        plans["sine"] = 0.1 * feature(observations, "grade_1")
+        plans["sine"] = SINE_UNIT * feature(observations, "grade_1")
         return plans
 
     def margin(self, plans: NDArray[np.void], risk: float) -> Margin:

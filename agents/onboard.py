@@ -79,10 +79,11 @@ class Onboard:
         if self._beliefs is not None and forecast_mps is None:
             self._beliefs.forget_forecast()
         self.robot: Robot = known.robot
-        self.decision_s, self._most = float(known.shared["decision_s"][0]), int(known.shared["max_decisions"][0])
+        self.decision_s = float(known.shared["decision_s"][0])
+        self._most = int(known.shared["max_decisions"][0])
         self.begin()
-        for second in (0.0, 1.0):  # compile its kernels
-            self.update(second * self.decision_s, 0.0)
+        for time_s in (0.0, 1.0):  # compile its kernels
+            self.update(time_s * self.decision_s, 0.0)
         self.begin()
 
     def begin(self) -> None:
@@ -133,22 +134,22 @@ class Onboard:
         Returns:
             Speed (m/s), sensing rate (Hz) and mode, until the next decision; None if the mission is over.
         """
-        first = math.isnan(self._due_s)
-        since_s = 0.0 if first else time_s - self._time_s
+        is_first = math.isnan(self._due_s)
+        since_s = 0.0 if is_first else time_s - self._time_s
         if math.isfinite(power_w):
             self._energy_j += power_w * since_s
             self._read_s += since_s
         moved_m = position_m - self._position_m
         if moved_m:
             self._outwards = moved_m > 0.0
-        if moved_m or first:
+        if moved_m or is_first:
             sign, turned_rad = (1.0, 0.0) if self._outwards else (-1.0, math.pi)
             self._observer.see(position_m, sign * grade_rad, interest, heading_rad + turned_rad, self._outwards)
         else:  # a standing robot may have turned round, and reads no other slope
             self._observer.see(position_m, interest=interest, outwards=self._outwards)
         soc = float(energy_share(self.robot.curve, soc))
         read = Read(position_m, soc=soc, speed_mps=speed_mps, temperature_c=temperature_c)
-        if first:
+        if is_first:
             self._due_s, self._time_s = time_s + self.decision_s, time_s
             self._ask(self._observer.begin(read))
         self._follow(time_s, read)
@@ -167,8 +168,8 @@ class Onboard:
                 return
             share = min((self._due_s - self._time_s) / (time_s - self._time_s) + _SOON, 1.0)
             at_m = read.position_m if share == 1.0 else self._position_m + share * (read.position_m - self._position_m)
-            at = read if still == 1 else Read(at_m)
-            self._ask(self._observer.decide(self._action, at._replace(position_m=at_m, power_w=power_w)))
+            reading = read if still == 1 else Read(at_m)
+            self._ask(self._observer.decide(self._action, reading._replace(position_m=at_m, power_w=power_w)))
             self._due_s += self.decision_s
 
     def _ask(self, observation: NDArray[np.float32]) -> None:
@@ -250,20 +251,20 @@ def load_onboard(
         if mission not in IDS:
             raise AgentError(f"mission = {mission!r} is not allowed; choose from {', '.join(IDS)}")
         policy = shipped(mission, SCRATCH if str(policy) == f"ppo_{SCRATCH}" else DMAX)
-    other: dict[str, Any] = {} if robot is None else {"robot": robot}
-    chosen, known = _load(policy, other)
+    options: dict[str, Any] = {} if robot is None else {"robot": robot}
+    loaded, known = _load(policy, options)
     forecast = None
     if route is not None:
         forecast = route if isinstance(route, Route) else load_route(route, float(known.shared["place_m"][0]))
-        chosen, known = _load(policy, other | {"route": forecast})
-    return Onboard(chosen, known, forecast, forecast_mps)
+        loaded, known = _load(policy, options | {"route": forecast})
+    return Onboard(loaded, known, forecast, forecast_mps)
 
 
-def _load(policy: str | Path, other: dict[str, Any]) -> tuple[Policy, Known]:
+def _load(policy: str | Path, options: dict[str, Any]) -> tuple[Policy, Known]:
     """A policy and constants of its environment, with some keywords changed from those of its training."""
     if Path(policy).suffix == ".onnx":
-        return load_onnx(policy, **other)
-    known = known_of(options_of(load_policy(policy), **other))
+        return load_onnx(policy, **options)
+    known = known_of(options_of(load_policy(policy), **options))
     return load_policy(policy, known), known
 
 

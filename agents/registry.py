@@ -18,7 +18,7 @@ from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.dmax_belief import BeliefDmaxRule
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.random_policy import RandomPolicy
-from homeward.agents.rules.reserves import PACES, RESERVES
+from homeward.agents.rules.reserves import pace_of, reserve_of
 from homeward.agents.rules.soc50 import StateOfChargeRule
 from homeward.envs.actions import action_space
 from homeward.envs.batch import observation_space
@@ -51,13 +51,13 @@ def _random(request: Request) -> Policy:
 
 
 def _soc50(request: Request) -> Policy:
-    pace = PACES[request.known.mission]
+    pace = pace_of(request.known.mission)
     return StateOfChargeRule(request.known, pace, *(() if request.reserve is None else (request.reserve,)))
 
 
 def _tuned(name: str, rule: Callable[..., Policy]) -> Callable[[Request], Policy]:
     def load(request: Request) -> Policy:
-        return rule(request.known, PACES[request.known.mission], _reserve(name, request))
+        return rule(request.known, pace_of(request.known.mission), _reserve(name, request))
 
     return load
 
@@ -67,7 +67,7 @@ def _planner(request: Request) -> Policy:
 
 
 def _reserve(name: str, request: Request) -> float:
-    return RESERVES[name][request.known.mission] if request.reserve is None else request.reserve
+    return reserve_of(name, request.known.mission) if request.reserve is None else request.reserve
 
 
 def _trained(start: str) -> Callable[[Request], Policy]:

@@ -1,7 +1,8 @@
-"""Parts of the pages that are generated from the code. MkDocs calls the hooks by name.
+"""Parts of the pages that are generated from the code: `python -m docs.generate` writes all of them into the pages.
 
-A page includes one by a comment on a line of its own: `<!-- generated: features -->`. An unknown name fails the
-build.
+A page asks for one by a comment on a line of its own, `<!-- generated: features -->`; the part and another comment,
+`<!-- end of generated -->`, are written below it. So the files read whole on any viewer. MkDocs calls the hooks by
+name; it makes the parts anew, warns of a page whose parts are out of date, and an unknown name fails the build.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import dataclasses
 import functools
 import html
 import json
+import logging
 import os
 import re
 import subprocess
@@ -41,6 +43,12 @@ from homeward.physics.effects import Parameter
 from homeward.physics.kernel import BASE_CAUSES
 
 ROOT = Path(__file__).resolve().parents[1]
+LOG = logging.getLogger("mkdocs.plugins.generate")
+
+_END = "<!-- end of generated -->"
+_MARK = re.compile(r"^<!-- generated: (\w+) ?(.*?) -->$", re.MULTILINE)
+_FILLED = re.compile(rf"^(<!-- generated: .*? -->)\n\n.*?\n\n{_END}$", re.MULTILINE | re.DOTALL)
+_COMMENTS = re.compile(rf"^(?:<!-- generated: .*? -->\n\n|\n{_END}\n)", re.MULTILINE)
 
 ENTERS = {
     "force": "force at the wheels",
@@ -237,7 +245,7 @@ def _effect(name: str) -> str:
     alike = ", ".join(f"[`{other}`](#{other})" for other in one.confused_with) or "nothing"
     switch = one.switch.name
     parts = [
-        f"## `{name}` {{ #{name} }}",
+        f"## `{name}`",
         one.sentence,
         f"```text\n{one.equation}\n```",
         table(head, numbers),
@@ -291,7 +299,7 @@ def _drive(one: Manoeuvre) -> str:
             words, factor, unit = LEVELS[field.name]
             rows.append(f"* {words}: {_timetable(factor * np.broadcast_to(given, SAMPLES), step_s, unit)}")
     sentence = f"{one.sentence[0].upper()}{one.sentence[1:]} ({_minutes(float(step_s.sum()))})."
-    return "\n".join([f"### {one.id.replace('_', ' ')} {{ #{one.id} }}", "", sentence, "", *rows])
+    return "\n".join([f"### {one.id.replace('_', ' ')}", "", sentence, "", *rows])
 
 
 def _timetable(levels: Array, step_s: Array, unit: str) -> str:
@@ -335,14 +343,14 @@ def _effect_link(name: str) -> str:
 def counts() -> str:
     """How many hypotheses there are."""
     return (
-        f"{len(CATALOGUE)} hypotheses: {len(EFFECTS)} effects, which the environments also have, and "
+        f"The catalogue has {len(CATALOGUE)} hypotheses: {len(EFFECTS)} effects, which the environments also have, and "
         f"{len(CATALOGUE) - len(EFFECTS)} faults of instruments, which change only the readings."
     )
 
 
 def results(heading: str) -> str:
     """A section of the page of results, with its subsections, for inclusion in other pages."""
-    page = (ROOT / "docs" / "results.md").read_text("utf-8")
+    page = emptied((ROOT / "docs" / "results.md").read_text("utf-8"))
     sections = {found[2]: found for found in re.finditer(r"^(##+) +(.+)\n", page, re.MULTILINE)}
     if heading not in sections:
         raise KeyError(f"results.md has no section {heading!r}, only {', '.join(sections)}")
@@ -393,10 +401,32 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Insert the generated parts. A link to a file outside the site becomes the file's name."""
-    filled = re.sub(r"^<!-- generated: (\w+) ?(.*?) -->$", _generated, markdown, flags=re.MULTILINE)
+    """Make the generated parts anew. A link to a file outside the site becomes the file's name."""
+    whole = filled(markdown)
+    if whole != markdown:
+        LOG.warning(f"{page.file.src_uri}: its generated parts are out of date; run python -m docs.generate")
     up = r"\.\./" * (page.file.src_uri.count("/") + 1)
-    return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", _outside, filled)
+    return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", _outside, _COMMENTS.sub("", whole))
+
+
+def emptied(page: str) -> str:
+    """A page without its generated parts, but with the comments that ask for them."""
+    return _FILLED.sub(r"\1", page)
+
+
+def filled(page: str) -> str:
+    """A page with its generated parts made anew."""
+    return _MARK.sub(lambda mark: f"{mark[0]}\n\n{_generated(mark)}\n\n{_END}", emptied(page))
+
+
+def main() -> None:
+    """Write the generated parts into all pages."""
+    for path in sorted((ROOT / "docs").rglob("*.md")):
+        page = path.read_text("utf-8")
+        whole = filled(page)
+        if whole != page:
+            path.write_text(whole, "utf-8")
+            print(f"wrote {path.relative_to(ROOT)}")
 
 
 def _generated(mark: re.Match[str]) -> str:
@@ -422,3 +452,7 @@ def _equation(found: re.Match[str]) -> str:
     block = found[1] == "div"
     mathml = convert(html.unescape(found[2]).strip(), display="block" if block else "inline")
     return f'<div class="equation">{mathml}</div>' if block else mathml
+
+
+if __name__ == "__main__":
+    main()

@@ -11,11 +11,17 @@ if __name__ == "envs":
 from gymnasium.envs import registration  # not `gymnasium`, of which old versions come here half imported
 
 __all__ = [
-    "IDS", "MULTI_OBJECTIVE_IDS", "actions", "features", "multi_objective", "options", "register", "routes", "scalar",
-    "vector", "viewer",
+    "IDS", "MISSION_FILES", "MULTI_OBJECTIVE_IDS", "actions", "features", "multi_objective", "options", "register",
+    "routes", "scalar", "vector", "viewer",
 ]  # fmt: skip
 
-IDS = {mission: f"homeward/{mission}-v0" for mission in ("OutAndBack", "Survey", "Patrol")}
+MISSION_FILES = {
+    "OutAndBack": "out_and_back",
+    "Survey": "survey",
+    "Patrol": "patrol",
+}
+"""File of each mission; a further one is one file and one line here."""
+IDS = {mission: f"homeward/{mission}-v0" for mission in MISSION_FILES}
 """Environment id of each mission."""
 MULTI_OBJECTIVE_IDS = {mission: f"homeward/MO{mission}-v0" for mission in IDS}
 """Environment id of each mission with a vector of rewards."""

@@ -134,15 +134,15 @@ def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mo
     [[0, 2, 1], [2, 2, 1], [4, 2, 1]]
     """
     speeds, rates = limits(known)
-    columns = np.broadcast_arrays(
+    speed_share, sensing_share, modes = np.broadcast_arrays(
         np.atleast_1d(_share(speed_mps, *speeds)), _share(sensing_hz, *rates), np.asarray(mode)
     )
     if known.shared["discrete"][0]:
-        speed, sensing = (np.rint((LEVELS - 1) * share) for share in columns[:2])
-        return np.stack((speed, sensing, columns[2]), axis=-1).astype(np.int64)
-    speed, sensing = (2.0 * share - 1.0 for share in columns[:2])
+        speed_level, sensing_level = np.rint((LEVELS - 1) * speed_share), np.rint((LEVELS - 1) * sensing_share)
+        return np.stack((speed_level, sensing_level, modes), axis=-1).astype(np.int64)
     # Each mode has a third of [-1, 1]; the middle of it is used.
-    return np.stack((speed, sensing, (columns[2] - 1.0) * 2.0 / 3.0), axis=-1).astype(np.float32)
+    middles = (modes - 1.0) * 2.0 / 3.0
+    return np.stack((2.0 * speed_share - 1.0, 2.0 * sensing_share - 1.0, middles), axis=-1).astype(np.float32)
 
 
 def decode_actions(known: Known, actions: NDArray[Any]) -> Commands:
@@ -175,9 +175,9 @@ def thirds(actions: NDArray[Any]) -> NDArray[np.float64]:
 
 def silenced(actions: NDArray[Any], which: NDArray[np.bool_]) -> NDArray[Any]:
     """Actions, shape (n, 3) of either space, of which some, shape (n,), get a sensing rate of 0."""
-    kept: NDArray[Any] = actions.copy()
-    kept[which, 1] = -1 if actions.dtype.kind == "f" else 0
-    return kept
+    filled: NDArray[Any] = actions.copy()
+    filled[which, 1] = -1 if actions.dtype.kind == "f" else 0
+    return filled
 
 
 def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from homeward.envs import sensing
 from homeward.envs.conditions import weather
-from homeward.envs.state import PATROL, RETURN, STOP, SURVEY
+from homeward.envs.state import RETURN, STOP
 from homeward.physics import model
 from homeward.physics.jit import inline
 from homeward.physics.kernel import Conditions, advance, demand
@@ -99,12 +99,12 @@ def cross(m: Any, p: Any, route: Any, nominal: Any, shared: Any) -> None:
 
 @inline
 def _arrive(m: Any, shared: Any) -> None:
-    """Reach an end of the route: home ends a mission that returns, and a patrol turns after a pit stop."""
-    if shared.mission == PATROL and (m.position_m > 0.0 or m.legs % 2.0 == 1.0):
+    """Reach an end of the route: home ends a mission that returns, and one that shuttles turns after a pit stop."""
+    if shared.shuttles and (m.position_m > 0.0 or m.legs % 2.0 == 1.0):
         m.legs += 1.0
     if m.returning:
         m.home = m.position_m <= 0.0
-    elif shared.mission == PATROL:
+    elif shared.shuttles:
         m.dwell_s = shared.pit_stop_s
         m.direction = -m.direction
 
@@ -118,7 +118,7 @@ def map_place(
     cruise = shared.cruise_mps
     headwind = weather.headwind(m, place) if shared.route_is_known else 0.0
     # The model's powers are computed in the mission's own record, with cold windings, long after a start, at time 0.
-    kept = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w
+    state_before = m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w
     m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left = 0.0, shared.decision_s, cruise, 0.0, 0.0
     true_home_w = demand(p, m, _conditions(m, place, cruise, 0.0, 0.0, weather.headwind(m, place), -1.0))
     true_sine, true_j = place.sin_grade, m.energy_j
@@ -128,7 +128,7 @@ def map_place(
     out_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, 1.0))
     home_w = demand(believed, m, _conditions(m, place, cruise, 0.0, 0.0, headwind, -1.0))
     place.sin_grade, m.energy_j = true_sine, true_j
-    m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w = kept
+    m.time_s, m.step_s, m.speed_mps, m.winding_k, m.start_left, m.traction_n, m.drive_w, m.power_w = state_before
     place.standing_w = standing_w
     place.out_j_per_m = (out_w - standing_w) / cruise
     place.back_j_per_m = (home_w - standing_w) / cruise
@@ -144,7 +144,7 @@ def _account(m: Any, nominal: Any, shared: Any, x: Any, passed_s: float, new_m: 
     drive_j_per_m += shared.drag_j_per_m * (x.speed_mps * x.speed_mps - shared.cruise_mps * shared.cruise_mps)
     sensing_w = model.ancillary_power(nominal, x.sensing_hz) - model.ancillary_power(nominal, 0.0)
     m.modelled_j += (max(drive_j_per_m, 0.0) * x.speed_mps + here.standing_w + sensing_w) * passed_s
-    if shared.mission == SURVEY:
+    if shared.senses:
         sensing.sense(m, here, shared, x.sensing_hz * passed_s, x.speed_mps * passed_s, new_m)
         sensing.transmit(m, shared, x.speed_mps > 0.0, passed_s)
 

@@ -20,6 +20,9 @@ GAINS = (10.0, 40.0, 100.0)
 """Gains at which margins are observed again, clipped to -1 and 1: a hundredth of the battery decides about the turn,
 which a network hardly resolves on the scale of the whole battery. Chosen: full scale is a tenth, a fortieth and a
 hundredth of the battery."""
+SINE_UNIT, INTEREST_UNIT, WIND_UNIT_MPS = 0.1, 2.0, 10.0
+"""Units of slopes (sine), interest and wind (m/s) in the observation, which agents multiply by."""
+_PER_SINE, _PER_INTEREST, _PER_WIND = 1.0 / SINE_UNIT, 1.0 / INTEREST_UNIT, 1.0 / WIND_UNIT_MPS
 _DRAWN = 0.05
 """Share of the battery, added to both used and modelled energy, that draws the consumption towards the model's.
 Chosen: ten decisions at cruise, so that the first ones change it little."""
@@ -146,18 +149,18 @@ def observe(m: Any, shared: Any, cost_j: float, out: Any) -> None:
     out.outbound = m.direction
     out.speed = m.read_mps * shared.per_max_speed
     out.sensing = m.sensing_hz * shared.per_max_sensing
-    out.grade = 10.0 * m.direction * place.sine_read
+    out.grade = _PER_SINE * m.direction * place.sine_read
     for k in range(len(AHEAD)):
-        out.grade_ahead[k] = 10.0 * place.sine_ahead[k]
-        out.interest_ahead[k] = min(0.5 * place.interest_ahead[k], LIMIT)
-    out.grade_mean = 10.0 * m.mean_grade
-    out.interest = min(0.5 * place.interest, LIMIT)
+        out.grade_ahead[k] = _PER_SINE * place.sine_ahead[k]
+        out.interest_ahead[k] = min(_PER_INTEREST * place.interest_ahead[k], LIMIT)
+    out.grade_mean = _PER_SINE * m.mean_grade
+    out.interest = min(_PER_INTEREST * place.interest, LIMIT)
     out.backlog = m.backlog * shared.per_backlog
     out.link = 1.0 / fading(m.position_m, shared.per_link_m)
     against_mps = model.headwind(m.forecast_east_mps, m.forecast_north_mps, place.east, place.north)
-    out.headwind = _cut(0.1 * m.direction * against_mps, LIMIT)
-    out.forecast_east = _cut(0.1 * m.forecast_east_mps, LIMIT)
-    out.forecast_north = _cut(0.1 * m.forecast_north_mps, LIMIT)
+    out.headwind = _cut(_PER_WIND * m.direction * against_mps, LIMIT)
+    out.forecast_east = _cut(_PER_WIND * m.forecast_east_mps, LIMIT)
+    out.forecast_north = _cut(_PER_WIND * m.forecast_north_mps, LIMIT)
     out.east = m.direction * place.east
     out.north = m.direction * place.north
     out.temperature = 0.05 * (m.temperature_c - 10.0)

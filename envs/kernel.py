@@ -17,7 +17,7 @@ from homeward.envs.routes.route import generate
 from homeward.envs.state import AHEAD, IN_SIGHT, MAX_PLACES
 from homeward.physics.jit import compiled, inline, prefetch
 
-_FETCH_AHEAD = 4  # missions; chosen: 0.7 us (docs/results.md: 6 million steps a second), above the latency of memory
+_FETCH_AHEAD = 4  # missions; chosen: 0.7 us (benchmarks/speed.py), above the latency of memory
 _FORECAST_PLACES = 4
 """Places that the forecast averages. Chosen: an eighth of a generated route, a piece between two knots."""
 _FORECAST_SINE = 0.01
@@ -132,10 +132,13 @@ def _margin(m: Any, shared: Any) -> Any:
 
 
 @inline
-def _begin(m: Any, p: Any, route: Any, rng: Any, c: Any, row: Any) -> None:
-    """Begin a mission and observe its start."""
-    _reset(m, p, route, rng, c)
-    observe(m, c.shared, 0.0, row)
+def _begin(i: Any, generators: Any, constants: Any, records: Any, robots: Any, routes: Any, observations: Any) -> None:
+    """Begin mission i and observe its start; arguments as for `reset_missions`."""
+    m, c = records[i], constants[0]
+    if c.hidden.own_robots:
+        robots[i] = c.hidden.truth
+    _reset(m, robots[i], routes[i], generators[i], c)
+    observe(m, c.shared, 0.0, observations[i])
 
 
 @inline
@@ -159,6 +162,23 @@ def _step(m: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, se
     weather.change(m)
     observe(m, shared, home_cost(m, shared), row)
     return earned
+
+
+@inline
+def _step_if_going(
+    m: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
+) -> Any:
+    """Step a mission, unless it is over; return its reward, whether it ended at home or stranded, and whether out of
+    time.
+
+    It takes records, because arrays that pass into it would cost as much time as the step.
+    """
+    earned, ended, late = 0.0, False, False
+    if not m.over:
+        earned = _step(m, robot, route, c, row, speed_mps, sensing_hz, mode)
+        ended = m.home or m.depleted
+        late = m.over and not ended
+    return earned, ended, late
 
 
 @compiled
@@ -198,14 +218,12 @@ def step_in_turn(
     ended = 0
     for i in range(len(records)):
         m, c = records[i], constants[0]
-        rewards[i], terminated[i], truncated[i] = 0.0, False, False
-        if not m.over:
-            _fetch_next_place(records, routes, i + _FETCH_AHEAD)
-            commanded = command(choices, levels, i, c.shared)
-            rewards[i] = _step(m, robots[i], routes[i], c, observations[i], *commanded)
-            terminated[i] = m.home or m.depleted
-            truncated[i] = m.over and not terminated[i]
-            ended += m.over
+        _fetch_next_place(records, routes, i + _FETCH_AHEAD)
+        commanded = command(choices, levels, i, c.shared)
+        rewards[i], terminated[i], truncated[i] = _step_if_going(
+            m, robots[i], routes[i], c, observations[i], *commanded
+        )
+        ended += terminated[i] or truncated[i]
     return ended
 
 
@@ -234,19 +252,17 @@ def step_in_parallel(
         return -1 - bad
     ended = 0
     for i in numba.prange(len(records)):
-        m, c = records[i], constants[0]  # taken here, as records do not pass into a parallel loop
-        rewards[i], terminated[i], truncated[i] = 0.0, False, False
         if begin[i]:
-            if c.hidden.own_robots:
-                robots[i] = c.hidden.truth
-            _begin(m, robots[i], routes[i], generators[np.int64(i)], c, observations[i])
-        elif not m.over:
+            rewards[i], terminated[i], truncated[i] = 0.0, False, False
+            _begin(np.int64(i), generators, constants, records, robots, routes, observations)
+        else:
+            m, c = records[i], constants[0]  # taken here, as records do not pass into a parallel loop
             _fetch_next_place(records, routes, i + _FETCH_AHEAD)
             commanded = command(choices, levels, i, c.shared)
-            rewards[i] = _step(m, robots[i], routes[i], c, observations[i], *commanded)
-            terminated[i] = m.home or m.depleted
-            truncated[i] = m.over and not terminated[i]
-            ended += m.over
+            rewards[i], terminated[i], truncated[i] = _step_if_going(
+                m, robots[i], routes[i], c, observations[i], *commanded
+            )
+            ended += terminated[i] or truncated[i]
     return ended
 
 
@@ -261,7 +277,4 @@ def reset_missions(
         generators: One `numpy.random.Generator` for each mission, a typed list of length n.
     """
     for i in indices:
-        c = constants[0]
-        if c.hidden.own_robots:
-            robots[i] = c.hidden.truth
-        _begin(records[i], robots[i], routes[i], generators[i], c, observations[i])
+        _begin(i, generators, constants, records, robots, routes, observations)

@@ -128,8 +128,12 @@ class Observer:
             heading_rad: Direction of the way out there, rad counter-clockwise from east; NaN: not seen.
             outwards: On a border between places: whether the place beyond it is meant.
         """
-        at = position_m / self._place_m
-        place = round(at) - (not outwards) if abs(at - round(at)) < _BORDER else math.floor(at)
+        places_from_home = position_m / self._place_m
+        place = (
+            round(places_from_home) - (not outwards)
+            if abs(places_from_home - round(places_from_home)) < _BORDER
+            else math.floor(places_from_home)
+        )
         place = min(max(place, 0), self._count - 1)
         if math.isfinite(grade_rad):
             self._sines[place] += math.sin(grade_rad)
@@ -178,7 +182,7 @@ class Observer:
 
     def state(self) -> bytes:
         """State for a restart."""
-        return b"".join(one.tobytes() for one in self._memory())
+        return b"".join(array.tobytes() for array in self._memory())
 
     def restore(self, state: bytes) -> None:
         """Continue from `state`, with the same arguments.
@@ -187,11 +191,11 @@ class Observer:
             ValueError: The state is of another mission.
         """
         memory = self._memory()
-        if len(state) != sum(one.nbytes for one in memory):
+        if len(state) != sum(array.nbytes for array in memory):
             raise ValueError("the state is of another version or of another route")
-        for one in memory:
-            one[:] = np.frombuffer(state[: one.nbytes], one.dtype)
-            state = state[one.nbytes :]
+        for array in memory:
+            array[:] = np.frombuffer(state[: array.nbytes], array.dtype)
+            state = state[array.nbytes :]
 
     def _memory(self) -> tuple[NDArray[Any], ...]:
         return self._records, self._routes, self._sines, self._readings, self._interest

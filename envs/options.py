@@ -15,23 +15,21 @@ from numpy.typing import NDArray
 from homeward.envs.conditions.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty, Uniform
 from homeward.envs.conditions.gauges import GAUGES, RISE, resistance_ohm, rms_error, suits, write_gauge
 from homeward.envs.conditions.instruments import InstrumentError, Instruments, load_instruments
+from homeward.envs.mission_base import Mission
+from homeward.envs.missions import CODES, MISSIONS
 from homeward.envs.routes import load_route
-from homeward.envs.routes.route import GENERATED, GENERATED_PLACES, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
+from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, MEAN_INTEREST, Route, RouteError
 from homeward.envs.state import (
     DRAWN_DTYPE,
     HIDDEN_DTYPE,
     INVERSES,
     MAX_PLACES,
-    OUT_AND_BACK,
-    PATROL,
     SHARED_DTYPE,
-    SURVEY,
 )
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, optimal_speed
 from homeward.physics import thresholds as physics_thresholds
 from homeward.physics.intervals import Bounds
 
-MISSIONS = {"OutAndBack": OUT_AND_BACK, "Survey": SURVEY, "Patrol": PATROL}
 ACTION_TYPES = ("discrete", "continuous", "flat")
 SHAPINGS = ("dmax", "none")
 RANDOMISATIONS = ("generic", "file")
@@ -49,7 +47,6 @@ _MOST_HALF = 0.6
 """Half of the widest range that is drawn from a file's uncertainty. Chosen: the factors then stay above 0.4."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
-_PATROL_PLACES = 4  # between the two posts; chosen: a decision passes one at cruise speed
 _DECISIONS = 200
 """Decisions in which a robot without sensing drives its battery empty, unless `decision_s` says otherwise. Chosen: one
 consumes 0.5 % of the battery."""
@@ -62,9 +59,6 @@ home, so that the battery and not the end of the route limits it: of 1,000 missi
 `dmax_adaptive` (uncertain) and by `dmax_mapped` (known, also with hidden wind), none reached the end."""
 _MOST_CROSSINGS = 10_000
 """Places that may be crossed in one decision: each is an iteration of the kernel. Chosen: they take about 2 ms."""
-_LONGEST = {OUT_AND_BACK: 4.0, SURVEY: 4.0, PATROL: 1.0}
-"""Longest route, over d_max. A robot comes home from half a d_max. On a route of four d_max, cut into `MAX_PLACES`,
-that is eight places, and on a longer one it would hardly leave the first. A patrol must at least reach its far post."""
 _HALF_INFORMATION = 0.25
 """Samples per metre that yield half of the information, over those of the fastest rate at cruise. Chosen so that the
 five sensing levels yield 0, 1/2, 2/3, 3/4 and 4/5 at cruise."""
@@ -254,10 +248,11 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
         RobotError, RouteError, OptionError, InstrumentError: An option is invalid.
     """
     robot = load_robot(options.robot)
-    truth, scale = (robot if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
-    for one in (robot, truth, scale):
-        if not np.isfinite(d_max(one)):
-            raise OptionError(f"robot {one.name!r} never runs empty on level ground; check its effects")
+    truth = robot if options.true_robot is None else load_robot(options.true_robot)
+    scale = robot if options.scaled_for is None else load_robot(options.scaled_for)
+    for a_robot in (robot, truth, scale):
+        if not np.isfinite(d_max(a_robot)):
+            raise OptionError(f"robot {a_robot.name!r} never runs empty on level ground; check its effects")
     mission = MISSIONS[options.mission]
     cruise = float(optimal_speed(scale))
     range_m = float(d_max(scale))
@@ -266,8 +261,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     generated = isinstance(options.route, str) and options.route in (GENERATED, HIDDEN_WIND)
     reach_m = _REACH * range_m
 
-    length_m = 4.0 * cruise * decision_s if mission == PATROL else reach_m
-    places = _PATROL_PLACES if mission == PATROL else GENERATED_PLACES
+    length_m, places = mission.length_m(reach_m, cruise * decision_s), mission.places
     difficulty = DIFFICULTY[options.difficulty]
     if options.weather == "still":
         difficulty = replace(difficulty, weather_changes=False)
@@ -284,7 +278,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
         places, length_m, interest = len(route.grade_rad), route.length_m, float(route.interest.mean())
         for name in ("temperature_c", "wind_mps", "wind_from_rad"):
             h[name] = getattr(route, name)
-    pit_stop_s = 0.5 * length_m / cruise if mission == PATROL else 0.0
+    pit_stop_s = mission.pit_stop * length_m / cruise
     h["truth"], h["full_j"] = truth.record()[0], truth.usable_energy_j
     h["generated"], h["hidden_wind"] = generated, generated and options.route == HIDDEN_WIND
     h["own_robots"] = not difficulty.route_is_known or truth is not robot
@@ -295,7 +289,8 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
 
     shared = np.zeros(1, SHARED_DTYPE)
     s = shared[0]
-    s["mission"], s["route_is_known"] = mission, difficulty.route_is_known
+    s["mission"], s["shuttles"], s["senses"] = CODES[mission.name], mission.shuttles, mission.senses
+    s["route_is_known"] = difficulty.route_is_known
     s["shaped"], s["discrete"] = options.shaping == "dmax", options.action_type != "continuous"
     s["max_decisions"] = int(np.ceil(2.0 * lasts_s / decision_s))
     s["return_decisions"] = max(round(RETURN_SHARE * lasts_s / decision_s), 1)
@@ -315,18 +310,18 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     s["information_per_m"] = interest * 2.0 / 3.0
     duty = length_m / (length_m + cruise * pit_stop_s)
 
-    def mission_range_m(one: Robot) -> float:
-        sensing_hz = 0.5 * one.max_sensing_hz if mission == SURVEY else 0.0
-        return float(d_max(one, float(optimal_speed(one)), duty=duty, sensing_hz=sensing_hz))
+    def mission_range_m(a_robot: Robot) -> float:
+        sensing_hz = 0.5 * a_robot.max_sensing_hz if mission.senses else 0.0
+        return float(d_max(a_robot, float(optimal_speed(a_robot)), duty=duty, sensing_hz=sensing_hz))
 
     s["energy_per_m"] = robot.usable_energy_j / mission_range_m(robot)
     s["out_and_home_j_per_m"] = s["energy_per_m"] + s["cruise_w"] / s["cruise_mps"]
     half_m = 0.5 * mission_range_m(scale)
-    if mission == SURVEY and interest <= 0.0:
+    if mission.senses and interest <= 0.0:
         raise OptionError(
             "route has no interest anywhere, so a survey cannot score; give some place an interest above 0"
         )
-    s["score_scale"] = (half_m, half_m * s["information_per_m"], half_m / length_m)[mission]
+    s["score_scale"] = mission.good_score(half_m, s)
     _write_instruments(instruments, robot, difficulty, s)
     for inverse, name in INVERSES.items():
         s[inverse] = 1.0 / s[name] if s[name] else 0.0
@@ -349,11 +344,11 @@ def _by_file(
     between = sure.between_runs or 0.0
     one_run = sure.between_runs is None
 
-    def around(middle: float, name: str, otherwise: Uniform, more: float = 0.0) -> Uniform:
+    def around(middle: float, name: str, otherwise: Uniform, between_runs: float = 0.0) -> Uniform:
         variance = sure.variance(name)
-        if variance is None and more == 0.0:
+        if variance is None and between_runs == 0.0:
             return otherwise
-        half = min(_SQRT_3 * float(np.hypot(np.sqrt(variance or 0.0), more)), _MOST_HALF)
+        half = min(_SQRT_3 * float(np.hypot(np.sqrt(variance or 0.0), between_runs)), _MOST_HALF)
         return Uniform(middle - half, middle + half)
 
     difficulty = replace(
@@ -399,24 +394,25 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
 
 def _write_gauges(instruments: Instruments, robot: Robot, s: Any) -> None:
     """Write the gauges that a robot can have: those that map a voltage only if it changes with the charge."""
-    chosen = [GAUGES[name] for name in instruments.gauges if suits(GAUGES[name], robot)]
-    if not chosen:
+    fitting = [GAUGES[name] for name in instruments.gauges if suits(GAUGES[name], robot)]
+    if not fitting:
         raise OptionError(
             f"instruments have the gauges {', '.join(instruments.gauges)}, but {robot.name!r} has a constant voltage; "
             "give its chemistry and cells_in_series, or another gauge"
         )
     lasts_s = robot.usable_energy_j / float(s["cruise_w"])
-    s["soc_error"] = np.sqrt(np.mean([rms_error(gauge, robot, lasts_s, RISE) ** 2 for gauge in chosen]))
+    s["soc_error"] = np.sqrt(np.mean([rms_error(gauge, robot, lasts_s, RISE) ** 2 for gauge in fitting]))
     s["resistance_ohm"] = resistance_ohm(robot)
-    s["gauge_count"] = len(chosen)
-    for gauge, record in zip(chosen, s["gauges"], strict=False):
+    s["gauge_count"] = len(fitting)
+    for gauge, record in zip(fitting, s["gauges"], strict=False):
         write_gauge(gauge, robot, instruments.soc_step, instruments.soc_lag_s, float(s["decision_s"]), record)
 
 
 def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:
     if options.decision_s is None:
         return float(f"{lasts_s / _DECISIONS:.1g}")
-    least_s, most_s = (float(f"{lasts_s / count:.2g}") for count in (_MOST_DECISIONS, _FEWEST_DECISIONS))
+    least_s = float(f"{lasts_s / _MOST_DECISIONS:.2g}")
+    most_s = float(f"{lasts_s / _FEWEST_DECISIONS:.2g}")
     if not least_s <= options.decision_s <= most_s:
         raise OptionError(
             f"decision_s = {options.decision_s:g} is not allowed; give {least_s:g} to {most_s:g} s, as the battery of "
@@ -425,17 +421,17 @@ def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:
     return options.decision_s
 
 
-def _check_route(route: Route, robot: Robot, mission: int, range_m: float, decision_s: float) -> None:
+def _check_route(route: Route, robot: Robot, mission: Mission, range_m: float, decision_s: float) -> None:
     shortest_m = float(f"{robot.max_speed_mps * decision_s / _MOST_CROSSINGS:.1g}")
     if route.place_m < shortest_m:
         raise RouteError(
             f"route has {len(route.grade_rad)} places of {route.place_m:g} m; give places of at least {shortest_m:g} "
             f"m, so that {robot.name!r} crosses no more than {_MOST_CROSSINGS} in a decision of {decision_s:g} s"
         )
-    longest_m = float(f"{_LONGEST[mission] * range_m:.2g}")
+    longest_m = float(f"{mission.longest * range_m:.2g}")
     if route.length_m > longest_m:
         raise RouteError(
-            f"route is {route.length_m:g} m long; give at most {longest_m:g} m, {_LONGEST[mission]:g} times what "
+            f"route is {route.length_m:g} m long; give at most {longest_m:g} m, {mission.longest:g} times what "
             f"{robot.name!r} drives on one charge ({range_m:.0f} m)"
         )
 

@@ -11,50 +11,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from homeward.envs import sensing
-from homeward.envs.state import OUT_AND_BACK, PATROL, SURVEY
+from homeward.envs.missions import by_mission
 from homeward.physics.jit import inline
 
 TERMS = ("score", "shaping")
 """Terms of the reward, which is their sum."""
 
 
-@inline
-def score(m: Any, shared: Any) -> Any:
-    """Score of the mission once the robot is home: furthest distance (m), information, or laps."""
-    if shared.mission == OUT_AND_BACK:
-        return m.furthest_m
-    if shared.mission == SURVEY:
-        return m.delivered + m.backlog_information
-    return 0.5 * m.legs
+score = by_mission("score", "m, shared")
+"""Score of the mission once the robot is home: furthest distance (m), information, or laps."""
+_attainable = by_mission("attainable", "m, route, shared, margin_j")
 
 
 @inline
 def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
-    """Score that the mission may still add with energy beyond the way home, by the range it allows (Eq. 8)."""
+    """Score that the mission may still add with energy beyond the way home; none once it returns."""
     if m.returning:
         return 0.0
-    if shared.mission == PATROL:
-        return 0.5 * max(margin_j, 0.0) * shared.per_energy_per_m / shared.length_m
-    # Out as the mission drives on average, and home without sensing.
-    out_m = max(margin_j, 0.0) * shared.per_out_and_home_j_per_m
-    room_m = min(out_m, shared.length_m - m.position_m)
-    if shared.mission == OUT_AND_BACK:
-        return max(m.position_m + room_m - m.furthest_m, 0.0)
-    return _findable(m, route, shared, room_m)
-
-
-@inline
-def _findable(m: Any, route: Any, shared: Any, way_m: float) -> Any:
-    """Information ahead, sensed evenly, and as often as memory and radio allow."""
-    radio_hz = sensing.DRIVING_LINK * shared.radio_hz / sensing.fading(m.position_m, shared.per_link_m)
-    room = shared.backlog_limit - m.backlog + radio_hz * way_m / shared.cruise_mps
-    samples = min(room, shared.max_sensing_hz * way_m / shared.cruise_mps)
-    end_m = m.position_m + way_m
-    last = route.places[min(int(end_m * shared.per_place_m), shared.places - 1)]
-    interest = last.interest_to_here + last.interest * end_m
-    interest -= m.here.interest_to_here + m.here.interest * m.position_m
-    return sensing.information(interest, 1.0, samples, way_m, shared.saturation_per_m)
+    return _attainable(m, route, shared, margin_j)
 
 
 @inline

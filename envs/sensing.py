@@ -35,14 +35,14 @@ def fading(distance_m: float, per_half_m: float) -> Any:
 @inline
 def sense(m: Any, place: Any, shared: Any, samples: float, way_m: float, new_m: float) -> None:
     """Take samples along a stretch: their information is stored on board, and what does not fit is lost."""
-    found = information(place.interest, new_m, samples, way_m, shared.saturation_per_m)
+    gathered = information(place.interest, new_m, samples, way_m, shared.saturation_per_m)
     if m.backlog + samples > shared.backlog_limit:
-        lost = found * (m.backlog + samples - shared.backlog_limit) / samples
+        lost = gathered * (m.backlog + samples - shared.backlog_limit) / samples
         m.lost += lost
-        found -= lost
+        gathered -= lost
         samples = shared.backlog_limit - m.backlog
     m.backlog += samples
-    m.backlog_information += found
+    m.backlog_information += gathered
 
 
 @inline

@@ -9,7 +9,6 @@ from homeward.physics.battery import CURVE_DTYPE
 from homeward.physics.kernel import STATE_FIELDS
 from homeward.physics.robot import ROBOT_DTYPE
 
-OUT_AND_BACK, SURVEY, PATROL = range(3)
 STOP, GO, RETURN = range(3)
 
 AHEAD = ((1, 2), (2, 3), (3, 5), (5, 9), (9, 17), (17, 33), (33, 65))
@@ -138,7 +137,9 @@ INVERSES = {
 
 SHARED_DTYPE = np.dtype(
     [
-        ("mission", np.int64),
+        ("mission", np.int64),  # its number (`homeward.envs.missions.CODES`), and its properties
+        ("shuttles", np.bool_),
+        ("senses", np.bool_),
         ("route_is_known", np.bool_),
         ("inexact", np.bool_),  # whether instruments have errors
         ("shaped", np.bool_),

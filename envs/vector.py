@@ -139,9 +139,9 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
 
     def _seed(self, seed: int | Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> None:
         seeds = self._one_each(seed)
-        if self.batch.generators and all(one is None for one in seeds):
+        if self.batch.generators and all(generator_seed is None for generator_seed in seeds):
             return
-        generators = list(self.batch.generators) or [seeding.np_random(one)[0] for one in seeds]
+        generators = list(self.batch.generators) or [seeding.np_random(generator_seed)[0] for generator_seed in seeds]
         for i in np.flatnonzero(chosen):
             if seeds[i] is not None:
                 generators[i] = seeding.np_random(seeds[i])[0]
@@ -152,12 +152,12 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             if seed is None:
                 return [None] * self.num_envs
             given = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
-            seeds = [None if one is None else operator.index(one) for one in given]
+            seeds = [None if number is None else operator.index(number) for number in given]
         except TypeError:
             raise OptionError(f"seed = {seed!r} is not allowed; give a whole number, or one a mission") from None
         if len(seeds) != self.num_envs:
             raise OptionError(f"{len(seeds)} seeds were given for {self.num_envs} missions; give one each")
-        if any(one is not None and one < 0 for one in seeds):
+        if any(number is not None and number < 0 for number in seeds):
             raise OptionError(f"seed = {seed!r} is not allowed; seeds are not negative")
         return seeds
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from homeward.agents.evaluation.episodes import TRACE_COLUMNS, Run
 from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of
 from homeward.agents.evaluation.summary import Evaluation
+from homeward.envs.missions import MISSIONS
 from homeward.envs.options import known_of
 
 _OUT, _HOME = "#0072b2", "#d55e00"
@@ -52,7 +53,7 @@ def episode_png(evaluation: Evaluation) -> bytes:
         axis.set_ylim(0.0, float(top))
         axis.set_xlim(left=0.0)
     tidy(*grid.flat)
-    note = ", shaded by interest" if evaluation.options.mission == "Survey" else ""
+    note = ", shaded by interest" if MISSIONS[evaluation.options.mission].senses else ""
     figure.suptitle(f"{title_of(evaluation)}: episode {episode}{note}", fontsize=11)
     figure.supxlabel("strokes on the position: standing", fontsize=8, color="#888888")
     figure.align_ylabels(grid[:, 0])
@@ -107,7 +108,7 @@ def route_png(evaluation: Evaluation) -> bytes:
         axis.set_ylim(0.0, None if top is None else float(top))
         axis.set_xlim(0.0, 1.03 * max(furthest_m, 1e-3 * length_m))
     tidy(*grid.flat)
-    note = ", shaded by interest" if evaluation.options.mission == "Survey" else ""
+    note = ", shaded by interest" if MISSIONS[evaluation.options.mission].senses else ""
     figure.suptitle(f"{title_of(evaluation)}: episode {episode} over the route{note}", fontsize=11)
     figure.align_ylabels(grid[:, 0])
     return png(figure)
@@ -121,7 +122,7 @@ def _heading(name: str, run: Run, episode: int) -> str:
 
 
 def _shade_places(axes: NDArray[Any], interest: NDArray[np.float32], length_m: float, mission: str) -> None:
-    if mission != "Survey":
+    if not MISSIONS[mission].senses:
         return
     for axis in axes[:3]:
         axis.imshow(
@@ -140,7 +141,7 @@ def typical_episode(evaluation: Evaluation) -> int:
 
 
 def _shade_interest(axes: NDArray[Any], evaluation: Evaluation, episode: int, length_m: float) -> None:
-    if evaluation.options.mission != "Survey":
+    if not MISSIONS[evaluation.options.mission].senses:
         return
     first: Run = next(iter(evaluation.runs.values()))[0]
     hours = max(float(run.traces[-1, episode, 0]) for run, *_ in evaluation.runs.values()) / 3600.0

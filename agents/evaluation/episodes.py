@@ -63,11 +63,12 @@ class Run:
     def followed_by(self, others: Sequence[Run]) -> Run:
         """This run and further ones of the same agent as one; only its own traces are kept."""
         parts = (self, *others)
-        whole = {
-            one.name: np.concatenate([getattr(part.episodes, one.name) for part in parts]) for one in fields(Episodes)
+        episodes = {
+            field.name: np.concatenate([getattr(part.episodes, field.name) for part in parts])
+            for field in fields(Episodes)
         }
         decision_us = float(np.median([part.decision_us for part in parts]))
-        return replace(self, episodes=Episodes(**whole), decision_us=decision_us)
+        return replace(self, episodes=Episodes(**episodes), decision_us=decision_us)
 
     def without_traces(self) -> Run:
         """The same run without traces."""
@@ -100,12 +101,12 @@ def run_episodes(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
         options: Keyword arguments of the environment.
         seeds: Seed of each episode, at least one.
     """
-    first = _run_batch(policy, options, seeds[:SIDE_BY_SIDE])
-    others = [
+    head = _run_batch(policy, options, seeds[:SIDE_BY_SIDE])
+    rest_of_runs = [
         _run_batch(policy, options, seeds[start : start + SIDE_BY_SIDE]).without_traces()
         for start in range(SIDE_BY_SIDE, len(seeds), SIDE_BY_SIDE)
     ]
-    return first.followed_by(others)
+    return head.followed_by(rest_of_runs)
 
 
 def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
@@ -114,7 +115,9 @@ def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
     batch = env.batch
     observations, _ = env.reset(seed=list(seeds))
-    rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
+    rewards = np.empty(count)
+    terminated = np.empty(count, np.bool_)
+    truncated = np.empty(count, np.bool_)
     begun, over = np.ones(count, np.bool_), 0
     times_us, states = [], [_state(batch.records)]
     while over < count:

@@ -67,8 +67,8 @@ def best_so_far(points: Sequence[Point]) -> list[int]:
     """
     kept: list[int] = []
     for index, point in enumerate(points):
-        first = not kept or points[kept[-1]].steps == 0
-        kept.append(index if first or point.score >= points[kept[-1]].score else kept[-1])
+        replaces_start = not kept or points[kept[-1]].steps == 0
+        kept.append(index if replaces_start or point.score >= points[kept[-1]].score else kept[-1])
     return kept
 
 

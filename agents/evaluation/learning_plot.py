@@ -12,6 +12,20 @@ from homeward.agents.evaluation.learning_curve import EvaluatedCurve, Point
 from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of, unit_of
 from homeward.agents.evaluation.summary import Evaluation
 
+LEGEND: dict[str, Any] = {"fontsize": "small", "loc": "center left", "bbox_to_anchor": (1.0, 0.5), "frameon": False}
+"""Where the legend stands: beside the upper axes."""
+
+
+def learning_axes(mission: str) -> tuple[Figure, Axes, Axes]:
+    """A figure of training: score above stranding, over the decisions."""
+    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    above.set_ylabel(f"score ({unit_of(mission)})")
+    below.set_ylabel("stranded, %")
+    below.set_xlabel("decisions of training, millions")
+    tidy(above, below)
+    return figure, above, below
+
 
 def learning_png(
     evaluation: Evaluation, summary: dict[str, Any], curves: Mapping[str, Sequence[EvaluatedCurve]]
@@ -25,21 +39,16 @@ def learning_png(
         summary: Its summary.
         curves: Learning curve of each training seed on the missions of the evaluation, by agent.
     """
-    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    figure, above, below = learning_axes(evaluation.options.mission)
     for row, name in enumerate(evaluation.runs):
-        one, colour = summary["agents"][name], colour_of(row)
+        agent, colour = summary["agents"][name], colour_of(row)
         for index, curve in enumerate(curves.get(name, ())):
             kept_label, present_label = (f"{name}, kept", f"{name}, at that time") if index == 0 else (None, None)
             _draw(above, below, curve.kept, colour=colour, label=kept_label, style="-", marker="o")
             _draw(above, below, curve.present, colour=colour, label=present_label, style=":", marker="")
-        above.axhline(one["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=name)
-        below.axhline(100.0 * one["stranded_rate"], color=colour, linestyle="--", linewidth=1.0)
-    above.set_ylabel(f"score ({unit_of(evaluation.options.mission)})")
-    below.set_ylabel("stranded, %")
-    below.set_xlabel("decisions of training, millions")
-    above.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    tidy(above, below)
+        above.axhline(agent["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=name)
+        below.axhline(100.0 * agent["stranded_rate"], color=colour, linestyle="--", linewidth=1.0)
+    above.legend(**LEGEND)
     figure.suptitle(f"{title_of(evaluation)}: learning curve", fontsize=11)
     figure.supxlabel(
         f"all on the {len(evaluation.seeds)} missions of this evaluation; solid: what the run would keep if it ended "

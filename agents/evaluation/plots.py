@@ -13,43 +13,46 @@ from scipy import stats
 
 from homeward.agents.evaluation.statistics import Bootstrap
 from homeward.agents.evaluation.summary import Evaluation
+from homeward.envs.missions import MISSIONS
 
 _COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#666666")
 """Okabe and Ito's palette, distinguishable with any colour vision."""
-_UNITS = {"OutAndBack": "furthest distance, m", "Survey": "information", "Patrol": "laps"}
 _GREY = "#666666"
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 """Golden ratio: its multiples modulo 1 are spread evenly, and neighbours lie far apart."""
 
 
 def unit_of(mission: str) -> str:
-    """Unit of a mission's score."""
-    return _UNITS[mission]
+    """What a mission's score measures, with its unit."""
+    return MISSIONS[mission].scored
 
 
 def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     """Scores with their means and intervals, and stranding rates, of all agents."""
     names = list(evaluation.runs)
     figure = Figure(figsize=(9.0, 1.6 + 0.55 * len(names)), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 1.0))
+    scores_axis, stranded_axis = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 1.0))
     every = evaluation.scores()
     for row, name in enumerate(names):
-        colour, one = colour_of(row), summary["agents"][name]
+        colour, agent = colour_of(row), summary["agents"][name]
         scores = every[name].ravel()
         heights = row + 0.56 * (_GOLDEN * stats.rankdata(scores, "ordinal") % 1.0 - 0.5)
-        left.scatter(scores, heights, s=5, color=colour, alpha=0.25, linewidths=0, rasterized=True)
-        _interval(left, one["score_mean"], one["score_ci95"], row, f"{one['score_mean']:.4g}")
-        rate, interval = 100.0 * one["stranded_rate"], [100.0 * end for end in one["stranded_ci95"]]
-        right.barh(row, rate, height=0.5, color=colour, alpha=0.6)
-        _interval(right, rate, interval, row, f"{rate:.1f} %")
-    left.set_yticks(range(len(names)), names)
-    left.set_ylim(len(names) - 0.4, -0.6)
-    left.set_xlim(left=min(0.0, left.get_xlim()[0]))
-    right.set_xlim(0.0, 1.4 * max(5.0, *(100.0 * one["stranded_ci95"][1] for one in summary["agents"].values())))
-    right.set_xticks([tick for tick in right.get_xticks() if tick <= 100.0])
-    left.set_xlabel(f"score ({unit_of(evaluation.options.mission)}), 0 unless home")
-    right.set_xlabel("stranded, %")
-    tidy(left, right)
+        scores_axis.scatter(scores, heights, s=5, color=colour, alpha=0.25, linewidths=0, rasterized=True)
+        _interval(scores_axis, agent["score_mean"], agent["score_ci95"], row, f"{agent['score_mean']:.4g}")
+        rate = 100.0 * agent["stranded_rate"]
+        interval = [100.0 * end for end in agent["stranded_ci95"]]
+        stranded_axis.barh(row, rate, height=0.5, color=colour, alpha=0.6)
+        _interval(stranded_axis, rate, interval, row, f"{rate:.1f} %")
+    scores_axis.set_yticks(range(len(names)), names)
+    scores_axis.set_ylim(len(names) - 0.4, -0.6)
+    scores_axis.set_xlim(left=min(0.0, scores_axis.get_xlim()[0]))
+    stranded_axis.set_xlim(
+        0.0, 1.4 * max(5.0, *(100.0 * agent["stranded_ci95"][1] for agent in summary["agents"].values()))
+    )
+    stranded_axis.set_xticks([tick for tick in stranded_axis.get_xticks() if tick <= 100.0])
+    scores_axis.set_xlabel(f"score ({unit_of(evaluation.options.mission)}), 0 unless home")
+    stranded_axis.set_xlabel("stranded, %")
+    tidy(scores_axis, stranded_axis)
     figure.suptitle(f"{title_of(evaluation)}: {len(evaluation.seeds)} episodes, seed {evaluation.seed}", fontsize=11)
     figure.supxlabel(
         "a dot is an episode of a training seed; crosses are means with 95 % intervals", fontsize=8, color=_GREY

@@ -36,8 +36,8 @@ def wilson(events: int, trials: int) -> list[float]:
     >>> [round(end, 5) for end in wilson(0, 4000)]
     [0.0, 0.00096]
     """
-    found = stats.binomtest(events, trials).proportion_ci(method="wilson")
-    return [float(found.low), float(found.high)]
+    bounds = stats.binomtest(events, trials).proportion_ci(method="wilson")
+    return [float(bounds.low), float(bounds.high)]
 
 
 def iqm(scores: ArrayLike) -> float:
@@ -98,7 +98,7 @@ class Bootstrap:
         for episodes, seeds in self._weights():
             for name, values in self.scores.items():
                 parts[name].append(np.einsum("bs,bs->b", seeds[name], episodes @ values.T))
-        return {name: np.concatenate(found) for name, found in parts.items()}
+        return {name: np.concatenate(drawn) for name, drawn in parts.items()}
 
     def iqms(self) -> dict[str, Scores]:
         """Interquartile mean of each agent in each resample, shape (resamples,)."""
@@ -110,7 +110,7 @@ class Bootstrap:
                 until = np.clip(np.cumsum(weights[:, order[name]], axis=1), 0.25, 0.75)
                 inside = np.diff(until, axis=1, prepend=0.25)
                 parts[name].append(2.0 * inside @ values.ravel()[order[name]])
-        return {name: np.concatenate(found) for name, found in parts.items()}
+        return {name: np.concatenate(drawn) for name, drawn in parts.items()}
 
     def improvements(self, first: str, second: str) -> Scores:
         """Probability that one agent beats another in each resample, shape (resamples,)."""

@@ -115,8 +115,8 @@ class Evaluation:
 
     def thresholds(self) -> NDArray[np.float64]:
         """Scores at which performance profiles are taken, from 0 to the best."""
-        best = max(float(values.max()) for values in self.scores().values())
-        return np.linspace(0.0, best, _THRESHOLDS)
+        highest = max(float(values.max()) for values in self.scores().values())
+        return np.linspace(0.0, highest, _THRESHOLDS)
 
     def to_json(self, summary: Mapping[str, Any]) -> str:
         """`evaluation.json`, from the summary."""
@@ -124,7 +124,7 @@ class Evaluation:
 
     def to_csv(self) -> str:
         """`episodes.csv`: one row per agent, training seed and episode."""
-        columns = [one.name for one in fields(Episodes)]
+        columns = [field.name for field in fields(Episodes)]
         bounds = [] if self.optimum is None else [self.optimum.lower.tolist(), self.optimum.upper.tolist()]
         names = ["optimum_lower", "optimum_upper"][: len(bounds)]
         rows: list[list[Any]] = [["agent", "run", "episode", "seed", *columns, *names]]
@@ -132,13 +132,14 @@ class Evaluation:
             for index, run in enumerate(runs):
                 values = (getattr(run.episodes, column).tolist() for column in columns)
                 for episode, (seed, *row) in enumerate(zip(self.seeds, *values, *bounds, strict=True)):
-                    numbers = (int(one) if isinstance(one, bool) else one for one in row)
+                    numbers = (int(value) if isinstance(value, bool) else value for value in row)
                     rows.append([name, index, episode, seed, *numbers])
         return csv_text(rows)
 
 
 def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:
-    stranded, home = (np.stack([getattr(run.episodes, which) for run in runs]) for which in ("stranded", "home"))
+    stranded = np.stack([run.episodes.stranded for run in runs])
+    home = np.stack([run.episodes.home for run in runs])
     left_j = np.stack([run.episodes.energy_left_j for run in runs])
     events = int(stranded.sum())
     return {
@@ -171,5 +172,9 @@ def _plain(value: Any) -> Any:
 
 
 def _versions() -> dict[str, str]:
-    used = ["numpy", "numba", "gymnasium", "scipy"] + ["torch"] * ("torch" in sys.modules)
-    return {"homeward": homeward.__version__, "python": platform.python_version()} | {one: version(one) for one in used}
+    used = ["numpy", "numba", "gymnasium", "scipy"]
+    if "torch" in sys.modules:
+        used.append("torch")
+    return {"homeward": homeward.__version__, "python": platform.python_version()} | {
+        library: version(library) for library in used
+    }

@@ -61,8 +61,8 @@ def run_agents(
     done = run_tasks(_run, tasks, jobs=jobs, cluster=cluster, title="episodes", size=lambda task: len(task.seeds))
 
     def whole(label: str, index: int) -> Run:
-        first, *others = (done[_name(label, index, start)] for start in starts)
-        return first.followed_by(others)
+        head, *rest_of_parts = (done[_name(label, index, start)] for start in starts)
+        return head.followed_by(rest_of_parts)
 
     return {label: [whole(label, index) for index in range(len(policies))] for label, policies in agents.items()}
 
@@ -76,7 +76,8 @@ def self_contained(options: Options) -> Options:
     route = options.route
     if not isinstance(route, Route) and route not in (GENERATED, HIDDEN_WIND):
         route = load_route(route, float(known_of(options).shared["place_m"][0]))
-    truth, scale = (None if one is None else load_robot(one) for one in (options.true_robot, options.scaled_for))
+    truth = None if options.true_robot is None else load_robot(options.true_robot)
+    scale = None if options.scaled_for is None else load_robot(options.scaled_for)
     instruments = None if options.instruments is None else load_instruments(options.instruments)
     return dataclasses.replace(
         options, robot=load_robot(options.robot), route=route, instruments=instruments, true_robot=truth,

@@ -40,20 +40,27 @@ class Curve:
         11.0
         """
         order = np.lexsort((-np.array(self.score), np.array(self.stranded)))  # of equal stranding the best first
-        stranded, best = np.array(self.stranded)[order], np.maximum.accumulate(np.array(self.score)[order])
+        stranded = np.array(self.stranded)[order]
+        best_score = np.maximum.accumulate(np.array(self.score)[order])
         if level < stranded[0]:
             return None
         below = int(np.searchsorted(stranded, level, side="right")) - 1
         # Rounding may move the interpolation out of its interval.
-        return float(np.clip(np.interp(level, stranded, best), best[below], best[min(below + 1, len(best) - 1)]))
+        return float(
+            np.clip(
+                np.interp(level, stranded, best_score),
+                best_score[below],
+                best_score[min(below + 1, len(best_score) - 1)],
+            )
+        )
 
 
 def curve_of(runs: Mapping[float | None, Sequence[Run]]) -> Curve:
     """The curve of an agent from its runs by reserve, one per training seed."""
     scores, stranded = [], []
-    for some in runs.values():
-        scores.append(float(np.mean([np.where(run.episodes.home, run.episodes.score, 0.0).mean() for run in some])))
-        stranded.append(float(np.mean([run.episodes.stranded.mean() for run in some])))
+    for seeds in runs.values():
+        scores.append(float(np.mean([np.where(run.episodes.home, run.episodes.score, 0.0).mean() for run in seeds])))
+        stranded.append(float(np.mean([run.episodes.stranded.mean() for run in seeds])))
     return Curve(tuple(runs), tuple(scores), tuple(stranded))
 
 

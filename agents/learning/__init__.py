@@ -61,7 +61,7 @@ def sb3_vec_env(
     from homeward.envs.options import OptionError
     from homeward.envs.vector import HomewardVectorEnv
 
-    missions = {one: mission for mission, one in IDS.items()}
+    missions = {env_id: mission for mission, env_id in IDS.items()}
     if env_id not in missions:
         raise OptionError(f"unknown env {env_id!r}; choose from {', '.join(missions)}")
     made: AnyVectorEnv = HomewardVectorEnv(

@@ -49,9 +49,15 @@ class TrainingCallback(BaseCallback):
         begin_anew: Callable[[], None],
     ) -> None:
         super().__init__()
-        self._every, self._measure, self._layers, self.best = every, measure, layers, best
+        self._every = every
+        self._measure = measure
+        self._layers = layers
+        self.best = best
         self.home_rate = self.score = float("nan")
-        self._folder, self._steps, self._checkpoints, self._console = folder, steps, checkpoints, console
+        self._folder = folder
+        self._steps = steps
+        self._checkpoints = checkpoints
+        self._console = console
         self._begin_anew = begin_anew
         columns = (
             TextColumn("training"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn(),

@@ -53,8 +53,8 @@ def save_checkpoint(model: PPO, best: Best | None, folder: Path) -> None:
             tensors[f"best.{index}.{name}"] = torch.from_numpy(value)
     for index, state in model.policy.optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{name}": value for name, value in state.items()}
-    kept = best and {"steps": best.steps, "score": best.score}
-    header = {"schema": SCHEMA, "steps": model.num_timesteps, "best": kept}
+    best_point = best and {"steps": best.steps, "score": best.score}
+    header = {"schema": SCHEMA, "steps": model.num_timesteps, "best": best_point}
     content = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
     write_checkpoint(folder, save(content, {_HEADER: json.dumps(header)}))
 
@@ -94,7 +94,8 @@ def _restore(model: PPO, path: Path, most_steps: int) -> Best | None:
     averages = _averages(_part(tensors, "optimizer"), model)
     model.policy.load_state_dict(weights)
     model.policy.optimizer.load_state_dict({**model.policy.optimizer.state_dict(), "state": averages})
-    model.num_timesteps, model._n_updates = steps, steps // (model.n_steps * model.n_envs) * model.n_epochs
+    model.num_timesteps = steps
+    model._n_updates = steps // (model.n_steps * model.n_envs) * model.n_epochs
     return best
 
 
@@ -113,12 +114,12 @@ def _expect_like(given: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.T
 
 def _averages(tensors: Mapping[str, torch.Tensor], model: PPO) -> dict[int, dict[str, torch.Tensor]]:
     """Adam's averages of each parameter that it has changed."""
-    like: dict[str, torch.Tensor] = {}
-    one = torch.tensor(0.0)
+    expected: dict[str, torch.Tensor] = {}
+    no_steps = torch.tensor(0.0)
     for index, parameter in enumerate(model.policy.parameters()):
         if f"{index}.step" in tensors:
-            like |= {f"{index}.step": one, f"{index}.exp_avg": parameter, f"{index}.exp_avg_sq": parameter}
-    _expect_like(tensors, like)
+            expected |= {f"{index}.step": no_steps, f"{index}.exp_avg": parameter, f"{index}.exp_avg_sq": parameter}
+    _expect_like(tensors, expected)
     _expect(
         all(bool((value >= 0.0).all()) for name, value in tensors.items() if not name.endswith("exp_avg")), "averages"
     )
@@ -131,13 +132,15 @@ def _best(header: Any, tensors: Mapping[str, torch.Tensor], model: PPO, steps: i
         return None
     _expect(type(header["steps"]) is int and 0 < header["steps"] <= steps, "best")
     _expect(type(header["score"]) is float and math.isfinite(header["score"]), "best")
-    like = {
+    expected = {
         f"{index}.{name}": torch.from_numpy(value)
         for index, layer in enumerate(layers_of(model))
         for name, value in zip(("weight", "bias"), layer, strict=True)
     }
-    _expect_like(tensors, like)
-    layers = [(tensors[f"{index}.weight"].numpy(), tensors[f"{index}.bias"].numpy()) for index in range(len(like) // 2)]
+    _expect_like(tensors, expected)
+    layers = [
+        (tensors[f"{index}.weight"].numpy(), tensors[f"{index}.bias"].numpy()) for index in range(len(expected) // 2)
+    ]
     return Best(header["steps"], header["score"], layers)
 
 

@@ -44,9 +44,10 @@ class ResidualPolicy(ActorCriticPolicy):
         valued: NDArray[np.bool_] | None,
         **keywords: Any,
     ) -> None:
-        self._hidden, self._valued = hidden, None if valued is None else torch.from_numpy(valued.astype(np.float32))
+        self._hidden = hidden
+        self._valued = None if valued is None else torch.from_numpy(valued.astype(np.float32))
         super().__init__(*arguments, **keywords)
-        weight, bias = (torch.from_numpy(values) for values in first)
+        weight, bias = torch.from_numpy(first[0]), torch.from_numpy(first[1])
         head = self.action_net
         assert isinstance(head, nn.Linear)
         with torch.no_grad():
@@ -63,15 +64,17 @@ class ResidualPolicy(ActorCriticPolicy):
             part.requires_grad_(learns)
 
 
+def _two_layers(inputs: int, hidden: int) -> nn.Sequential:
+    return nn.Sequential(nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
+
+
 class _Layers(nn.Module):
     """Hidden layers of policy and value; those of the policy are followed by the inputs."""
 
     def __init__(self, inputs: int, hidden: int, valued: torch.Tensor | None) -> None:
         super().__init__()
         self._valued = valued
-        self.policy_net, self.value_net = (
-            nn.Sequential(nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh()) for _ in range(2)
-        )
+        self.policy_net, self.value_net = _two_layers(inputs, hidden), _two_layers(inputs, hidden)
         self.latent_dim_pi, self.latent_dim_vf = hidden + inputs, hidden
 
     def forward(self, inputs: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

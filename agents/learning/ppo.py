@@ -96,8 +96,8 @@ def train(
         versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
 
         def write(into: Path, layers: Sequence[Layer], after: int) -> None:
-            more = {**details, **ON_THE_GO, "steps": total, "after_steps": after, "versions": versions}
-            save_policy(into, layers, model.action_space, more, inputs_of(settings, known))
+            description = {**details, **ON_THE_GO, "steps": total, "after_steps": after, "versions": versions}
+            save_policy(into, layers, model.action_space, description, inputs_of(settings, known))
 
         if not model.num_timesteps:
             write(folder / FIRST, layers_of(model), 0)
@@ -151,10 +151,11 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     """An untrained learner with its missions, on the CPU, which is fastest for so small a network."""
     by_start, keywords = settings.by_start, vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
-    inputs = inputs_of(settings, known := missions.batch.known)
+    known = missions.batch.known
+    inputs = inputs_of(settings, known)
     env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True, senses_on_the_go=True)
-    first = first_policy(known, inputs)
-    network = {"hidden": settings.hidden, "first": first, "valued": valued() if settings.start == DMAX else None}
+    start = first_policy(known, inputs)
+    network = {"hidden": settings.hidden, "first": start, "valued": valued() if settings.start == DMAX else None}
     model = PPO(
         ResidualPolicy,
         env,
@@ -190,12 +191,15 @@ def stagger(model: PPO) -> None:
     """Begin missions in turn, so that updates cover all stages (Bharthulwar et al. 2025, arXiv 2511.21011)."""
     env = model.get_env()
     assert isinstance(env, SB3Adapter)
-    begins, ended, seen = np.arange(env.num_envs) % _STAGGERED, np.zeros(env.num_envs, np.bool_), env.reset()
+    begins = np.arange(env.num_envs) % _STAGGERED
+    ended = np.zeros(env.num_envs, np.bool_)
+    seen = env.reset()
     for decision in range(_STAGGERED):
         seen, _, ended, _ = env.step(model.predict(seen)[0])  # type: ignore[assignment]
-        if (now := begins == decision).any():
-            seen = env.begin(now)
-            ended |= now
+        begins_now = begins == decision
+        if begins_now.any():
+            seen = env.begin(begins_now)
+            ended |= begins_now
     model._last_obs, model._last_episode_starts = seen, ended
 
 

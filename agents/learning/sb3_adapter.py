@@ -78,7 +78,9 @@ class SB3Adapter(VecEnv):
         if inputs is not None:
             space = spaces.Box(-LIMIT, LIMIT, (len(FEATURES) + len(COLUMNS),), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
-        self._stranding_cost, self._inputs, self._late_is_lost = stranding_cost, inputs, late_is_lost
+        self._stranding_cost = stranding_cost
+        self._inputs = inputs
+        self._late_is_lost = late_is_lost
         self._senses_on_the_go, self._info_keys = senses_on_the_go, tuple(info_keys)
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)
@@ -88,8 +90,8 @@ class SB3Adapter(VecEnv):
     def as_missions(self) -> bool:
         """Whether observations and actions are those of the missions: no wrapper or input changes their spaces."""
         missions = self.missions
-        own = missions.single_observation_space, missions.single_action_space
-        return (self.observation_space, self.action_space) == own
+        spaces_of_one = missions.single_observation_space, missions.single_action_space
+        return (self.observation_space, self.action_space) == spaces_of_one
 
     def reset(self) -> NDArray[np.float32]:
         """Begin all missions, with the seeds given to `seed()` if there are any."""
@@ -186,7 +188,7 @@ class SB3Adapter(VecEnv):
 
 def _of_one(values: Any, i: int) -> Any:
     """The values of one mission, from arrays or dictionaries of them."""
-    return {name: one[i].item() for name, one in values.items()} if isinstance(values, dict) else values[i].item()
+    return {name: column[i].item() for name, column in values.items()} if isinstance(values, dict) else values[i].item()
 
 
 def _of_each(values: Any) -> list[Any]:

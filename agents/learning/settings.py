@@ -101,12 +101,12 @@ class PPOSettings:
 
     def too_few(self, steps: int) -> str | None:
         """A line that says so if a run of so many steps leaves the policy as it is at first; None otherwise."""
-        least = VALUE_FIRST * self.rollout
-        if steps > least:
+        fewest = VALUE_FIRST * self.rollout
+        if steps > fewest:
             return None
         return (
             f"{steps:,} steps are too few to learn anything: the first {VALUE_FIRST} updates train the value only, so "
-            f"the policy stays as it begins; give more than {least:,} steps"
+            f"the policy stays as it begins; give more than {fewest:,} steps"
         )
 
     @property

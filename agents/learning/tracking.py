@@ -50,15 +50,15 @@ class WandbOutput(KVWriter):
         import wandb  # an option, and slow to import
 
         folder = folder.resolve()
-        kept = folder / WANDB / "id.txt"
-        if not kept.is_file():
-            write_whole(kept, secrets.token_hex(4))
+        id_file = folder / WANDB / "id.txt"
+        if not id_file.is_file():
+            write_whole(id_file, secrets.token_hex(4))
         try:
             self._run = wandb.init(
                 project=project,
                 name=f"{folder.parent.name}/{folder.name}",
                 group=folder.parent.name,
-                id=kept.read_text("utf-8"),
+                id=id_file.read_text("utf-8"),
                 resume="allow",
                 dir=folder,
                 config=dict(settings),

@@ -18,8 +18,8 @@ from homeward.agents.oracle.linear_programs import bound_out_and_back, bound_pat
 from homeward.agents.oracle.problem import Problem, problem_of
 from homeward.agents.oracle.rates import REFUSED, measure_rates
 from homeward.agents.oracle.search import best_actions, guide_out_and_back, guide_patrol, points_of
+from homeward.envs.missions import MISSIONS
 from homeward.envs.options import Options
-from homeward.envs.state import PATROL
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.parallel import run_tasks
 from homeward.physics import load_robot
@@ -62,7 +62,7 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
 
     Raises:
         TaskError, ClusterError: See `homeward.parallel.run_tasks`.
-        OracleError: The action space is continuous, or the robot has an effect for which there is no bound.
+        OracleError: The action space is continuous, or there is no bound for the mission or for an effect of the robot.
 
     >>> optimum = solve(Options("OutAndBack", weather="still"), [7])
     >>> bool(0.98 * optimum.upper[0] < optimum.lower[0] <= optimum.upper[0])
@@ -83,7 +83,7 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
     return Optimum(
         np.concatenate([part.lower for part in parts]),
         np.concatenate([part.upper for part in parts]),
-        tuple(one for part in parts for one in part.actions),
+        tuple(actions for part in parts for actions in part.actions),
     )
 
 
@@ -91,10 +91,15 @@ def check(options: Options) -> None:
     """Refuse an environment for which there is no bound.
 
     Raises:
-        OracleError: The action space is continuous, or the robot has an effect for which there is no bound.
+        OracleError: The action space is continuous, or there is no bound for the mission or for an effect of the robot.
     """
     if options.action_type != "discrete":
         raise OracleError(f"the oracle acts on a grid, but action_type is {options.action_type!r}; choose 'discrete'")
+    if not MISSIONS[options.mission].adds_up:
+        raise OracleError(
+            f"the oracle has no bound for {options.mission}: its score is neither a sum over the metres reached nor a "
+            "number of laps; leave out --optimum"
+        )
     for effect in REFUSED:
         if effect in load_robot(options.robot).active_effects:
             raise OracleError(f"the oracle has no bound for a robot with the effect {effect}; switch it off")
@@ -106,8 +111,8 @@ def _solve_some(task: tuple[Options, list[int]]) -> Optimum:
     env.reset(seed=seeds)
     upper, actions = np.empty(len(seeds)), []
     for i in range(len(seeds)):
-        upper[i], found = _solve(problem_of(env.batch, i))
-        actions.append(found)
+        upper[i], sequence = _solve(problem_of(env.batch, i))
+        actions.append(sequence)
     return Optimum(score_of(options, seeds, actions), upper, tuple(actions))
 
 
@@ -115,7 +120,7 @@ def _solve(case: Problem) -> tuple[float, NDArray[np.int64]]:
     rates = measure_rates(case)
     decision_s, pit_stop_s = float(case.shared["decision_s"]), float(case.shared["pit_stop_s"])
     points_m = points_of(rates, decision_s)
-    if case.shared["mission"] == PATROL:
+    if case.shared["shuttles"]:
         upper, multipliers = bound_patrol(rates, pit_stop_s)
         guide = guide_patrol(rates, multipliers, pit_stop_s, points_m)
     else:
@@ -136,7 +141,9 @@ def score_of(options: Options, seeds: Sequence[int], actions: Sequence[NDArray[n
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
     observations, _ = env.reset(seed=list(seeds))
     batch, records = env.batch, env.batch.records
-    rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
+    rewards = np.empty(count)
+    terminated = np.empty(count, np.bool_)
+    truncated = np.empty(count, np.bool_)
     now = np.empty((count, 3), np.int64)
     while not records["over"].all():
         for i, mine in enumerate(actions):

@@ -78,11 +78,14 @@ def dual_feasible(rates: Rates, multipliers: Multipliers) -> Multipliers:
 
     That of time is raised as far as needed. That of a sample is lowered where it rises outwards faster than allowed.
     """
-    sample, standing_w = _greater(multipliers.per_sample), rates.standing_w.min(axis=1)[rates.place_of_piece]
+    sample = _greater(multipliers.per_sample)
+    standing_w = rates.standing_w.min(axis=1)[rates.place_of_piece]
     stand = float((sample * rates.radio_hz[:, 0] - multipliers.per_j * standing_w).max())
     per_s = max(multipliers.per_s, stand)
-    least = float(_pass(rates, multipliers.per_j, per_s, sample).min())
-    per_s += 0.5 * max(-least, 0.0) * float(rates.speeds_mps[-1])  # inwards and outwards, each at this speed or slower
+    least_pass = float(_pass(rates, multipliers.per_j, per_s, sample).min())
+    per_s += (
+        0.5 * max(-least_pass, 0.0) * float(rates.speeds_mps[-1])
+    )  # inwards and outwards, each at this speed or slower
     rises = np.maximum(_pass(rates, multipliers.per_j, per_s, sample), 0.0) * rates.piece_m / rates.memory
     limit = _running_total(rises)
     return Multipliers(multipliers.per_j, per_s, limit + np.minimum.accumulate(multipliers.per_sample - limit))
@@ -108,9 +111,9 @@ def lagrangian_sums(rates: Rates, multipliers: Multipliers) -> LagrangianSums:
 
     def metre(sample: Array) -> Array:
         """Greatest Lagrangian of a metre of each piece, out and home, score per metre, shape (pieces,)."""
-        found = np.maximum(rates.gain_per_m[place] - sample[:, None, None] * rates.samples_per_m[place], 0.0)
+        gain = np.maximum(rates.gain_per_m[place] - sample[:, None, None] * rates.samples_per_m[place], 0.0)
         sent = (sample * rates.radio_hz[:, 1])[:, None, None]
-        out = found + (sent - multipliers.per_j * rates.out_w[place] - multipliers.per_s) / speed
+        out = gain + (sent - multipliers.per_j * rates.out_w[place] - multipliers.per_s) / speed
         return np.asarray(out.max(axis=(1, 2)) + home)
 
     near, far = metre(multipliers.per_sample[:-1]), metre(multipliers.per_sample[1:])

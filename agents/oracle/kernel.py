@@ -56,10 +56,12 @@ def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: i
 @compiled
 def see_route(constants: Any, missions_begun: Any, routes: Any) -> None:
     """Enter every place of the route into the robot's map, as if it had driven there. `routes` is changed."""
-    c, m, route = constants[0], missions_begun[0], routes[0]
+    c = constants[0]
+    m = missions_begun[0]
+    route = routes[0]
     for k in range(1, c.shared.places):
-        before = route.places[k - 1]
-        cost_j = before.home_cost_j + before.home_j_per_m * c.shared.place_m
+        nearer = route.places[k - 1]
+        cost_j = nearer.home_cost_j + nearer.home_j_per_m * c.shared.place_m
         map_place(m, c.nominal, route.places[k], c.nominal, c.shared, cost_j, 0.0)
 
 
@@ -89,34 +91,37 @@ def measure(
         pieces: Pieces of a place.
         out_w: Written, as are the following ones; shapes and units as in `homeward.agents.oracle.rates.Rates`.
     """
-    c, p, route, m = constants[0], robots[0], routes[0], works[0]
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
+    m = works[0]
     s, radio = c.shared, c.shared.radio_hz
     s.backlog_limit = np.inf
     winds = np.empty((s.max_decisions + 1, 2))
     warmest_c = _weather(works, starts, winds)
     for k in range(s.places):
         near_m = k * s.place_m
-        least, most = _headwinds(winds, route.places[k])
+        least_mps, most_mps = _headwinds(winds, route.places[k])
         for i in range(LEVELS):
             speed_mps = at_level(i, s.min_speed_mps, s.max_speed_mps)
             for j in range(LEVELS):
                 _set_out(works, starts, route, k, near_m, speed_mps)
-                _set_weather(m, least, warmest_c)
+                _set_weather(m, least_mps, warmest_c)
                 s.decision_s, s.radio_hz = 0.5 * s.place_m / speed_mps, 0.0
-                before = score(m, s)
+                backlog_before = score(m, s)
                 _roll(m, p, route, c, i, j, GO)
                 out_w[k, i, j] = m.power_w
-                gain_per_m[k, i, j] = (score(m, s) - before) / (m.position_m - near_m)
+                gain_per_m[k, i, j] = (score(m, s) - backlog_before) / (m.position_m - near_m)
                 samples_per_m[k, i, j] = m.backlog / (m.position_m - near_m)
                 _set_out(works, starts, route, k, near_m + _HAIR_M, speed_mps)
-                _set_weather(m, most, warmest_c)
+                _set_weather(m, most_mps, warmest_c)
                 m.returning, m.direction = True, -1.0
                 s.decision_s = 0.5 * _HAIR_M / speed_mps
                 _roll(m, p, route, c, i, j, RETURN)
                 home_w[k, i, j] = m.power_w
         for j in range(LEVELS):
             _set_out(works, starts, route, k, near_m, 0.0)
-            _set_weather(m, least, warmest_c)
+            _set_weather(m, least_mps, warmest_c)
             _roll(m, p, route, c, 0, j, STOP)
             standing_w[k, j] = m.power_w
         s.decision_s, s.radio_hz = _HAIR_M / s.min_speed_mps, radio
@@ -124,9 +129,9 @@ def measure(
             for moving in range(2):
                 _set_out(works, starts, route, k, near_m + piece * s.place_m / pieces, 0.0)
                 m.backlog = 2.0 * radio * s.decision_s
-                before = m.backlog
+                backlog_before = m.backlog
                 _roll(m, p, route, c, 0, 0, GO if moving else STOP)
-                radio_hz[k * pieces + piece, moving] = (before - m.backlog) / s.decision_s
+                radio_hz[k * pieces + piece, moving] = (backlog_before - m.backlog) / s.decision_s
         s.radio_hz = 0.0
 
 
@@ -141,7 +146,8 @@ def _weather(works: Any, starts: Any, winds: Any) -> Any:
     m = works[0]
     warmest_c = m.temperature_c
     for n in range(len(winds)):
-        winds[n, 0], winds[n, 1] = m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps
+        winds[n, 0] = m.mean_east_mps + m.gust_east_mps
+        winds[n, 1] = m.mean_north_mps + m.gust_north_mps
         warmest_c = max(warmest_c, m.temperature_c)
         m.decisions += 1
         weather.change(m)
@@ -151,11 +157,11 @@ def _weather(works: Any, starts: Any, winds: Any) -> Any:
 @called
 def _headwinds(winds: Any, place: Any) -> Any:
     """Least and greatest headwind of the way out at a place, m/s, of winds of shape (decisions, 2)."""
-    least, most = np.inf, -np.inf
+    least_mps, most_mps = np.inf, -np.inf
     for n in range(len(winds)):
         headwind_mps = model.headwind(winds[n, 0], winds[n, 1], place.east, place.north)
-        least, most = min(least, headwind_mps), max(most, headwind_mps)
-    return least, most
+        least_mps, most_mps = min(least_mps, headwind_mps), max(most_mps, headwind_mps)
+    return least_mps, most_mps
 
 
 @called
@@ -171,7 +177,10 @@ def _set_out(works: Any, starts: Any, route: Any, k: int, position_m: float, spe
     """Copy the start into `works`, moved to a position in place `k` that is reached for the first time, at a speed."""
     works[0] = starts[0]
     m = works[0]
-    m.place, m.position_m, m.furthest_m, m.speed_mps = k, position_m, position_m, speed_mps
+    m.place = k
+    m.position_m = position_m
+    m.furthest_m = position_m
+    m.speed_mps = speed_mps
     m.here = route.places[k]
 
 
@@ -199,11 +208,14 @@ def way_home(
         home_j: Written, the energy in J(x); left as it is where no speed gets there before the battery is empty.
         home_s: Written, the time in J(x), likewise.
     """
-    c, p, route, m = constants[0], robots[0], routes[0], works[0]
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
+    m = works[0]
     s = c.shared
     home_j[0] = home_s[0] = 0.0
     for point in range(1, len(home_j)):
-        best = np.inf
+        best_cost = np.inf
         at_m = point * step_m
         for i in range(LEVELS):
             _set_out(works, starts, route, min(int(at_m / s.place_m), s.places - 1), at_m, 0.0)
@@ -214,8 +226,8 @@ def way_home(
                 continue
             spent_j = had_j - m.energy_j + _at(home_j, m.position_m, step_m)
             took_s = m.time_s - starts[0].time_s + _at(home_s, m.position_m, step_m)
-            if spent_j + j_per_s * took_s < best:
-                best = spent_j + j_per_s * took_s
+            if spent_j + j_per_s * took_s < best_cost:
+                best_cost = spent_j + j_per_s * took_s
                 home_j[point], home_s[point] = spent_j, took_s
 
 
@@ -246,7 +258,7 @@ def search(
     cells: Any,
     parents: Any,
     actions: Any,
-    found: Any,
+    best_turns: Any,
 ) -> int:
     """Search for the best way out by forward dynamic programming, with one mission in each cell of the state space.
 
@@ -276,32 +288,37 @@ def search(
     Returns:
         Number of nodes.
     """
-    c, p, route = constants[0], robots[0], routes[0]
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
     s = c.shared
     ring, width = room.shape
     values = np.full((ring, width), _NONE)
     fresh = np.zeros((ring, width), np.bool_)
     origin, action = np.empty((ring, width), np.int64), np.empty((ring, width), np.int64)
     work = np.empty(2, starts.dtype)
-    found[:] = _NONE
-    room[0, 0], values[0, 0], fresh[0, 0], origin[0, 0] = starts[0], 0.0, True, -1
-    nodes, near, last = 0, 0, 0
-    while near <= last and nodes < len(parents):
-        row, again = near % ring, True
-        while again and nodes < len(parents):
-            again = False
+    best_turns[:] = _NONE
+    room[0, 0] = starts[0]
+    values[0, 0] = 0.0
+    fresh[0, 0] = True
+    origin[0, 0] = -1
+    nodes, near, last_distance = 0, 0, 0
+    while near <= last_distance and nodes < len(parents):
+        row, repeats = near % ring, True
+        while repeats and nodes < len(parents):
+            repeats = False
             for slot in range(width):
-                if not fresh[row, slot] or values[row, slot] <= found[0, 0] or nodes == len(parents):
+                if not fresh[row, slot] or values[row, slot] <= best_turns[0, 0] or nodes == len(parents):
                     continue
                 fresh[row, slot] = False
-                again = True
+                repeats = True
                 parents[nodes], actions[nodes] = origin[row, slot], action[row, slot]
-                here = nodes
+                layer_start = nodes
                 nodes += 1
                 work[0] = room[row, slot]
                 m = work[0]
                 # On its way home a patrol completes the lap under way.
-                _note(found, score(m, s) + 0.5 * (m.legs % 2.0), here)
+                _note(best_turns, score(m, s) + 0.5 * (m.legs % 2.0), layer_start)
                 left_s = (s.max_decisions - m.decisions - 1) * s.decision_s
                 for code in range(-1, LEVELS * rates):
                     m = work[1]
@@ -327,11 +344,11 @@ def search(
                     off_load = _cell(m.backlog + m.dwell_s - _at(plan[1], m.position_m, step_m), cells[2])
                     if off_j < 0 or off_load < 0:
                         continue
-                    at = off_j + CELLS * off_load
-                    if value > values[to, at] and value > found[0, 0]:
-                        room[to, at], values[to, at], fresh[to, at] = m, value, True
-                        origin[to, at], action[to, at] = here, code
-                        last = max(last, distance)
+                    cell = off_j + CELLS * off_load
+                    if value > values[to, cell] and value > best_turns[0, 0]:
+                        room[to, cell], values[to, cell], fresh[to, cell] = m, value, True
+                        origin[to, cell], action[to, cell] = layer_start, code
+                        last_distance = max(last_distance, distance)
         values[row, :] = _NONE
         fresh[row, :] = False
         near += 1
@@ -346,15 +363,15 @@ def _cell(offset: float, size: float) -> int:
 
 
 @compiled
-def _note(found: Any, score: float, node: int) -> None:
+def _note(best_turns: Any, score: float, node: int) -> None:
     """Insert the score of a mission that turns back now into the best, sorted in descending order, shape (kept, 2)."""
-    last = len(found) - 1
-    if not score > found[last, 0]:
+    row = len(best_turns) - 1
+    if not score > best_turns[row, 0]:
         return
-    while last > 0 and found[last - 1, 0] < score:
-        found[last] = found[last - 1]
-        last -= 1
-    found[last, 0], found[last, 1] = score, node
+    while row > 0 and best_turns[row - 1, 0] < score:
+        best_turns[row] = best_turns[row - 1]
+        row -= 1
+    best_turns[row, 0], best_turns[row, 1] = score, node
 
 
 @compiled
@@ -380,7 +397,10 @@ def follow(
     Returns:
         Number of actions, or -1 if the robot does not come home.
     """
-    c, p, route, m = constants[0], robots[0], routes[0], works[0]
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
+    m = works[0]
     s = c.shared
     m_before = starts.copy()
     works[0] = starts[0]
@@ -388,15 +408,15 @@ def follow(
         if n < len(out):
             actions[n] = out[n]
         else:
-            best, best_level = np.inf, LEVELS - 1
+            least_j, best_level = np.inf, LEVELS - 1
             m_before[0] = works[0]
             for i in range(LEVELS):
                 works[0] = m_before[0]
                 _roll(m, p, route, c, i, 0, RETURN)
                 cost_j = m_before[0].energy_j - m.energy_j + _at(home_j, m.position_m, step_m)
                 cost_j += j_per_s * (m.time_s - m_before[0].time_s + _at(home_s, m.position_m, step_m))
-                if not m.depleted and cost_j < best:
-                    best, best_level = cost_j, i
+                if not m.depleted and cost_j < least_j:
+                    least_j, best_level = cost_j, i
             works[0] = m_before[0]
             actions[n, 0], actions[n, 1], actions[n, 2] = best_level, 0, RETURN
         _roll(m, p, route, c, actions[n, 0], actions[n, 1], actions[n, 2])

@@ -53,8 +53,8 @@ def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
         if plan:  # otherwise there is no time to turn there, and the bound by other multipliers stays
             bounds = np.minimum(bounds, bounds_by_turn(rates, plan.multipliers))
         turn = int(np.argmax(bounds))
-    best = max((plan for plan in plans.values() if plan), key=lambda plan: bounds[plan.turn])
-    return with_rounding(float(bounds[turn])), best
+    best_plan = max((plan for plan in plans.values() if plan), key=lambda plan: bounds[plan.turn])
+    return with_rounding(float(bounds[turn])), best_plan
 
 
 def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
@@ -66,7 +66,7 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
     standing_w = rates.standing_w.min(axis=1)[place]
     # Columns: metres out by speed and rate, metres home by speed, seconds at a stand, samples on board at the far end,
     # samples sent, and the share of the piece that is reached; for every piece.
-    widths = [pieces * one for one in (ways, LEVELS, 1, 1, 1, 1)]
+    widths = [pieces * columns for columns in (ways, LEVELS, 1, 1, 1, 1)]
     nothing, eye = np.zeros(3 * pieces), sparse.identity(pieces)
     driven = _per_piece(np.ones((pieces, ways))), _per_piece(np.ones((pieces, LEVELS)))
     sent_moving = _per_piece(rates.radio_hz[:pieces, 1, None, None] * per_speed)
@@ -82,7 +82,9 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
         _rows(widths, {0: -sent_moving, 2: -sent_standing, 4: eye}),
         _rows(widths, {5: sparse.eye(pieces, k=1) - eye})[:-1],  # a piece is reached through the one before
     ])  # fmt: skip
-    gain, low, high = np.zeros(sum(widths)), np.zeros(sum(widths)), np.full(sum(widths), np.inf)
+    gain = np.zeros(sum(widths))
+    low = np.zeros(sum(widths))
+    high = np.full(sum(widths), np.inf)
     gain[: widths[0]] = rates.gain_per_m[place].ravel()
     low[-pieces:], high[-pieces:] = np.arange(pieces) < turn * PIECES, 1.0
     high[-3 * pieces : -2 * pieces] = rates.memory

@@ -40,9 +40,12 @@ class Problem:
 
 def problem_of(batch: Batch, index: int) -> Problem:
     """Take a mission that has just begun out of a batch."""
-    one = slice(index, index + 1)
+    mission = slice(index, index + 1)
     case = Problem(
-        batch.constants.copy(), batch.robots[one].copy(), batch.routes[one].copy(), batch.records[one].copy()
+        batch.constants.copy(),
+        batch.robots[mission].copy(),
+        batch.routes[mission].copy(),
+        batch.records[mission].copy(),
     )
     kernel.see_route(case.constants, case.start, case.route)
     return case

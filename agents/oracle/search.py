@@ -13,7 +13,7 @@ from homeward.agents.oracle.linear_programs import Plan
 from homeward.agents.oracle.problem import Problem
 from homeward.agents.oracle.rates import PIECES, Array, Rates
 from homeward.envs.actions import LEVELS
-from homeward.envs.state import GO, STOP, SURVEY
+from homeward.envs.state import GO, STOP
 
 _FINE = 4.0
 """Points along the route per shortest move of a decision, and cells of energy and backlog per greatest change in one.
@@ -55,7 +55,9 @@ class Guide:
 
 def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Array) -> Guide:
     """Guide of a mission out and back that turns within the place of its plan."""
-    sums, multipliers, count = lagrangian_sums(rates, plan.multipliers), plan.multipliers, len(rates.radio_hz)
+    sums = lagrangian_sums(rates, plan.multipliers)
+    multipliers = plan.multipliers
+    count = len(rates.radio_hz)
     ends = np.full(count + 1, _NEVER)  # greatest Lagrangian of a turn at a border or beyond it
     for piece in range(plan.turn * PIECES, (plan.turn + 1) * PIECES):
         far, near = sums.way[piece + 1], sums.way[piece]
@@ -64,7 +66,8 @@ def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Ar
     ahead = ends - sums.way + sums.home - sums.fallen
     borders = np.arange(count + 1) * rates.piece_m
     planned = borders[: len(plan.energy_j) + 1]
-    most_j, most_samples = rates.out_w.max() * decision_s, rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
+    most_j = rates.out_w.max() * decision_s
+    most_samples = rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
     return Guide(
         multipliers=np.array([multipliers.per_j, multipliers.per_s, 0.0]),
         per_sample=np.interp(points_m, borders, multipliers.per_sample),
@@ -81,9 +84,9 @@ def guide_patrol(rates: Rates, multipliers: Multipliers, pit_stop_s: float, poin
     """Guide of a patrol: the rest of the mission is that of the lap under way, with its pit stops."""
     per_m = ((multipliers.per_j * leg_w(rates) + multipliers.per_s) / rates.speeds_mps).min(axis=1)
     borders = np.arange(rates.places + 1) * rates.place_m
-    out, home = (
-        np.interp(points_m, borders, np.append(0.0, np.cumsum(leg * rates.place_m))) for leg in np.split(per_m, 2)
-    )
+    out_per_m, home_per_m = np.split(per_m, 2)
+    out = np.interp(points_m, borders, np.append(0.0, np.cumsum(out_per_m * rates.place_m)))
+    home = np.interp(points_m, borders, np.append(0.0, np.cumsum(home_per_m * rates.place_m)))
     standing_per_s = multipliers.per_j * float(rates.standing_w.min()) + multipliers.per_s
     pit_stop = standing_per_s * pit_stop_s
     return Guide(
@@ -112,19 +115,21 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     step_m, most_m = points_m[1], rates.speeds_mps[-1] * float(s["decision_s"])
     cell_m = max(_FINE * step_m, most_m / _MOST_CELLS)
     room = np.zeros((int(most_m / cell_m) + 2, kernel.CELLS**2), case.start.dtype)
-    parents, codes, found = np.empty(_NODES, np.int64), np.empty(_NODES, np.int8), np.empty((_TRIED, 2))
+    parents = np.empty(_NODES, np.int64)
+    codes = np.empty(_NODES, np.int8)
+    best_turns = np.empty((_TRIED, 2))
     actions = np.empty((int(s["max_decisions"]), 3), np.int64)
     j_per_s = guide.multipliers[1] / guide.multipliers[0] if guide.multipliers[0] > 0.0 else 0.0
     records, work = (case.constants, case.robot, case.route, case.start), case.start.copy()
     home = np.full((2, len(points_m)), np.inf)  # energy (J) and time (s)
     kernel.way_home(*records, work, step_m, j_per_s, home[0], home[1])
-    levels = LEVELS if s["mission"] == SURVEY else 1
+    levels = LEVELS if s["senses"] else 1
     for reserve in _RESERVES:
         kernel.search(
             *records, room, levels, guide.multipliers, guide.per_sample, guide.ahead, guide.plan, reserve * home[0],
-            home[1], step_m, np.array([cell_m, *guide.cells]), parents, codes, found,
+            home[1], step_m, np.array([cell_m, *guide.cells]), parents, codes, best_turns,
         )  # fmt: skip
-        for score, node in found:
+        for score, node in best_turns:
             if score > 0.0:
                 out = _actions_to(int(node), parents, codes)
                 count = kernel.follow(*records, work, out, home[0], home[1], j_per_s, step_m, actions)

@@ -110,16 +110,20 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
             + drives[1, LEVELS]
             + b.gain * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
         )
-        best, best_energy, best_sample = -1.0, information / cost, 0.0
+        most_information = -1.0
+        best_energy = information / cost
+        best_sample = 0.0
         for eagerness in EAGERNESS:
             for stop in STOPS:
                 energy_multiplier = eagerness * information / cost
                 sample_multiplier = 0.0
                 if stop >= 0.0:
                     sample_multiplier = energy_multiplier * b.gain * model.standing / _radio(s, stop * s.link_m, False)
-                found = _follow(b, model, s, drives, energy_multiplier, sample_multiplier)
-                if found > best:
-                    best, best_energy, best_sample = found, energy_multiplier, sample_multiplier
+                information_found = _follow(b, model, s, drives, energy_multiplier, sample_multiplier)
+                if information_found > most_information:
+                    most_information = information_found
+                    best_energy = energy_multiplier
+                    best_sample = sample_multiplier
         _command(b, model, s, drives[0], best_energy, best_sample, commands[n])
 
 
@@ -137,13 +141,15 @@ def efficient_speeds(beliefs: Any, vehicle: Any, models: Any, constants: Any, ah
     """
     s, model = constants[0], models[0]
     for n in range(len(beliefs)):
-        least, drive, b = np.inf, np.zeros(LEVELS + 1), beliefs[n]
+        least_cost = np.inf
+        drive = np.zeros(LEVELS + 1)
+        b = beliefs[n]
         _drive(b, vehicle, model, s, b.sine_here, drive)
         for speed in range(LEVELS):
             home = ahead[n] < 0.0
             cost = _cost(b, vehicle, model, s, speed, b.sine_here, -1.0) if home else drive[speed]
-            if cost < least and (home or _fits(b, model, s, drive, speed)):
-                least, speeds_mps[n] = cost, model.speeds_mps[speed]
+            if cost < least_cost and (home or _fits(b, model, s, drive, speed)):
+                least_cost, speeds_mps[n] = cost, model.speeds_mps[speed]
 
 
 @called
@@ -156,10 +162,10 @@ def _radio(s: Any, position_m: float, moving: bool) -> float:
 @called
 def _metre(model: Any, speed: int, sine: float) -> float:
     """Energy of a metre by the model at a speed level, interpolated linearly in the sine of the slope."""
-    last = model.per_m.shape[1] - 1
-    at = (min(max(sine / model.steepest, -1.0), 1.0) + 1.0) * 0.5 * last
-    low = min(int(at), last - 1)
-    return float(model.per_m[speed, low] + (at - low) * (model.per_m[speed, low + 1] - model.per_m[speed, low]))
+    last_sine = model.per_m.shape[1] - 1
+    entry = (min(max(sine / model.steepest, -1.0), 1.0) + 1.0) * 0.5 * last_sine
+    low = min(int(entry), last_sine - 1)
+    return float(model.per_m[speed, low] + (entry - low) * (model.per_m[speed, low + 1] - model.per_m[speed, low]))
 
 
 @called
@@ -167,14 +173,16 @@ def _best_way(
     energy_gain: float, model: Any, drive: Any, interest: float, energy_multiplier: float, sample_multiplier: float
 ) -> tuple[int, int]:
     """Levels of speed and sensing rate that maximise the Lagrangian of a metre out; `energy_gain` is `gain` of `b`."""
-    best, best_speed, best_rate = -1e300, LEVELS - 1, 0
+    best_value = -1e300
+    best_speed = LEVELS - 1
+    best_rate = 0
     for speed in range(LEVELS):
         s_per_m = 1.0 / model.speeds_mps[speed]
         for rate in range(LEVELS):
             value = interest * model.found[speed, rate] - sample_multiplier * model.rates_hz[rate] * s_per_m
             value -= energy_multiplier * (drive[speed] + energy_gain * model.sensing[rate] * s_per_m)
-            if value > best:
-                best, best_speed, best_rate = value, speed, rate
+            if value > best_value:
+                best_value, best_speed, best_rate = value, speed, rate
     return best_speed, best_rate
 
 
@@ -192,7 +200,7 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_multiplier: float, s
     place = min(int(b.position_m * s.per_place_m), s.places - 1)
     position_m, margin, backlog = b.position_m, b.margin, b.backlog
     left_s = b.left_s - position_m / s.cruise_mps
-    found, stretch = 0.0, -1
+    information, stretch = 0.0, -1
     way = _way(model, b.gain, drives[0], b.interest_here, model.spread[0], energy_multiplier, sample_multiplier)
     for k in range(place, s.places):
         if stretch + 1 < len(AHEAD) and k - place == AHEAD[stretch + 1][0]:
@@ -216,9 +224,9 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_multiplier: float, s
         margin -= way_m * energy
         left_s -= way_m * (time_s + 1.0 / s.cruise_mps)
         sent = way_m * time_s * _radio(s, position_m, True)
-        taken = way_m * samples
-        backlog = max(backlog + taken - sent, 0.0)
-        found += way_m * gain
+        samples_taken = way_m * samples
+        backlog = max(backlog + samples_taken - sent, 0.0)
+        information += way_m * gain
         if backlog > s.backlog_limit:
             # It stops until there is room, or loses what does not fit if energy or time do not suffice.
             excess, radio_hz = backlog - s.backlog_limit, _radio(s, position_m, False)
@@ -228,10 +236,10 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_multiplier: float, s
                 margin -= stop_s * b.gain * model.standing
                 left_s -= stop_s
             else:
-                found -= way_m * gain * min(excess / max(taken, 1e-9), 1.0)
+                information -= way_m * gain * min(excess / max(samples_taken, 1e-9), 1.0)
         if way_m < room_m:
             break
-    return found
+    return information
 
 
 @called
@@ -314,6 +322,8 @@ def _command(
         stops = stops or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
     while not _fits(b, model, s, drive, speed):
         speed -= 1
-    command[0], command[1], command[2] = model.speeds_mps[speed], model.rates_hz[rate], 1.0 if stops else 0.0
+    command[0] = model.speeds_mps[speed]
+    command[1] = model.rates_hz[rate]
+    command[2] = 1.0 if stops else 0.0
     if stops:
         command[1] = 0.0

@@ -17,11 +17,12 @@ from homeward.agents.rules.dmax_lap import LapRule
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.turn_back import BelievingRule, sees_posts
 from homeward.envs.actions import LEVELS, at_level, encode_actions, limits
+from homeward.envs.features import INTEREST_UNIT, SINE_UNIT
 from homeward.envs.options import Known
 from homeward.envs.routes import thresholds as routes_thresholds
 from homeward.envs.routes.route import GENERATED_PLACES, INTEREST_DEVIATION, INTEREST_LENGTH
 from homeward.envs.sensing import information
-from homeward.envs.state import AHEAD, GO, PATROL, RETURN, STOP, SURVEY
+from homeward.envs.state import AHEAD, GO, RETURN, STOP
 from homeward.estimation.prior import (
     EAST,
     GAIN,
@@ -63,31 +64,34 @@ class Planner(Policy):
     def __init__(self, known: Known, deviations: float) -> None:
         self._known = known
         s, robot = known.shared[0], known.robot
-        self._survey = bool(s["mission"] == SURVEY)
-        pace = Pace(float(self._survey), 0.0, 1.0)
+        self._senses = bool(s["senses"])
+        pace = Pace(float(self._senses), 0.0, 1.0)
         self.rule: BelievingRule
         self._belief: Belief | None = None
         self._vehicle = vehicle_of(known)
-        if s["mission"] == PATROL:
+        if s["shuttles"]:
             self.rule = (LapRule if sees_posts(known) else AdaptiveDmaxRule)(known, pace, deviations)
         else:
             self.rule = rule = BeliefDmaxRule(known, pace, deviations, float(s["min_speed_mps"]))
             self._belief = rule.belief
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
-        model["speeds_mps"], model["rates_hz"] = (at_level(np.arange(LEVELS), *ends) for ends in limits(known))
+        speed_limits, rate_limits = limits(known)
+        model["speeds_mps"] = at_level(np.arange(LEVELS), *speed_limits)
+        model["rates_hz"] = at_level(np.arange(LEVELS), *rate_limits)
         idle_w = ancillary_power(robot, 0.0)
         model["sensing"] = (ancillary_power(robot, model["rates_hz"]) - idle_w) / s["usable_j"]
-        model["standing"], model["steepest"] = idle_w / s["usable_j"], routes_thresholds.STEEPEST_SINE
+        model["standing"] = idle_w / s["usable_j"]
+        model["steepest"] = routes_thresholds.STEEPEST_SINE
         sines = np.linspace(-routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, model["per_m"].shape[1])
         for level, speed_mps in enumerate(model["speeds_mps"]):
             model["per_m"][level] = 1.0 / np.asarray(d_max(robot, float(speed_mps), np.arcsin(sines)))
         model["interest"] = s["information_per_m"] / _TYPICAL_SHARE
-        model["found"] = [
-            [information(1.0, 1.0, rate_hz / speed_mps, 1.0, s["saturation_per_m"]) for rate_hz in model["rates_hz"]]
-            for speed_mps in model["speeds_mps"]
-        ]
-        model["spread"] = [_spread(last - first) for first, last in AHEAD]
+        for speed_level, speed_mps in enumerate(model["speeds_mps"]):
+            for rate_level, rate_hz in enumerate(model["rates_hz"]):
+                per_m = information(1.0, 1.0, rate_hz / speed_mps, 1.0, s["saturation_per_m"])
+                model["found"][speed_level, rate_level] = per_m
+        model["spread"] = [_spread(end - start) for start, end in AHEAD]
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission, see `Policy.act`."""
@@ -99,11 +103,11 @@ class Planner(Policy):
         `rule.turns` must have been called with the same observations before: it updates the belief.
         """
         s, beliefs = self._known.shared[0], self._beliefs(observations)
-        outwards = feature(observations, "outbound") if s["mission"] == PATROL else 1.0
+        outwards = feature(observations, "outbound") if s["shuttles"] else 1.0
         speed_mps, sensing_hz, stops = np.zeros((3, len(observations)))
         numbers = self._vehicle, self._model, self._known.shared
         kernel.efficient_speeds(beliefs, *numbers, np.where(homebound, -1.0, outwards), speed_mps)
-        if self._survey:
+        if self._senses:
             out = ~homebound
             commands = np.empty((out.sum(), 3))
             kernel.plan(beliefs[out], *numbers, commands)
@@ -135,11 +139,11 @@ class Planner(Policy):
         outwards = feature(observations, "outbound")
         for name in ("east", "north"):
             beliefs[name] = outwards * feature(observations, name)
-        beliefs["sine_here"] = 0.1 * outwards * feature(observations, "grade")
-        beliefs["interest_here"] = 2.0 * feature(observations, "interest")
-        for stretch, (first, _) in enumerate(AHEAD):
-            beliefs["sine_ahead"][:, stretch] = 0.1 * feature(observations, f"grade_{first}")
-            beliefs["interest_ahead"][:, stretch] = 2.0 * feature(observations, f"interest_{first}")
+        beliefs["sine_here"] = SINE_UNIT * outwards * feature(observations, "grade")
+        beliefs["interest_here"] = INTEREST_UNIT * feature(observations, "interest")
+        for stretch, (start, _) in enumerate(AHEAD):
+            beliefs["sine_ahead"][:, stretch] = SINE_UNIT * feature(observations, f"grade_{start}")
+            beliefs["interest_ahead"][:, stretch] = INTEREST_UNIT * feature(observations, f"interest_{start}")
         return beliefs
 
 

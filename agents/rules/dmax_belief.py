@@ -36,7 +36,7 @@ class BeliefDmaxRule(BelievingRule):
         super().__init__(known, pace, deviations)
         s = known.shared[0]
         self._onwards_mps = float(s["cruise_mps"])
-        if step_mps is not None and not self._patrol:
+        if step_mps is not None and not self._shuttles:
             self._onwards_mps, self._outward_m = step_mps, step_mps * float(s["decision_s"])
         self.belief = Belief(known, thresholds.MISSED)
 
@@ -50,7 +50,8 @@ class BeliefDmaxRule(BelievingRule):
         onwards["speed_mps"] = self._onwards_mps
         onwards["onwards_j"] = self._extra_share * s["usable_j"]
         onwards["onwards_j"] += self.belief.estimator.vehicle.idle_w * onwards["onwards_s"]
-        now, then = (self.belief.margin(plan, 0.0).total for plan in (home, onwards))
+        now = self.belief.margin(home, 0.0).total
+        then = self.belief.margin(onwards, 0.0).total
         full_j = s["usable_j"] / self.belief.estimator.mean()[:, PER_CAPACITY]
         return Outlook(
             left=now["left_j"] / full_j,

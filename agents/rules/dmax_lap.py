@@ -68,10 +68,15 @@ class LapRule(BelievingRule):
         """Process arrivals at posts; energies are shares of the usable energy."""
         if len(begun) != len(self._away):
             self._forget(len(begun))
-        self._laps[:, begun], self._arrival[begun], self._left[begun], self._away[begun] = 0.0, 1.0, 1.0, False
+        self._laps[:, begun] = 0.0
+        self._arrival[begun] = 1.0
+        self._left[begun] = 1.0
+        self._away[begun] = False
         lap = self.cost_of_going_on(observations)
-        self._first, self._back = np.where(begun, lap, self._first), np.where(begun, 0.5 * lap, self._back)
-        energy, distance_m = feature(observations, "metered"), feature(observations, "distance") * self._reach_m
+        self._first = np.where(begun, lap, self._first)
+        self._back = np.where(begun, 0.5 * lap, self._back)
+        energy = feature(observations, "metered")
+        distance_m = feature(observations, "distance") * self._reach_m
         comes_home = self._away & (distance_m <= 0.0)
         comes_far = ~self._away & (distance_m > 0.0) & self._may_turn(distance_m)
         is_first = comes_home & (self._left == 1.0)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
 from homeward.envs.actions import encode_actions
+from homeward.envs.features import INTEREST_UNIT
 from homeward.envs.options import Known
 from homeward.envs.state import GO, RETURN, STOP
 
@@ -37,7 +38,7 @@ class Pace:
     def act(self, known: Known, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
         """Actions of missions that go on or, where `homebound` of shape (n,), head home; shape (n, 3)."""
         s = known.shared[0]
-        worth = ~homebound & (2.0 * feature(observations, "interest") >= self.interest)
+        worth = ~homebound & (INTEREST_UNIT * feature(observations, "interest") >= self.interest)
         waits = worth & (feature(observations, "backlog") >= self.full)
         sensing_hz = np.where(worth & ~waits, self.rate * s["max_sensing_hz"], 0.0)
         mode = np.where(homebound, RETURN, np.where(waits, STOP, GO))

@@ -11,6 +11,7 @@ tuned again, at `harsh` on 1,024 missions: a larger reserve on Patrol, and the s
 from __future__ import annotations
 
 from homeward.agents.rules.pace import NO_SENSING, Pace
+from homeward.envs.missions import MISSIONS
 
 PACES = {
     "OutAndBack": NO_SENSING,
@@ -28,3 +29,25 @@ RESERVES = {
 }
 """Reserves: shares of the usable energy; of `dmax_adaptive`, `dmax_belief` and `planner` standard deviations of the
 margin."""
+
+
+def pace_of(mission: str) -> Pace:
+    """Pace of a mission, or of that which it names as `tuned_as`.
+
+    Raises:
+        KeyError: It has neither.
+    """
+    return PACES[_tuned_as(mission)]
+
+
+def reserve_of(rule: str, mission: str) -> float:
+    """Reserve of a rule on a mission, or on that which it names as `tuned_as`.
+
+    Raises:
+        KeyError: It has neither.
+    """
+    return RESERVES[rule][_tuned_as(mission)]
+
+
+def _tuned_as(mission: str) -> str:
+    return MISSIONS[mission].tuned_as or mission

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from homeward.agents import thresholds
 from homeward.agents.base import Observations, Policy, feature
 from homeward.agents.rules.pace import Pace
+from homeward.envs.features import SINE_UNIT
 from homeward.envs.options import Known
 from homeward.envs.routes import thresholds as routes_thresholds
-from homeward.envs.state import PATROL
 from homeward.physics import ancillary_power, d_max
 
 
@@ -51,7 +51,7 @@ class TurnBackRule(Policy):
         self._known, self._pace = known, pace
         self._turned = np.zeros(0, np.bool_)
         s = known.shared[0]
-        self._patrol = bool(s["mission"] == PATROL)
+        self._shuttles = bool(s["shuttles"])
         self._sines = np.linspace(-routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, 281)
         # Eq. 8 with a full battery: share of it that a metre consumes at each grade.
         self._shares_per_m = 1.0 / np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
@@ -60,7 +60,7 @@ class TurnBackRule(Policy):
         idle_w, busy_w = ancillary_power(known.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
         outward_s = self.chances * s["decision_s"]
         extra_j = outward_s * (busy_w - idle_w)
-        if self._patrol:
+        if self._shuttles:
             outward_s = max(outward_s, s["length_m"] / s["cruise_mps"])
             extra_j = 2.0 * s["pit_stop_s"] * idle_w
         self._outward_m = float(outward_s * s["cruise_mps"])
@@ -78,7 +78,7 @@ class TurnBackRule(Policy):
         turns = (self.margin_above_reserve(observations, begun) < 0.0) | self._late(observations, distance_m)
         if self._sees_posts:
             turns &= self._may_turn(distance_m)
-        elif not self._patrol:
+        elif not self._shuttles:
             turns |= distance_m >= thresholds.AT_END * s["length_m"]
         if len(begun) != len(self._turned):
             self._turned = np.zeros(len(begun), np.bool_)
@@ -157,8 +157,8 @@ class BelievingRule(TurnBackRule):
 def sees_posts(known: Known) -> bool:
     """Whether arrivals at a patrol's posts are observable: pit stops shorter than a decision may be missed."""
     s = known.shared[0]
-    return bool(s["mission"] == PATROL and s["pit_stop_s"] >= s["decision_s"])
+    return bool(s["shuttles"] and s["pit_stop_s"] >= s["decision_s"])
 
 
 def _mean_sine(observations: Observations) -> NDArray[np.float64]:
-    return 0.1 * feature(observations, "grade_mean")
+    return SINE_UNIT * feature(observations, "grade_mean")

@@ -35,9 +35,9 @@ class Wanderer(Policy):
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission, see `Policy.act`."""
         count = len(observations)
-        levels = self._rng.integers(0, LEVELS, (2, count))
-        speed_mps, sensing_hz = (
-            at_level(level, *ends) for level, ends in zip(levels, limits(self._known), strict=True)
-        )
+        speed_levels, rate_levels = self._rng.integers(0, LEVELS, (2, count))
+        speed_limits, rate_limits = limits(self._known)
+        speed_mps = at_level(speed_levels, *speed_limits)
+        sensing_hz = at_level(rate_levels, *rate_limits)
         mode = np.where(self._rng.random(count) < 0.1, STOP, GO)  # a tenth: chosen, so that it gets far
         return encode_actions(self._known, speed_mps, sensing_hz, mode)

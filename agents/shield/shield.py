@@ -87,9 +87,9 @@ class Shield(Policy):
         s = self._known.shared[0]
         returning = feature(observations, "returning")
         asked = np.rint(returning * s["return_decisions"]) + 1.0
-        left = s["return_decisions"] - np.where(wanted.returns, asked, 0.0)
+        decisions_left = s["return_decisions"] - np.where(wanted.returns, asked, 0.0)
         # With the last of them it is final at once.
-        return np.where(returning >= 1.0, 0.0, np.maximum(left - 1.0, 0.0) * s["decision_s"])
+        return np.where(returning >= 1.0, 0.0, np.maximum(decisions_left - 1.0, 0.0) * s["decision_s"])
 
     def _late(self, observations: Observations, wanted: Commands) -> NDArray[np.bool_]:
         """Which missions would reach the time limit, less a reserve, before home, shape (n,)."""

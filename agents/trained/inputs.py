@@ -18,12 +18,12 @@ from homeward.agents.base import Observations, feature
 from homeward.agents.belief import Belief
 from homeward.agents.rules.dmax_mapped import MappedDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
-from homeward.agents.rules.reserves import PACES, RESERVES
+from homeward.agents.rules.reserves import pace_of, reserve_of
 from homeward.agents.rules.turn_back import sees_posts
 from homeward.envs.actions import LEVELS, MODES, encode_actions
-from homeward.envs.features import GAINS, INDEX, NAMES
+from homeward.envs.features import GAINS, INDEX, INTEREST_UNIT, NAMES
 from homeward.envs.options import Known
-from homeward.envs.state import GO, PATROL, RETURN, STOP
+from homeward.envs.state import GO, RETURN, STOP
 from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, PER_CAPACITY, ROLLING, WEIGHT
 from homeward.physics import ancillary_power
 
@@ -55,13 +55,21 @@ _FLEETING = (
 
 # Logits of the first policies. Chosen so that other choices are explored occasionally, at a small cost: at first cruise
 # has a probability of 93 %, no sensing 83 % (40 % on surveys), a stop 0.7 % and a return 1.5 %.
-_CRUISE, _NO_SENSING, _STOP, _GO, _RETURN = 4.0, 3.0, -3.0, 2.0, -2.2
+_CRUISE = 4.0
+_NO_SENSING = 3.0
+_STOP = -3.0
+_GO = 2.0
+_RETURN = -2.2
 _NO_SENSING_ON_SURVEYS = 1.0  # less than elsewhere: a survey scores by sensing
 _AGAIN = 12.0
 """Weight of the share of the decisions that make a return final. Without it, an explored return is hardly ever followed
 by the others, and the value of a return is not learned. Chosen: after one of three such decisions, the next has a
 probability of 45 %, after two 98 %."""
-_CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE, _RETURN_BY_RULE, _AGAIN_BY_RULE = 4.0, 6.0, -3.0, 10.0, 12.0
+_CRUISE_BY_RULE = 4.0
+_NO_SENSING_BY_RULE = 6.0
+_STOP_BY_RULE = -3.0
+_RETURN_BY_RULE = 10.0
+_AGAIN_BY_RULE = 12.0
 """The same if the first policy is the rule; `_RETURN_BY_RULE` is the weight of the negated spare energy. Chosen:
 greater, so that the rule is followed."""
 _SENSE, _WORTH = 2.5, 4.0
@@ -83,16 +91,18 @@ class BeliefInputs:
     def __init__(self, known: Known, deviations: float) -> None:
         self._known, self._deviations = known, deviations
         # By the file, with nothing sensed.
-        self._rule, self._belief = MappedDmaxRule(known, NO_SENSING, 0.0), Belief(known, thresholds.MISSED)
+        self._rule = MappedDmaxRule(known, NO_SENSING, 0.0)
+        self._belief = Belief(known, thresholds.MISSED)
         s = known.shared[0]
         idle_w = float(ancillary_power(known.robot, 0.0))
-        self._patrol, self._sees_posts = bool(s["mission"] == PATROL), sees_posts(known)
-        self._pace = PACES[known.mission]
+        self._shuttles, self._sees_posts = bool(s["shuttles"]), sees_posts(known)
+        self._pace = pace_of(known.mission)
         self._sent = float(s["radio_hz"] * s["decision_s"] / s["backlog_limit"])  # of the memory, at base
         sensing_w = float(ancillary_power(known.robot, self._pace.rate * s["max_sensing_hz"])) - idle_w
         # The next chance to turn is the next decision; of a patrol that notices its posts, a lap with its stops away.
-        onwards_m = float(s["length_m"] if self._patrol else s["cruise_mps"] * s["decision_s"])
-        onwards_s, stops_s = onwards_m / float(s["cruise_mps"]), 2.0 * float(s["pit_stop_s"]) if self._patrol else 0.0
+        onwards_m = float(s["length_m"] if self._shuttles else s["cruise_mps"] * s["decision_s"])
+        onwards_s = onwards_m / float(s["cruise_mps"])
+        stops_s = 2.0 * float(s["pit_stop_s"]) if self._shuttles else 0.0
         onwards_j = idle_w * (onwards_s + stops_s) + sensing_w * onwards_s
         self._onwards = {"onwards_m": onwards_m, "onwards_s": onwards_s, "onwards_j": onwards_j}
         self._round_s = 2.0 * onwards_s + stops_s
@@ -133,7 +143,7 @@ class BeliefInputs:
         margin = np.minimum(margin, 0.01 * decisions_left)
         if self._sees_posts:
             return np.where(distance_m <= 0.0, margin, 1.0)
-        ends = np.asarray(distance_m >= thresholds.AT_END * s["length_m"]) & (not self._patrol)
+        ends = np.asarray(distance_m >= thresholds.AT_END * s["length_m"]) & (not self._shuttles)
         return np.where(ends, -1.0, margin)
 
     def _believed(self, observations: Observations, going: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -144,7 +154,8 @@ class BeliefInputs:
         for name, value in self._onwards.items():
             plans[name] = value
         total = belief.margin(plans, 0.0).total
-        margin, deviation, way = (total[f"{name}_j"] / s["usable_j"] for name in ("margin", "margin_sd", "cost"))
+        margin, deviation = total["margin_j"] / s["usable_j"], total["margin_sd_j"] / s["usable_j"]
+        way = total["cost_j"] / s["usable_j"]
         mean = belief.estimator.mean()
         ratios = mean[:, [ROLLING, WEIGHT, GAIN]] * mean[:, [PER_CAPACITY]] - 1.0
         headwind_mps = (mean[:, EAST] + mean[:, GUST_EAST]) * feature(observations, "east")
@@ -162,7 +173,9 @@ class BeliefInputs:
             0.1 * headwind_mps,
             np.clip(100.0 * (feature(observations, "backlog") - self._pace.full), -1.0, 1.0),
             np.minimum(feature(observations, "backlog") / sent - 1.0, 1.0),
-            np.clip(3.0 * np.log(np.maximum(2.0 * feature(observations, "interest"), _ANY) / threshold), -1.0, 1.0),
+            np.clip(
+                3.0 * np.log(np.maximum(INTEREST_UNIT * feature(observations, "interest"), _ANY) / threshold), -1.0, 1.0
+            ),
             belief.looks_back(observations),
         )
         return np.stack(columns, axis=1)
@@ -170,7 +183,7 @@ class BeliefInputs:
 
 def make_inputs(known: Known) -> BeliefInputs:
     """Inputs with the reserve of the rule `dmax_belief` (`homeward.agents.rules.reserves`)."""
-    return BeliefInputs(known, RESERVES["dmax_belief"][known.mission])
+    return BeliefInputs(known, reserve_of("dmax_belief", known.mission))
 
 
 def inputs_from(description: Mapping[str, Any], known: Known) -> BeliefInputs:
@@ -215,25 +228,37 @@ def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.
     """
     columns = len(NAMES) + (0 if inputs is None else len(COLUMNS))
     build = _discrete if known.shared["discrete"][0] else _continuous
-    weight, bias = build(known, columns, PACES[known.mission].rate > 0.0, inputs is not None)
+    weight, bias = build(known, columns, pace_of(known.mission).rate > 0.0, inputs is not None)
     return weight.astype(np.float32), bias.astype(np.float32)
+
+
+def _column(name: str) -> int:
+    """Index of a column of the belief among the inputs."""
+    return len(NAMES) + _BELIEVED.index(name)
 
 
 def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[NDArray[Any], NDArray[Any]]:
     weight, bias = np.zeros((2 * LEVELS + len(MODES), columns)), np.zeros(2 * LEVELS + len(MODES))
     cruise = int(encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, 0])
-    stop, go, back = (2 * LEVELS + mode for mode in (STOP, GO, RETURN))
+    stop = 2 * LEVELS + STOP
+    go = 2 * LEVELS + GO
+    back = 2 * LEVELS + RETURN
     returning = INDEX["returning"]
     if not by_rule:
         bias[cruise], bias[LEVELS] = _CRUISE, _NO_SENSING_ON_SURVEYS if survey else _NO_SENSING
-        bias[stop], bias[go], bias[back], weight[back, returning] = _STOP, _GO, _RETURN, _AGAIN
+        bias[stop] = _STOP
+        bias[go] = _GO
+        bias[back] = _RETURN
+        weight[back, returning] = _AGAIN
         return weight, bias
     bias[cruise], bias[LEVELS], bias[stop] = _CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE
     weight[back, _SPARE], weight[back, returning] = -_RETURN_BY_RULE, _AGAIN_BY_RULE
     if survey:
-        none, sense = LEVELS, LEVELS + round((LEVELS - 1) * PACES[known.mission].rate)
+        none, sense = LEVELS, LEVELS + round((LEVELS - 1) * pace_of(known.mission).rate)
         bias[none] = bias[sense] = _SENSE
-        full, to_send, worth = (len(NAMES) + _BELIEVED.index(name) for name in ("full", "to_send", "worth"))
+        full = _column("full")
+        to_send = _column("to_send")
+        worth = _column("worth")
         weight[none, worth] = -_WORTH
         bias[stop], weight[stop, full], weight[stop, to_send], weight[stop, returning] = _STOP_ON_SURVEYS
     return weight, bias
@@ -244,7 +269,9 @@ def _continuous(known: Known, columns: int, survey: bool, by_rule: bool) -> tupl
     bias[:2] = encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, :2]
     if by_rule:
         # Each mode has a third of [-1, 1]: stop, go and return.
-        weight[2, _SPARE], weight[2, INDEX["returning"]], bias[2] = -1.0 / 3.0, 1.0, 1.0 / 3.0
+        weight[2, _SPARE] = -1.0 / 3.0
+        weight[2, INDEX["returning"]] = 1.0
+        bias[2] = 1.0 / 3.0
         if survey:
             bias[1] = 0.0
     return weight, bias

@@ -76,8 +76,8 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known, rng: Genera
     from homeward.agents.trained.onnx_graph import decode, quantities, sees_beliefs
 
     columns = quantities(known)
-    size = np.array([one.size for one in columns], np.float32)
-    zero = np.array([one.zero for one in columns], np.float32)
+    size = np.array([quantity.size for quantity in columns], np.float32)
+    zero = np.array([quantity.zero for quantity in columns], np.float32)
     physical = zero + size * rng.uniform(-1.5, 1.5, (_CHECKED, len(columns))).astype(np.float32)
     feed, seen = {INPUT: physical}, (physical - zero) / size
     if sees_beliefs(policy):
@@ -86,7 +86,7 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known, rng: Genera
     threads = onnxruntime.SessionOptions()
     threads.intra_op_num_threads = 1  # more would only wait for each other
     session = onnxruntime.InferenceSession(content, threads, providers=["CPUExecutionProvider"])
-    commands = np.stack([one.astype(np.float64) for one in session.run(list(OUTPUTS), feed)], axis=1)
+    commands = np.stack([output.astype(np.float64) for output in session.run(list(OUTPUTS), feed)], axis=1)
     outputs = policy.outputs(seen)
     actions = policy.choose(outputs)
     (_, fastest_mps), (_, most_hz) = limits(known)
@@ -105,10 +105,8 @@ def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDA
     undecided = np.zeros((len(outputs), 3), np.bool_)
     if isinstance(policy.action_space, spaces.MultiDiscrete):
         parts = np.split(outputs, np.cumsum(policy.action_space.nvec)[:-1], axis=1)
-        best = [np.sort(part, axis=1)[:, -2:] for part in parts]
-        undecided = np.stack(
-            [second >= first - thresholds.SAME_OUTPUT for second, first in (one.T for one in best)], axis=1
-        )
+        ordered = [np.sort(part, axis=1) for part in parts]
+        undecided = np.stack([part[:, -2] >= part[:, -1] - thresholds.SAME_OUTPUT for part in ordered], axis=1)
     else:
         borders = thirds(actions)
         undecided[:, 2] = np.abs(borders - np.rint(borders)) < thresholds.SAME_OUTPUT
@@ -145,11 +143,11 @@ def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
     table = Table(title=f"columns of {INPUT}, float32 (missions, {len(FEATURES)})", box=box.SIMPLE_HEAD)
     for heading in ("", "name", "unit", "meaning"):
         table.add_column(heading, overflow="fold")
-    for index, one in enumerate(quantities(known)):
-        table.add_row(str(index), one.name, one.unit, one.meaning)
+    for index, quantity in enumerate(quantities(known)):
+        table.add_row(str(index), quantity.name, quantity.unit, quantity.meaning)
     console = cli.Terminal()
     console.print(table)
-    metadata = {one.key: one.value for one in model.metadata_props}
+    metadata = {entry.key: entry.value for entry in model.metadata_props}
     if BELIEF in json.loads(metadata["inputs"]):
         console.print(
             f"{BELIEF}, float32 (missions, {len(COLUMNS)}): the columns behind the features of what "

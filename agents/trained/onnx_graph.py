@@ -19,7 +19,7 @@ from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS
 from homeward.agents.trained.policy_file import NetworkPolicy
 from homeward.envs import IDS
 from homeward.envs.actions import LEVELS, MODES, at_level, decode_actions, limits
-from homeward.envs.features import FEATURES, LIMIT
+from homeward.envs.features import FEATURES, INTEREST_UNIT, LIMIT, SINE_UNIT, WIND_UNIT_MPS
 from homeward.envs.options import Known, Options
 from homeward.envs.state import GO
 
@@ -50,15 +50,15 @@ def quantities(known: Known) -> list[PhysicalInput]:
     units = {  # of the observation: physical unit, size of one, zero
         "1": ("1", 1.0, 0.0),
         "-1 to 1": ("1", 1.0, 0.0),
-        "2": ("1", 2.0, 0.0),
+        "2": ("1", INTEREST_UNIT, 0.0),
         "usable energy": ("J", s["usable_j"], 0.0),
         "cruise power": ("W", s["cruise_w"], 0.0),
         "reach": ("m", s["reach_m"], 0.0),
         "top speed": ("m/s", s["max_speed_mps"], 0.0),
         "top rate": ("Hz", s["max_sensing_hz"], 0.0),
-        "sine 0.1": ("sine of the angle", 0.1, 0.0),
+        "sine 0.1": ("sine of the angle", SINE_UNIT, 0.0),
         "memory": ("samples", s["backlog_limit"], 0.0),
-        "10 m/s": ("m/s", 10.0, 0.0),
+        "10 m/s": ("m/s", WIND_UNIT_MPS, 0.0),
         "20 K": ("degree C", 20.0, 10.0),
         "good score": ("score", s["score_scale"], 0.0),
         "time limit": ("decisions", s["max_decisions"], 0.0),
@@ -87,8 +87,8 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
     """
     graph = _Graph()
     columns = quantities(known)
-    offset = graph.apply("Sub", INPUT, graph.constant("zero", [one.zero for one in columns]))
-    scaled = graph.apply("Div", offset, graph.constant("size", [one.size for one in columns]))
+    offset = graph.apply("Sub", INPUT, graph.constant("zero", [quantity.zero for quantity in columns]))
+    scaled = graph.apply("Div", offset, graph.constant("size", [quantity.size for quantity in columns]))
     values = graph.apply("Clip", scaled, graph.constant("lowest", -LIMIT), graph.constant("highest", LIMIT))
     inputs = [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["missions", len(columns)])]
     if sees_beliefs(policy):
@@ -114,7 +114,7 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
             graph.nodes,
             "policy",
             inputs,
-            [helper.make_tensor_value_info(*one, ["missions"]) for one in zip(OUTPUTS, types, strict=True)],
+            [helper.make_tensor_value_info(*output, ["missions"]) for output in zip(OUTPUTS, types, strict=True)],
             graph.constants,
         ),
         producer_name="homeward",
@@ -178,14 +178,14 @@ def _decode_levels(graph: _Graph, values: str, known: Known) -> None:
 
 def _decode_box(graph: _Graph, values: str, known: Known) -> None:
     """The mean action, clipped to the box, as a command."""
-    one = graph.constant("one", 1.0)
-    shares = graph.apply("Add", graph.apply("Clip", values, graph.constant("minus_one", -1.0), one), one)  # 0 to 2
+    unit = graph.constant("one", 1.0)
+    shares = graph.apply("Add", graph.apply("Clip", values, graph.constant("minus_one", -1.0), unit), unit)  # 0 to 2
     for part, output in enumerate(OUTPUTS):
         share = graph.apply("Gather", shares, graph.constant(f"{output}_column", part, np.int64), axis=1)
         if output == "mode":
             thirds = graph.apply("Mul", share, graph.constant("thirds", len(MODES) / 2.0))
-            whole = graph.apply("Cast", thirds, to=TensorProto.INT64)
-            graph.apply("Min", whole, graph.constant("last_mode", len(MODES) - 1, np.int64), into=output)
+            thirds_number = graph.apply("Cast", thirds, to=TensorProto.INT64)
+            graph.apply("Min", thirds_number, graph.constant("last_mode", len(MODES) - 1, np.int64), into=output)
         else:
             low, high = _limits(known)[output]
             above = graph.apply("Mul", share, graph.constant(f"{output}_per_share", (high - low) / 2.0))
@@ -200,7 +200,7 @@ def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str
         "difficulty": options.difficulty,
         "decision_s": float(known.shared["decision_s"][0]),
         "inputs": {
-            INPUT: [dataclasses.asdict(one) for one in quantities(known)],
+            INPUT: [dataclasses.asdict(quantity) for quantity in quantities(known)],
             **({BELIEF: [{"name": name, "meaning": meaning} for name, meaning in COLUMNS]} if beliefs else {}),
         },
         "outputs": {

@@ -22,7 +22,9 @@ from homeward.files import read_bytes
 from homeward.installed import advice
 from homeward.physics import Robot, RobotError, load_robot
 
-INPUT, BELIEF, OUTPUTS = "observation", "belief", ("speed_mps", "sensing_hz", "mode")
+INPUT = "observation"
+BELIEF = "belief"
+OUTPUTS = ("speed_mps", "sensing_hz", "mode")
 
 OPERATIONS = frozenset({
     "Add", "ArgMax", "Cast", "Clip", "Concat", "Div", "Gather", "Gemm", "Min", "Mul", "Slice", "Sub", "Tanh",
@@ -52,7 +54,10 @@ class OnnxPolicy(Policy):
         zero: NDArray[np.float64],
         inputs: BeliefInputs | None = None,
     ) -> None:
-        self._session, self._trained, self._size, self._zero = session, trained, size, zero
+        self._session = session
+        self._trained = trained
+        self._size = size
+        self._zero = zero
         self.inputs = inputs
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
@@ -78,12 +83,13 @@ def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
     metadata = session.get_modelmeta().custom_metadata_map
     try:
         columns, setting = json.loads(metadata["inputs"])[INPUT], json.loads(metadata["setting"])
-        if [one["name"] for one in columns] != list(NAMES):
+        if [column["name"] for column in columns] != list(NAMES):
             raise PolicyFileError(f"{path} needs other features than this version has: export it again")
         setting["robot"] = _robot(metadata["robot_file"])
         trained, known = known_of(Options(**setting)), known_of(Options(**setting | other))
         inputs = inputs_from(json.loads(metadata["beliefs"]), known) if "beliefs" in metadata else None
-        size, zero = (np.array([number(one[name]) for one in columns]) for name in ("size", "zero"))
+        size = np.array([number(column["size"]) for column in columns])
+        zero = np.array([number(column["zero"]) for column in columns])
     except (PolicyFileError, OptionError, RobotError, RouteError):
         raise
     except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
@@ -125,7 +131,7 @@ def _refuse_foreign(path: Path, model: Any) -> None:
     if any(constant.external_data for constant in model.graph.initializer):
         raise PolicyFileError(f"{path} has weights in another file, which no export has: export it again")
     for value in (*model.graph.value_info, *model.graph.output):
-        size = math.prod(max(one.dim_value, 1) for one in value.type.tensor_type.shape.dim)
+        size = math.prod(max(dimension.dim_value, 1) for dimension in value.type.tensor_type.shape.dim)
         if size > MOST_VALUES:
             raise PolicyFileError(f"{path} computes {size:.3g} values at once, which no export does: export it again")
 

@@ -79,26 +79,28 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
         options: Options of the environment.
         known: Its constants.
     """
-    training, code = (_mapping(description.get(name)) for name in ("training", "made_with"))
+    training, code = _mapping(description.get("training")), _mapping(description.get("made_with"))
     here: dict[str, Any] = {"env": env, **vars(options)}
     different = [name for name in _COMPARED if name in training and str(training[name]) != str(here[name])]
     # By their contents: a file may have changed, or moved.
     for name, numbers in (("robot", robot_hash(known)), ("instruments", _instruments_hash(known))):
         if name in code:
-            different = [one for one in different if one != name]
+            different = [option for option in different if option != name]
             different += [name] if code[name] != numbers else []
     if _weather(training.get("weather"), training.get("difficulty")) == _weather(options.weather, options.difficulty):
         different = [name for name in different if name != "weather"]
     if "difficulty" in different:  # which the others follow from where they are left to the default
         left = {name for name in ("instruments", "weather") if training.get(name) is None and here[name] is None}
         different = [name for name in different if name not in left]
-    found = [f"{name} {_said(here[name])} (trained with {_trained_with(training, name, here)})" for name in different]
+    sentences = [
+        f"{name} {_said(here[name])} (trained with {_trained_with(training, name, here)})" for name in different
+    ]
     decision_s, trained_s = float(known.shared["decision_s"][0]), description.get("decision_s", 0.0)
     # Where both are left to the default, it follows from the robot.
     chosen = training.get("decision_s") is not None or options.decision_s is not None or "robot" not in different
     if trained_s and chosen and trained_s != decision_s:
-        found.append(f"decision_s {decision_s:g} (trained with {trained_s:g})")
-    return found
+        sentences.append(f"decision_s {decision_s:g} (trained with {trained_s:g})")
+    return sentences
 
 
 def _trained_with(training: Mapping[str, Any], name: str, here: Mapping[str, Any]) -> str:

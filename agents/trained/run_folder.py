@@ -85,25 +85,25 @@ def open_run(
         leftover.unlink()
     if not any((folder / name).is_file() for name in (DESCRIPTION, CHECKPOINT, PREVIOUS)):
         return _write(folder, run, RunState.NEW)
-    known = _read(folder)
-    difference = _difference(known, run)
+    stored = _read(folder)
+    difference = _difference(stored, run)
     if difference and replace:
-        _keep_longer(folder, known, run["settings"]["steps"])
+        _keep_longer(folder, stored, run["settings"]["steps"])
         _remove(folder)
         return _write(folder, run, RunState.REPLACED)
     if difference:
         raise TrainingError(
             f"{folder} holds a run {difference}: choose another --out, or remove it and train anew with --replace"
         )
-    return _go_on(folder, known, run["settings"]["steps"], resume)
+    return _go_on(folder, stored, run["settings"]["steps"], resume)
 
 
-def _keep_longer(folder: Path, known: Mapping[str, Any], steps: int) -> None:
-    taken = _steps_of_policy(folder)
-    if taken is not None and steps < max(taken, known["settings"]["steps"]):
+def _keep_longer(folder: Path, stored: Mapping[str, Any], steps: int) -> None:
+    steps_of_policy = _steps_of_policy(folder)
+    if steps_of_policy is not None and steps < max(steps_of_policy, stored["settings"]["steps"]):
         raise TrainingError(
-            f"{folder} contains a policy trained on {taken} steps, which a run of {steps} steps must not replace: "
-            "choose another --out, or delete it first"
+            f"{folder} contains a policy trained on {steps_of_policy} steps, which a run of {steps} steps must not "
+            "replace: choose another --out, or delete it first"
         )
 
 
@@ -112,20 +112,20 @@ def extended_from(folder: Path) -> list[int]:
     return list(_read(folder)["extended_from"])
 
 
-def _go_on(folder: Path, known: dict[str, Any], steps: int, resume: bool) -> RunState:
-    taken = _steps_of_policy(folder)
-    if taken == steps:
+def _go_on(folder: Path, stored: dict[str, Any], steps: int, resume: bool) -> RunState:
+    steps_of_policy = _steps_of_policy(folder)
+    if steps_of_policy == steps:
         return RunState.FINISHED
     if not resume:
-        held = "this run unfinished" if taken is None else f"this run, of {taken} steps"
-        raise TrainingError(f"{folder} holds {held}: continue it with --resume, or choose another --out")
-    goal = known["settings"]["steps"]
+        held_run = "this run unfinished" if steps_of_policy is None else f"this run, of {steps_of_policy} steps"
+        raise TrainingError(f"{folder} holds {held_run}: continue it with --resume, or choose another --out")
+    goal = stored["settings"]["steps"]
     if steps == goal:
         return RunState.CONTINUED
     if not any((folder / name).is_file() for name in (CHECKPOINT, PREVIOUS)):
         raise TrainingError(f"{folder} contains no checkpoint to continue from: choose another --out")
-    extended = {"settings": known["settings"] | {"steps": steps}, "extended_from": [*known["extended_from"], goal]}
-    return _write(folder, known | extended, RunState.CONTINUED)
+    extended = {"settings": stored["settings"] | {"steps": steps}, "extended_from": [*stored["extended_from"], goal]}
+    return _write(folder, stored | extended, RunState.CONTINUED)
 
 
 def _write(folder: Path, run: Mapping[str, Any], state: RunState) -> RunState:
@@ -135,28 +135,28 @@ def _write(folder: Path, run: Mapping[str, Any], state: RunState) -> RunState:
 
 def _read(folder: Path) -> dict[str, Any]:
     try:
-        known = read_json(folder / RUN)
+        stored = read_json(folder / RUN)
         # A run of an early version holds its settings only: made with other code, as far as anyone can tell.
-        run: dict[str, Any] = {"made_with": {}, "extended_from": []} | known
-        whole = all(isinstance(run[name], dict) for name in ("settings", "made_with"))
-        if whole and isinstance(run["settings"].get("steps"), int) and isinstance(run["extended_from"], list):
+        run: dict[str, Any] = {"made_with": {}, "extended_from": []} | stored
+        has_both = all(isinstance(run[name], dict) for name in ("settings", "made_with"))
+        if has_both and isinstance(run["settings"].get("steps"), int) and isinstance(run["extended_from"], list):
             return run
     except (ValueError, KeyError, TypeError):
         pass
     raise TrainingError(f"{folder / RUN} does not describe a training run: choose another --out")
 
 
-def _difference(known: Mapping[str, Any], run: Mapping[str, Any]) -> str:
+def _difference(stored: Mapping[str, Any], run: Mapping[str, Any]) -> str:
     """Difference between the folder's run and this one; more steps are no difference."""
-    settings, wanted = known["settings"], run["settings"]
-    others = [
+    settings, wanted = stored["settings"], run["settings"]
+    other_settings = [
         f"{name} {settings.get(name)!r}"
         for name in wanted
         if settings.get(name) != wanted[name] and not (name == "steps" and settings["steps"] < wanted["steps"])
     ]
-    if others:
-        return f"with other settings ({', '.join(others)})"
-    changed = [name for name, value in run["made_with"].items() if known["made_with"].get(name) != value]
+    if other_settings:
+        return f"with other settings ({', '.join(other_settings)})"
+    changed = [name for name, value in run["made_with"].items() if stored["made_with"].get(name) != value]
     return f"made before a change of {', '.join(changed)}" if changed else ""
 
 

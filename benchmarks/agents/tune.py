@@ -45,7 +45,8 @@ from homeward.agents.rules.reserves import PACES
 from homeward.agents.rules.soc50 import StateOfChargeRule
 from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward
-from homeward.envs.options import MISSIONS, Known, OptionError, Options, known_of
+from homeward.envs.missions import MISSIONS
+from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.routes.route import GENERATED, HIDDEN_WIND
 from homeward.parallel import ClusterError, run_tasks
 

@@ -168,12 +168,12 @@ def read(m: Any, shared: Any, used_j: float) -> None:
     noise = shared.power_noise * normal(m.key, m.decisions, POWER)
     m.read_w = power_w * (m.meter_gain + noise) + m.meter_offset_w
     # A gauge shows a share of charge, and lags by a first order behind one that falls evenly over the decision.
-    before = (m.energy_j + used_j) / m.capacity_j
+    share_before = (m.energy_j + used_j) / m.capacity_j
     if shared.curved:
-        soc, before = battery.charge_share(shared.curve, soc), battery.charge_share(shared.curve, before)
+        soc, share_before = battery.charge_share(shared.curve, soc), battery.charge_share(shared.curve, share_before)
     g = shared.gauges[m.gauge]
-    behind = (before - soc) * g.lag_decisions
-    m.soc_followed = soc + behind + (m.soc_followed - before - behind) * g.keeps
+    lag_share = (share_before - soc) * g.lag_decisions
+    m.soc_followed = soc + lag_share + (m.soc_followed - share_before - lag_share) * g.keeps
     shown = m.soc_followed
     if g.maps or g.resets:
         shown = gauges.shown_by(m, shared, shown, soc, power_w)
@@ -205,8 +205,8 @@ def meter(m: Any, shared: Any) -> None:
         m.metered = m.soc
         return
     metered, step = m.metered_j * shared.per_usable_j, m.read_w * shared.decision_s * shared.per_usable_j
-    behind = step * shared.soc_lag_decisions
-    m.metered_followed = metered - behind + (m.metered_followed - metered + step + behind) * shared.soc_keeps
+    lag_metered = step * shared.soc_lag_decisions
+    m.metered_followed = metered - lag_metered + (m.metered_followed - metered + step + lag_metered) * shared.soc_keeps
     m.soc_lowest = gauges.lowest_believed(m.soc_lowest, m.soc)
     if m.soc_lowest != gauges.LOST:
         m.sum_used_metered += (1.0 - m.soc) * m.metered_followed

@@ -184,16 +184,16 @@ def _read_fit(path: Path) -> Track:
     except Exception as error:  # a damaged file raises anything, from FitError to AssertionError
         raise RouteError(f"{path}: is not a whole FIT file: {_first_line(error)}") from None
     elevation, latitude, longitude, distance = np.array(rows, dtype=np.float64).reshape(-1, 4).T
-    here, along = np.isfinite(latitude) & np.isfinite(longitude), np.isfinite(distance)
-    if here.sum() < 2 and along.sum() < 2:
+    has_position, along = np.isfinite(latitude) & np.isfinite(longitude), np.isfinite(distance)
+    if has_position.sum() < 2 and along.sum() < 2:
         raise RouteError(
             f"{path}: its records hold neither positions nor distances; give one that was recorded outdoors"
         )
-    kept = along if along.sum() >= 2 else here
-    way_m = distance[kept] if along.sum() >= 2 else None
-    if not here[kept].all():
-        return Track(elevation[kept], distance_m=way_m)
-    return Track(elevation[kept], latitude[kept] * _TO_DEGREES, longitude[kept] * _TO_DEGREES, way_m)
+    in_use = along if along.sum() >= 2 else has_position
+    way_m = distance[in_use] if along.sum() >= 2 else None
+    if not has_position[in_use].all():
+        return Track(elevation[in_use], distance_m=way_m)
+    return Track(elevation[in_use], latitude[in_use] * _TO_DEGREES, longitude[in_use] * _TO_DEGREES, way_m)
 
 
 READERS: dict[str, Callable[[Path], Track]] = {".gpx": _read_gpx, ".fit": _read_fit}
@@ -300,19 +300,20 @@ def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array
         _refuse_jump(np.hypot(np.diff(east_m), np.diff(north_m)), name)
     if track.distance_m is not None:
         further = np.concatenate(([True], track.distance_m[1:] > np.maximum.accumulate(track.distance_m)[:-1]))
-        kept = np.flatnonzero(further)
-        distance = track.distance_m[kept] - track.distance_m[kept[0]]
+        points = np.flatnonzero(further)
+        distance = track.distance_m[points] - track.distance_m[points[0]]
     else:
         assert east_m is not None and north_m is not None
-        kept = _apart(east_m, north_m)
+        points = _apart(east_m, north_m)
         # Each kept point represents those near it.
-        size = np.diff(np.append(kept, len(elevation)))
-        elevation, east_m, north_m = (np.add.reduceat(values, kept) / size for values in (elevation, east_m, north_m))
+        size = np.diff(np.append(points, len(elevation)))
+        elevation = np.add.reduceat(elevation, points) / size
+        east_m, north_m = np.add.reduceat(east_m, points) / size, np.add.reduceat(north_m, points) / size
         steps = np.hypot(np.diff(east_m), np.diff(north_m))
         return np.concatenate(([0.0], np.cumsum(steps))), elevation, east_m, north_m
     if east_m is not None and north_m is not None:
-        east_m, north_m = east_m[kept], north_m[kept]
-    return distance, elevation[kept], east_m, north_m
+        east_m, north_m = east_m[points], north_m[points]
+    return distance, elevation[points], east_m, north_m
 
 
 def _check_positions(latitude_deg: Array, longitude_deg: Array, name: str) -> None:
@@ -327,12 +328,12 @@ def _check_positions(latitude_deg: Array, longitude_deg: Array, name: str) -> No
 
 def _apart(east_m: Array, north_m: Array) -> NDArray[np.intp]:
     """Indices of points at least `SPACING_M` from the last one."""
-    kept, last_east, last_north = [0], east_m[0], north_m[0]
+    indices, last_east, last_north = [0], east_m[0], north_m[0]
     for index, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
         if (east - last_east) ** 2 + (north - last_north) ** 2 >= thresholds.SPACING_M**2:
-            kept.append(index)
+            indices.append(index)
             last_east, last_north = east, north
-    return np.array(kept, dtype=np.intp)
+    return np.array(indices, dtype=np.intp)
 
 
 def _smooth(elevation: Array, step_m: float, spacing_m: float) -> tuple[Array, float]:
@@ -342,10 +343,10 @@ def _smooth(elevation: Array, step_m: float, spacing_m: float) -> tuple[Array, f
     sigma = SIGMA_M / step_m
     width = 2 * int(MEDIAN_M / step_m / 2.0) + 1
     pad = min(int(4.0 * sigma) + width, len(elevation) - 1)
-    wide = np.pad(elevation, pad, mode="reflect", reflect_type="odd")
-    smooth = gaussian_filter1d(median_filter(wide, width, mode="nearest"), sigma, mode="nearest")[pad:-pad]
-    taken = elevation - smooth
-    noise_m = 1.4826 * float(np.median(np.abs(taken - np.median(taken))))
+    padded = np.pad(elevation, pad, mode="reflect", reflect_type="odd")
+    smooth = gaussian_filter1d(median_filter(padded, width, mode="nearest"), sigma, mode="nearest")[pad:-pad]
+    removed = elevation - smooth
+    noise_m = 1.4826 * float(np.median(np.abs(removed - np.median(removed))))
     # A Gaussian of deviation SIGMA_M averages 2 sqrt(pi) SIGMA_M / spacing independent errors.
     left_m = noise_m / np.sqrt(max(2.0 * np.sqrt(np.pi) * SIGMA_M / spacing_m, 1.0))
     return smooth, max(thresholds.LEAST_RISE_M, thresholds.NOISE_DEVIATIONS * left_m)
@@ -382,10 +383,9 @@ def _heading(grid: Array, distance: Array, east_m: Array | None, north_m: Array 
     if east_m is None or north_m is None:
         return np.zeros(len(grid))
     # Over a stretch as long as the smoothing of the heights, so that jitter makes no bends.
-    east, north = (
-        np.interp(grid + SIGMA_M, distance, values) - np.interp(grid - SIGMA_M, distance, values)
-        for values in (east_m, north_m)
-    )
+    behind_m, ahead_m = grid - SIGMA_M, grid + SIGMA_M
+    east = np.interp(ahead_m, distance, east_m) - np.interp(behind_m, distance, east_m)
+    north = np.interp(ahead_m, distance, north_m) - np.interp(behind_m, distance, north_m)
     heading: Array = np.unwrap(np.arctan2(north, east))
     return heading
 

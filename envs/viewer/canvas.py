@@ -69,8 +69,8 @@ class Canvas:
         """A dashed line."""
         (x0, y0), (x1, y1) = start, end
         length = float(np.hypot(x1 - x0, y1 - y0))
-        for at in np.arange(0.0, length, 2.0 * dash):
-            a, b = at / length, min((at + dash) / length, 1.0)
+        for dash_start in np.arange(0.0, length, 2.0 * dash):
+            a, b = dash_start / length, min((dash_start + dash) / length, 1.0)
             self.line([(x0 + a * (x1 - x0), y0 + a * (y1 - y0)), (x0 + b * (x1 - x0), y0 + b * (y1 - y0))],
                       colour, width)  # fmt: skip
 

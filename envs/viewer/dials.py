@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from homeward import quantities
+from homeward.envs.missions import MISSIONS
 from homeward.envs.viewer import palette
 from homeward.envs.viewer.canvas import Box, Canvas
 from homeward.envs.viewer.palette import Colour
@@ -32,7 +33,9 @@ def dials_of(scene: Scene) -> list[Dial]:
         Dial("Sensing", f"{scene.sensing_hz:.3g}", "Hz", f"at most {scene.max_sensing_hz:.3g} Hz", sensing,
              palette.VIOLET),
     ]  # fmt: skip
-    return dials + [_memory(scene)] * (scene.mission == "Survey") + [_score(scene)]
+    if MISSIONS[scene.mission].senses:
+        dials.append(_memory(scene))
+    return [*dials, _score(scene)]
 
 
 def draw_dial(canvas: Canvas, box: Box, dial: Dial) -> None:
@@ -58,13 +61,7 @@ def _memory(scene: Scene) -> Dial:
 
 
 def _score(scene: Scene) -> Dial:
-    value, unit, note = quantities.count(scene.score), "", ""
-    if scene.mission == "OutAndBack":
-        unit, note = "m", "furthest distance"
-    elif scene.mission == "Survey":
-        note = f"sent {quantities.count(scene.delivered)}, on board {quantities.count(scene.on_board)}"
-    elif scene.laps_left is not None and not scene.over:
-        note = f"energy for {scene.laps_left:.1f} more, by its own model"
-    unit = "laps" if scene.mission == "Patrol" else unit
+    mission, value = MISSIONS[scene.mission], quantities.count(scene.score)
     label = "Score" if scene.over else "Score, once home"
-    return Dial(label, value, unit, note, scene.score / scene.good_score, palette.DARK_GREEN)
+    share = scene.score / scene.good_score
+    return Dial(label, value, mission.unit, mission.note(scene), share, palette.DARK_GREEN)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from homeward import quantities
+from homeward.envs.missions import MISSIONS
 from homeward.envs.viewer import palette
 from homeward.envs.viewer.battery import draw_battery
 from homeward.envs.viewer.canvas import WIDTH, Box, Canvas
@@ -23,7 +24,6 @@ STATE_COLOURS: dict[str, Colour] = {
     "out of time": palette.RED,
 }
 
-_TITLES = {"OutAndBack": "Out and back", "Survey": "Survey", "Patrol": "Patrol"}
 _MARGIN, _GAP = 12.0, 8.0  # around and between panels; these and the next in pixels, chosen by eye
 _TOP, _MIDDLE, _BOTTOM = 52.0, 436.0, 528.0  # y of the panels' top, of the dials' top and bottom
 _SPLIT = 676.0  # x between the route and the battery
@@ -39,11 +39,11 @@ def draw(canvas: Canvas, scene: Scene) -> None:
     """
     canvas.clear()
     _heading(canvas, scene)
-    survey = scene.mission == "Survey"
+    senses = MISSIONS[scene.mission].senses
     left, right = _SPLIT - _GAP - _MARGIN, WIDTH - _MARGIN - _SPLIT
-    foot = _INTEREST_TOP if survey else _MIDDLE
+    foot = _INTEREST_TOP if senses else _MIDDLE
     draw_profile(canvas, _panel(canvas, (_MARGIN, _TOP, left, foot - _GAP - _TOP)), scene, STATE_COLOURS[scene.state])
-    if survey:
+    if senses:
         draw_interest(canvas, _panel(canvas, (_MARGIN, foot, left, _MIDDLE - _GAP - foot)), scene)
     draw_battery(canvas, _panel(canvas, (_SPLIT, _TOP, right, _MIDDLE - _GAP - _TOP)), scene)
     dials = dials_of(scene)
@@ -59,7 +59,7 @@ def _panel(canvas: Canvas, box: Box) -> Box:
 
 
 def _heading(canvas: Canvas, scene: Scene) -> None:
-    title = _TITLES[scene.mission]
+    title = MISSIONS[scene.mission].title
     width = canvas.text((_MARGIN + 2.0, 27.0), title, 20, bold=True)
     canvas.text((_MARGIN + 14.0 + width, 29.0), scene.heading, 13, palette.MUTED)
     label, colour = scene.state.upper(), STATE_COLOURS[scene.state]

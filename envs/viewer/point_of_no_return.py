@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.envs.options import Known
 from homeward.envs.routes import thresholds as routes_thresholds
-from homeward.envs.state import IN_SIGHT, PATROL
+from homeward.envs.state import IN_SIGHT
 from homeward.physics import ancillary_power, d_max
 
 # Chosen: steps of 0.025, linear in between.
@@ -22,7 +22,7 @@ class PointOfNoReturn:
 
     Driven ground has the energy that the environment stored there. For ground ahead Eq. 8 gives the energy per metre at
     cruise, without sensing, on the slope that the robot knows: that of each place if the route is known, otherwise that
-    of the next two places and beyond them the mean.
+    of the next two places and beyond them the mean. A mission that shuttles has no point of no return.
 
     Args:
         known: Constants of the environment.
@@ -53,8 +53,8 @@ class PointOfNoReturn:
         there_and_back = self._cost(self._known_sines(m, places)) + self._cost(-self._known_sines(m, places))
         edges = np.arange(len(places) + 1) * float(s["place_m"])
         needed = np.concatenate(([0.0], np.cumsum(there_and_back * float(s["place_m"]))))
-        found = float(np.interp(m["position_m"], edges, needed)) + margin_j
-        return None if found >= needed[-1] else float(np.interp(found, needed, edges))
+        affordable_j = float(np.interp(m["position_m"], edges, needed)) + margin_j
+        return None if affordable_j >= needed[-1] else float(np.interp(affordable_j, needed, edges))
 
     def runs_out_m(self, m: Any, places: NDArray[np.void], margin_j: float) -> float | None:
         """Place on the way home where the battery will be empty, by the robot's own model; None if it gets home.
@@ -65,9 +65,9 @@ class PointOfNoReturn:
             return None
         driven = places[: int(m["mapped"])]
         edges = np.arange(len(driven) + 1) * float(self._known.shared[0]["place_m"])
-        last = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
+        end_cost_j = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
         # The uncovered part is the distance left when the battery is empty.
-        return float(np.interp(-margin_j, np.append(driven["home_cost_j"], last), edges))
+        return float(np.interp(-margin_j, np.append(driven["home_cost_j"], end_cost_j), edges))
 
     def laps_left(self, m: Any, places: NDArray[np.void], margin_j: float) -> float:
         """Laps of a patrol for which the margin is enough; arguments as in `no_return_m`."""
@@ -75,10 +75,6 @@ class PointOfNoReturn:
         sines = self._known_sines(m, places)
         lap_j = float((self._cost(sines) + self._cost(-sines)).sum() * s["place_m"]) + self._pit_stops_j
         return max(margin_j, 0.0) / lap_j
-
-    def is_patrol(self) -> bool:
-        """Whether the mission is a patrol, which shuttles and has no point of no return."""
-        return bool(self._known.shared[0]["mission"] == PATROL)
 
     def _known_sines(self, m: Any, places: NDArray[np.void]) -> NDArray[np.float64]:
         sines = places["sine_read"].astype(np.float64)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from homeward import quantities
+from homeward.envs.missions import MISSIONS
 from homeward.envs.viewer import palette
 from homeward.envs.viewer.canvas import Box, Canvas, Point
 from homeward.envs.viewer.palette import Colour, mix
@@ -58,8 +59,8 @@ def draw_interest(canvas: Canvas, box: Box, scene: Scene) -> None:
         for k in range(*_places(scene, start_m, end_m)):
             start = to_x(max(start_m, scene.edges_m[k]))
             end = to_x(min(end_m, scene.edges_m[k + 1]))
-            found = scale * share * float(scene.interest[k])
-            canvas.box((start, bottom - found, end - start + 0.5, found), palette.VIOLET)
+            gathered = scale * share * float(scene.interest[k])
+            canvas.box((start, bottom - gathered, end - start + 0.5, gathered), palette.VIOLET)
     canvas.line([(plot[0], bottom), (plot[0] + plot[2], bottom)], palette.FAINT)
     x = to_x(scene.position_m)
     canvas.line([(x, plot[1]), (x, bottom)], palette.INK, 1.5)
@@ -139,15 +140,15 @@ def _draw_ground(
 
     def surface(start_m: float, end_m: float) -> list[Point]:
         inner = scene.edges_m[(scene.edges_m > start_m) & (scene.edges_m < end_m)]
-        return [(to_x(at), to_y(_elevation(scene, at))) for at in (start_m, *inner.tolist(), end_m)]
+        return [(to_x(metres), to_y(_elevation(scene, metres))) for metres in (start_m, *inner.tolist(), end_m)]
 
-    whole = surface(0.0, scene.length_m)
-    whole = [(plot[0], whole[0][1]), *whole, (plot[0] + plot[2], whole[-1][1])]
+    ground = surface(0.0, scene.length_m)
+    ground = [(plot[0], ground[0][1]), *ground, (plot[0] + plot[2], ground[-1][1])]
     driven = surface(0.0, scene.furthest_m) if scene.furthest_m > 0.0 else []
-    for ground, fill in ((whole, palette.GROUND), (driven, palette.DRIVEN)):
-        if ground:
-            canvas.polygon([(ground[0][0], bottom), *ground, (ground[-1][0], bottom)], fill)
-    canvas.line(whole, mix(palette.GROUND, palette.INK, 0.35), 1.5)
+    for outline, fill in ((ground, palette.GROUND), (driven, palette.DRIVEN)):
+        if outline:
+            canvas.polygon([(outline[0][0], bottom), *outline, (outline[-1][0], bottom)], fill)
+    canvas.line(ground, mix(palette.GROUND, palette.INK, 0.35), 1.5)
     for k in np.flatnonzero(scene.rough > 0.01):
         shade = mix(palette.GROUND, palette.ROUGH, min(0.3 + float(scene.rough[k]), 1.0))
         points = surface(scene.edges_m[k], scene.edges_m[k + 1])
@@ -168,15 +169,15 @@ def _draw_limit(
 ) -> None:
     """Mark the point of no return, or on the way home where the battery will be empty."""
     if scene.runs_out_m is not None:
-        at, words = scene.runs_out_m, "battery empty here, by its own model"
+        limit_m, words = scene.runs_out_m, "battery empty here, by its own model"
     elif scene.no_return_m is not None:
-        at, words = scene.no_return_m, "point of no return"
+        limit_m, words = scene.no_return_m, "point of no return"
     else:
         return
-    x, label = to_x(at), f"{words} {quantities.distance(at)}"
+    x, label = to_x(limit_m), f"{words} {quantities.distance(limit_m)}"
     width = canvas.width_of(label, 12, bold=True) + 14.0
     left = min(max(x - 0.5 * width, plot[0] + 4.0), plot[0] + plot[2] - width - 4.0)
-    canvas.dashes((x, plot[1] + 26.0), (x, to_y(_elevation(scene, at))), palette.RED, 2.0)
+    canvas.dashes((x, plot[1] + 26.0), (x, to_y(_elevation(scene, limit_m))), palette.RED, 2.0)
     canvas.box((left, plot[1] + 6.0, width, 20.0), palette.RED, radius=4.0)
     canvas.text((left + 0.5 * width, plot[1] + 16.0), label, 12, palette.PANEL, bold=True, align="centre")
 
@@ -210,10 +211,10 @@ def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour:
 
 
 def _draw_ending(canvas: Canvas, plot: Box, scene: Scene, colour: Colour) -> None:
-    unit = {"OutAndBack": " m", "Survey": "", "Patrol": " laps"}[scene.mission]
+    unit = MISSIONS[scene.mission].unit
     where = "" if scene.state == "home" else f", {quantities.distance(scene.position_m)} from home"
     score = scene.score if scene.state == "home" else 0.0
-    words = f"{scene.state.capitalize()}{where}: score {quantities.count(score)}{unit}"
+    words = f"{scene.state.capitalize()}{where}: score {quantities.count(score)} {unit}".rstrip()
     width = canvas.width_of(words, 17, bold=True) + 40.0
     left = plot[0] + 0.5 * (plot[2] - width)
     canvas.box((left, plot[1] + 8.0, width, 36.0), colour, radius=18.0)

@@ -42,7 +42,7 @@ class Scene:
     Attributes:
         heading: Mission, difficulty and robot.
         mission: `OutAndBack`, `Survey` or `Patrol`.
-        state: `ready`, `out`, `back` (of a patrol), `stopped`, `pit stop`, `returning`, `home`, `stranded` or
+        state: `ready`, `out`, `back` (of one that shuttles), `stopped`, `pit stop`, `returning`, `home`, `stranded` or
             `out of time`.
         over: Whether the mission is over.
         decision: Decisions taken.
@@ -60,7 +60,7 @@ class Scene:
         direction: 1 away from home, -1 towards it, also during a return that is not final.
         no_return_m: Point of no return by the robot's own model, m; None where there is none, see `PointOfNoReturn`.
         runs_out_m: Where the battery will be empty on the way home by the robot's own model; None if it gets home.
-        laps_left: Laps that a patrol may add by the robot's own model, None for other missions.
+        laps_left: Laps that a mission that shuttles may add by the robot's own model, None for others.
         full_j: Energy of a full battery by the robot's file, J.
         worn_j: Difference to the true energy of a full battery, J.
         left_j: Energy left, J.
@@ -151,7 +151,7 @@ def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, ind
     margin_j = float(m.metered * s.usable_j) - home_j
     state = _state(m)
     direction = -1.0 if m.asked > 0 else float(m.direction)  # a return heads home before it is final
-    going = not m.over and not limit.is_patrol()
+    going = not m.over and not s.shuttles
     return Scene(
         heading=f"{batch.options.difficulty}, {known.robot.name}",
         mission=batch.options.mission,
@@ -171,7 +171,7 @@ def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, ind
         direction=direction,
         no_return_m=limit.no_return_m(m, places, margin_j) if going and not m.returning else None,
         runs_out_m=limit.runs_out_m(m, places, margin_j) if going and m.returning else None,
-        laps_left=limit.laps_left(m, places, margin_j) if limit.is_patrol() else None,
+        laps_left=limit.laps_left(m, places, margin_j) if s.shuttles else None,
         full_j=float(s.usable_j),
         worn_j=max(float(s.usable_j - m.capacity_j), 0.0),
         left_j=float(m.energy_j),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from homeward import quantities
+from homeward.envs.missions import MISSIONS
 from homeward.envs.viewer.scene import Scene
 
 _WIDTH = 60  # characters of a bar; chosen: a line with its note stays within a terminal
@@ -19,7 +20,7 @@ def describe(scene: Scene) -> str:
 
 def _where(scene: Scene) -> str:
     doing = f"{scene.speed_mps:.2g} m/s, sensing {scene.sensing_hz:.0f} Hz, " if not scene.over else ""
-    memory = f"memory {scene.memory:.0%} full, " if scene.mission == "Survey" else ""
+    memory = f"memory {scene.memory:.0%} full, " if MISSIONS[scene.mission].senses else ""
     return (
         f"{scene.state}: {quantities.distance(scene.position_m)} from home after {quantities.duration(scene.time_s)}, "
         f"{doing}{memory}score {quantities.count(scene.score)}"
@@ -27,7 +28,7 @@ def _where(scene: Scene) -> str:
 
 
 def _route(scene: Scene) -> str:
-    line = ["#" if edge < scene.furthest_m else "." for edge in (_metres(scene, column) for column in range(_WIDTH))]
+    line = ["#" if _metres(scene, column) < scene.furthest_m else "." for column in range(_WIDTH)]
     turn = scene.no_return_m if scene.runs_out_m is None else scene.runs_out_m
     note = ""
     if turn is not None:

@@ -59,8 +59,8 @@ def main(args: Args) -> Proposal | None:
     console.print(_table(proposal))
     if proposal.left_over:
         console.print(f"Not used: {', '.join(name + why for name, why in proposal.left_over.items())}")
-    tried, reads = _tried(proposal)
-    for line in tried:
+    trial_lines, reads = _tried(proposal)
+    for line in trial_lines:
         console.print(line)
     if args.out is None and reads and proposal.needless:
         console.print("A mapping is not needed: all names and units are those of channels.")
@@ -78,8 +78,10 @@ def _check(recording: Recording) -> None:
     """Print the values of each channel beside its unit and sign."""
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("channel", "least", "median", "most", "known", "unit", "should be"):
-        left = heading in ("channel", "unit", "should be")
-        table.add_column(heading, justify="left" if left else "right", no_wrap=heading != "should be", overflow="fold")
+        is_text = heading in ("channel", "unit", "should be")
+        table.add_column(
+            heading, justify="left" if is_text else "right", no_wrap=heading != "should be", overflow="fold"
+        )
     for name, values in recording.channels.items():
         finite = values[np.isfinite(values)]
         quantiles = np.quantile(finite, (0.0, 0.5, 1.0)) if len(finite) else ()

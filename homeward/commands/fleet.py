@@ -62,7 +62,12 @@ class Member:
     @property
     def key(self) -> str:
         """Hash of everything that determines the diagnosis."""
-        inputs = (*(one.sha256 for one in self.recordings), self.robot.to_toml(), str(self.seed), code_hash())
+        inputs = (
+            *(recording.sha256 for recording in self.recordings),
+            self.robot.to_toml(),
+            str(self.seed),
+            code_hash(),
+        )
         return hashlib.sha256("\n".join(inputs).encode()).hexdigest()
 
 
@@ -87,12 +92,12 @@ def main(args: Args) -> dict[str, Diagnosis]:
 
     due = {name: case for name, case in cases.items() if not _is_written(args.out / name, case)}
     run_tasks(diagnose_one, due, jobs=args.jobs, cluster=args.cluster, keep=keep, title="robots")
-    found = {name: Diagnosis.from_json((args.out / name / DIAGNOSIS).read_text("utf-8")) for name in cases}
-    write_whole(args.out / "fleet.csv", _csv(found))
-    _print(found, len(cases) - len(due), args.out)
-    if not any(one.recordings for one in found.values()):
+    diagnoses = {name: Diagnosis.from_json((args.out / name / DIAGNOSIS).read_text("utf-8")) for name in cases}
+    write_whole(args.out / "fleet.csv", _csv(diagnoses))
+    _print(diagnoses, len(cases) - len(due), args.out)
+    if not any(diagnosis.recordings for diagnosis in diagnoses.values()):
         raise RecordingError(f"no recording of any robot can be used: {args.out / 'fleet.csv'} says why")
-    return found
+    return diagnoses
 
 
 def members_of(args: Args) -> dict[str, Member]:
@@ -108,18 +113,19 @@ def members_of(args: Args) -> dict[str, Member]:
     if not folders:
         raise RecordingError(f"{args.fleet} contains no folder: give one with a folder of recordings per robot")
     nominal, cases = load_robot(args.robot or ASSUMED), {}
-    if args.robot is None and (unknown := [one.name for one in folders if not (one / ROBOT).is_file()]):
-        said = f"no --robot is given: {ASSUMED} is assumed for {', '.join(unknown[:5])}{', ...' * (len(unknown) > 5)}"
-        print(cli.printable(said), file=sys.stderr)
+    unknown = [folder.name for folder in folders if not (folder / ROBOT).is_file()]
+    if args.robot is None and unknown:
+        named = ", ".join(unknown[:5]) + (", ..." if len(unknown) > 5 else "")
+        print(cli.printable(f"no --robot is given: {ASSUMED} is assumed for {named}"), file=sys.stderr)
     for folder in folders:
         files = sorted(entry for entry in folder.iterdir() if entry.name[0] != "." and entry.name != ROBOT)
         if not files:
             raise RecordingError(f"{folder} contains no recording: remove it, or put the robot's recordings there")
         robot = load_robot(folder / ROBOT) if (folder / ROBOT).is_file() else nominal
         read = (read_recording(file, args.columns) for file in files)
-        recordings = tuple(within_top_speed(one, robot.max_speed_mps) for one in read)
-        for file, one in zip(files, recordings, strict=True):
-            for note in one.notes:
+        recordings = tuple(within_top_speed(recording, robot.max_speed_mps) for recording in read)
+        for file, recording in zip(files, recordings, strict=True):
+            for note in recording.notes:
                 cli.remark(f"{folder.name}/{file.name}", note)
         cases[folder.name] = Member(recordings, robot, args.seed)
     return cases
@@ -139,27 +145,27 @@ def _is_written(folder: Path, case: Member) -> bool:
         return False
 
 
-def _rows(found: dict[str, Diagnosis]) -> list[tuple[str, str, str, str]]:
+def _rows(diagnoses: dict[str, Diagnosis]) -> list[tuple[str, str, str, str]]:
     return [
-        (name, one.verdict, " ".join(missing.effect for missing in one.missing_physics), one.summary)
-        for name, one in found.items()
+        (name, diagnosis.verdict, " ".join(missing.effect for missing in diagnosis.missing_physics), diagnosis.summary)
+        for name, diagnosis in diagnoses.items()
     ]
 
 
-def _csv(found: dict[str, Diagnosis]) -> str:
-    return csv_text([("robot", "verdict", "missing_physics", "summary"), *_rows(found)])
+def _csv(diagnoses: dict[str, Diagnosis]) -> str:
+    return csv_text([("robot", "verdict", "missing_physics", "summary"), *_rows(diagnoses)])
 
 
-def _print(found: dict[str, Diagnosis], known: int, out: Path) -> None:
+def _print(diagnoses: dict[str, Diagnosis], finished: int, out: Path) -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("robot", "verdict", "missing", "summary"):
         table.add_column(heading, overflow="fold")
-    for row in _rows(found):
+    for row in _rows(diagnoses):
         table.add_row(*row)
     console = cli.Terminal()
     console.print(table)
-    before = f", {known} of them before" if known else ""
-    console.print(f"{len(found)} robots diagnosed{before}: {out}", soft_wrap=True)
+    earlier = f", {finished} of them before" if finished else ""
+    console.print(f"{len(diagnoses)} robots diagnosed{earlier}: {out}", soft_wrap=True)
 
 
 def run() -> int:

@@ -132,20 +132,23 @@ def main(args: Args) -> None:
     speed_mps = best_mps if args.speed_mps is None else args.speed_mps
     range_m, parts = mission.range_m(speed_mps), mission.parts_j_per_m(speed_mps)
     console = cli.Terminal()
-    chosen = "the speed with the longest range" if args.speed_mps is None else f"{best_mps:.2f} m/s would go furthest"
+    speed_note = (
+        "the speed with the longest range" if args.speed_mps is None else f"{best_mps:.2f} m/s would go furthest"
+    )
     slope = "on the flat" if args.grade == 0.0 else f"{abs(args.grade):g}° {'up' if args.grade > 0.0 else 'down'}hill"
     lasts = quantities.duration(range_m / (speed_mps * mission.duty)) if math.isfinite(range_m) else "ever"
     far = quantities.distance(range_m) if math.isfinite(range_m) else "any distance: the slope drives it without power"
     console.print(
         Text.assemble((f"{cli.printable(robot.name)}: {far}", "bold"), f" on one charge, in {lasts}"),
-        f"at {speed_mps:.2f} m/s ({chosen}), {slope}, moving {mission.duty:.1%} of the time, "
+        f"at {speed_mps:.2f} m/s ({speed_note}), {slope}, moving {mission.duty:.1%} of the time, "
         f"sensing at {mission.sensing_hz:g} Hz",
         sep="\n",
     )
     console.show(_table(mission, speed_mps, parts), ("of a charge", "mean power"))
-    by = f"the model with {', '.join(robot.active_effects)}" if robot.active_effects else "Eq. 8"
+    method = f"the model with {', '.join(robot.active_effects)}" if robot.active_effects else "Eq. 8"
     console.print(
-        f"By {by}: {quantities.energy(robot.usable_energy_j)} usable, drive efficiency {robot.traction_efficiency:.2%}."
+        f"By {method}: {quantities.energy(robot.usable_energy_j)} usable, "
+        f"drive efficiency {robot.traction_efficiency:.2%}."
         + ("" if robot.active_effects else " The paper found such estimates 66 to 91 % accurate."),
         highlight=False,
     )
@@ -163,11 +166,11 @@ def _on_route(args: Args, name: str, mission: Mission) -> None:
     if args.grade != 0.0 or args.duty != 1.0 or args.sensing_hz != 0.0:
         raise RangeError("--grade, --duty and --sensing-hz are not allowed with --route: slopes are those of the route")
     route = load_route(name, float(d_max(mission.robot)) / _PLACES)
-    found = route_forecast.forecast_along(mission.robot, route, args.speed_mps, args.risk)
+    forecast = route_forecast.forecast_along(mission.robot, route, args.speed_mps, args.risk)
     console = cli.Terminal()
-    route_forecast.show(console, mission.robot, name, route.length_m, found)
+    route_forecast.show(console, mission.robot, name, route.length_m, forecast)
     if args.plot is not None:
-        write_whole(args.plot, route_forecast.picture(mission.robot, route.length_m, found, args.plot.suffix))
+        write_whole(args.plot, route_forecast.picture(mission.robot, route.length_m, forecast, args.plot.suffix))
         console.print(f"Written to {args.plot}")
 
 

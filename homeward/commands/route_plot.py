@@ -30,9 +30,9 @@ def routes_picture(routes: Sequence[Route], title: str, suffix: str) -> bytes:
         if len(routes) == 1:
             upper.fill_between(edges, height, min(height.min(), 0.0), color="#b2c19e")
         upper.plot(edges, height, color="#566547" if index == 0 else "#b0b6bd", linewidth=2.0 if index == 0 else 1.0)
-    first = routes[0]
-    edges = np.arange(len(first.grade_rad) + 1) * first.place_m / 1000.0
-    lower.stairs(first.interest, edges, fill=True, color="#6a51a3", alpha=0.7)
+    route = routes[0]
+    edges = np.arange(len(route.grade_rad) + 1) * route.place_m / 1000.0
+    lower.stairs(route.interest, edges, fill=True, color="#6a51a3", alpha=0.7)
     upper.set_ylabel("elevation above home, m")
     lower.set_ylabel("interest")
     lower.set_ylim(bottom=0.0)
@@ -42,8 +42,8 @@ def routes_picture(routes: Sequence[Route], title: str, suffix: str) -> bytes:
         axis.grid(alpha=0.25, linewidth=0.6)
         axis.set_axisbelow(True)
         axis.margins(x=0.0)
-    more = f", {min(len(routes), _MOST)} of {len(routes)}" if len(routes) > 1 else ""
-    figure.suptitle(f"{title}{more}", fontsize=11)
+    count_note = f", {min(len(routes), _MOST)} of {len(routes)}" if len(routes) > 1 else ""
+    figure.suptitle(f"{title}{count_note}", fontsize=11)
     buffer = io.BytesIO()
     figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)
     return buffer.getvalue()

@@ -88,14 +88,13 @@ def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.flo
         robot: Its own model gives the energy.
     """
     speed = float(optimal_speed(robot))
-    found = []
+    rows = []
     for route in routes:
         rise = route.place_m * np.sin(route.grade_rad)
-        there, back = (
-            float((route.place_m / d_max(robot, speed, sign * route.grade_rad)).sum()) for sign in (1.0, -1.0)
-        )
+        charge_out = float((route.place_m / d_max(robot, speed, route.grade_rad)).sum())
+        charge_back = float((route.place_m / d_max(robot, speed, -route.grade_rad)).sum())
         steepest = np.degrees(route.grade_rad)
-        found.append(
+        rows.append(
             {
                 ("length", "m"): route.length_m,
                 ("climb on the way out", "m"): rise[rise > 0.0].sum(),
@@ -105,11 +104,11 @@ def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.flo
                 ("mean interest", ""): route.interest.mean(),
                 ("air temperature", "°C"): route.temperature_c,
                 ("wind", "m/s"): route.wind_mps,
-                (f"energy there, {robot.name} at {speed:.2f} m/s", "% of a charge"): 100.0 * there,
-                ("energy back, without wind", "% of a charge"): 100.0 * back,
+                (f"energy there, {robot.name} at {speed:.2f} m/s", "% of a charge"): 100.0 * charge_out,
+                ("energy back, without wind", "% of a charge"): 100.0 * charge_back,
             }
         )
-    return {name: (np.array([one[name, unit] for one in found]), unit) for name, unit in found[0]}
+    return {name: (np.array([row[name, unit] for row in rows]), unit) for name, unit in rows[0]}
 
 
 def generated_routes(robot: Robot, kind: str, count: int, seed: int) -> list[Route]:
@@ -148,7 +147,8 @@ def _table() -> Table:
     for name in route_names():
         if name not in (GENERATED, HIDDEN_WIND):
             route = load_route(name, _FINEST_M)
-            low, high = (float(np.degrees(end)) for end in (route.grade_rad.min(), route.grade_rad.max()))
+            low = float(np.degrees(route.grade_rad.min()))
+            high = float(np.degrees(route.grade_rad.max()))
             grade = f"{low:.2f}°" if high - low < 0.005 else f"{low:.2f} to {high:.2f}°"
             table.add_row(name, f"{route.length_m:.2f} m", grade, _first_comment(name))
     return table

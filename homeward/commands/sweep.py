@@ -123,14 +123,14 @@ def _compared(curves: Mapping[str, list[list[Point]]]) -> Table:
     for heading in ("seeds", "kept", "lowest to highest", "stranded", "last"):
         table.add_column(heading, justify="right")
     for settings, seeds in curves.items():
-        kept = [points[best_so_far(points)[-1]] for points in seeds]
-        scores = [point.score for point in kept]
+        best_points = [points[best_so_far(points)[-1]] for points in seeds]
+        scores = [point.score for point in best_points]
         table.add_row(
             settings,
             str(len(seeds)),
             f"{statistics.fmean(scores):.4g}",
             f"{min(scores):.4g} to {max(scores):.4g}",
-            f"{statistics.fmean(point.stranded_rate for point in kept):.1%}",
+            f"{statistics.fmean(point.stranded_rate for point in best_points):.1%}",
             f"{statistics.fmean(points[-1].score for points in seeds):.4g}",
         )
     return table
@@ -151,18 +151,20 @@ def runs_of(args: Args) -> dict[str, train.Args]:
     Raises:
         TrainingError: A setting does not exist or cannot take a value, or a value or seed is given twice.
     """
-    base, runs, choices = _base(args), dict[str, train.Args](), []
-    for given in args.vary:
-        setting, values = _choices(given)
+    base = _base(args)
+    runs = dict[str, train.Args]()
+    choices = []
+    for request in args.vary:
+        setting, values = _choices(request)
         if isinstance(values, SearchRange):
-            raise TrainingError(f"--vary {given}: a range is searched with --optuna N; without it give single values")
-        choices.append([(setting, one) for one in values])
-    for chosen in itertools.product(*choices):
-        name = "_".join(f"{key}={value}" for key, value in chosen)
-        for run, one in _seeds_of(base, args.seeds, name, dict(chosen)).items():
+            raise TrainingError(f"--vary {request}: a range is searched with --optuna N; without it give single values")
+        choices.append([(setting, value) for value in values])
+    for settings in itertools.product(*choices):
+        name = "_".join(f"{key}={value}" for key, value in settings)
+        for run, run_args in _seeds_of(base, args.seeds, name, dict(settings)).items():
             if run in runs:
                 raise TrainingError(f"--vary {' '.join(args.vary)}: gives {run} twice; give each value once")
-            runs[run] = one
+            runs[run] = run_args
     return runs
 
 
@@ -193,24 +195,24 @@ def _seeds_of(
     return runs
 
 
-def _choices(given: str) -> tuple[str, SearchRange | tuple[Any, ...]]:
+def _choices(request: str) -> tuple[str, SearchRange | tuple[Any, ...]]:
     """Name of a setting, and its values or range."""
-    name, _, values = given.partition("=")
+    name, _, values = request.partition("=")
     defaults = dataclasses.asdict(PPOSettings()) | PPOSettings().by_start
     if name not in defaults:
-        raise TrainingError(f"--vary {given}: there is no setting {name!r}; choose from {', '.join(defaults)}")
+        raise TrainingError(f"--vary {request}: there is no setting {name!r}; choose from {', '.join(defaults)}")
     kind = type(defaults[name])
     low, dots, high = values.partition("..")
     if dots and (kind is str or name in _BATCHES):
-        raise SearchError(f"--vary {given}: is not searched between ends; give values, as {name}={defaults[name]}")
+        raise SearchError(f"--vary {request}: is not searched between ends; give values, as {name}={defaults[name]}")
     try:
-        found = [kind(value) for value in ((low, high) if dots else values.split(","))]
+        parsed = [kind(value) for value in ((low, high) if dots else values.split(","))]
     except ValueError:
-        raise TrainingError(f"--vary {given}: give {kind.__name__} values, as {name}={defaults[name]}") from None
+        raise TrainingError(f"--vary {request}: give {kind.__name__} values, as {name}={defaults[name]}") from None
     try:
-        return name, SearchRange(*found) if dots else tuple(found)
+        return name, SearchRange(*parsed) if dots else tuple(parsed)
     except SearchError as error:
-        raise SearchError(f"--vary {given}: {error}") from None
+        raise SearchError(f"--vary {request}: {error}") from None
 
 
 def _search(args: Args, trials: int) -> dict[str, Path]:
@@ -220,13 +222,15 @@ def _search(args: Args, trials: int) -> dict[str, Path]:
     check_workers(args.jobs, args.cluster)
     import_optuna()
     write_whole(base.out / MARK, f"{trials} trials\n")
-    console, folders, said = cli.Terminal(stderr=True), dict[str, Path](), set[str]()
+    console = cli.Terminal(stderr=True)
+    folders = dict[str, Path]()
+    said = set[str]()
 
     def objective(number: int, settings: dict[str, Any]) -> float:
         runs = _seeds_of(base, args.seeds, f"trial_{number}", settings)
         _say_too_few(runs, said)
         scores = run_tasks(train_and_score, runs, jobs=args.jobs, cluster=args.cluster, title=f"trial {number}")
-        folders.update((name, one.out) for name, one in runs.items())
+        folders.update((name, run_args.out) for name, run_args in runs.items())
         return statistics.fmean(scores.values())
 
     def keep(done: list[Trial]) -> None:
@@ -234,11 +238,11 @@ def _search(args: Args, trials: int) -> dict[str, Path]:
         console.print(f"trial {done[-1].number}, score {done[-1].score:.4g}: {_flags(done[-1])}", soft_wrap=True)
 
     done = search(space, trials, objective, base.out / STUDY, keep)
-    best = sorted((one for one in done if not math.isnan(one.score)), key=lambda one: -one.score)
-    if not best:
+    ranked = sorted((trial for trial in done if not math.isnan(trial.score)), key=lambda trial: -trial.score)
+    if not ranked:
         raise TrainingError("no trial ended with weights that are finite numbers: search smaller learning rates")
-    cli.Terminal().show(_table(best[:_SHOWN]))
-    console.print(f"best: {_flags(best[0])}, in {args.train.out / f'trial_{best[0].number}'}", soft_wrap=True)
+    cli.Terminal().show(_table(ranked[:_SHOWN]))
+    console.print(f"best: {_flags(ranked[0])}, in {args.train.out / f'trial_{ranked[0].number}'}", soft_wrap=True)
     return folders
 
 
@@ -252,24 +256,24 @@ def _space(args: Args, base: train.Args, trials: int) -> dict[str, SearchRange |
     if len(space) < len(args.vary):
         raise TrainingError(f"--vary {' '.join(args.vary)}: names a setting twice; give each once")
     for ends in itertools.product(
-        *((one.low, one.high) if isinstance(one, SearchRange) else one for one in space.values())
+        *((choice.low, choice.high) if isinstance(choice, SearchRange) else choice for choice in space.values())
     ):
         dataclasses.replace(base.ppo, **dict(zip(space, ends, strict=True)))
     return space
 
 
 def _write_trials(file: Path, done: list[Trial]) -> None:
-    rows = ([one.number, one.score, *one.settings.values()] for one in done)
+    rows = ([trial.number, trial.score, *trial.settings.values()] for trial in done)
     write_whole(file, csv_text([["trial", "score", *done[0].settings], *rows]))
 
 
-def _table(best: list[Trial]) -> Table:
+def _table(ranked: list[Trial]) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("trial", "score", *best[0].settings):
+    for heading in ("trial", "score", *ranked[0].settings):
         table.add_column(heading, justify="right")
-    for one in best:
-        values = (f"{value:.4g}" if isinstance(value, float) else str(value) for value in one.settings.values())
-        table.add_row(str(one.number), f"{one.score:.4g}", *values)
+    for trial in ranked:
+        values = (f"{value:.4g}" if isinstance(value, float) else str(value) for value in trial.settings.values())
+        table.add_row(str(trial.number), f"{trial.score:.4g}", *values)
     return table
 
 

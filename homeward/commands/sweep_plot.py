@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from matplotlib.figure import Figure
-
 from homeward.agents.evaluation.learning_curve import EPISODES, Point
-from homeward.agents.evaluation.plots import colour_of, png, tidy, unit_of
+from homeward.agents.evaluation.learning_plot import LEGEND, learning_axes
+from homeward.agents.evaluation.plots import colour_of, png
 
 
 def sweep_png(curves: Mapping[str, Sequence[Sequence[Point]]], env_id: str, mission: str) -> bytes:
@@ -18,17 +17,14 @@ def sweep_png(curves: Mapping[str, Sequence[Sequence[Point]]], env_id: str, miss
         env_id: Environment.
         mission: Its mission, for the unit of the score.
     """
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    figure, above, below = learning_axes(mission)
+    figure.set_figwidth(8.0)  # names of settings are long
     for row, (settings, seeds) in enumerate(curves.items()):
         for index, points in enumerate(seeds):
-            millions, label = [point.steps / 1e6 for point in points], settings if index == 0 else None
+            millions = [point.steps / 1e6 for point in points]
+            label = settings if index == 0 else None
             above.plot(millions, [point.score for point in points], color=colour_of(row), label=label, linewidth=1.2)
             below.plot(millions, [100.0 * point.stranded_rate for point in points], color=colour_of(row), linewidth=1.2)
-    above.set_ylabel(f"score ({unit_of(mission)})")
-    below.set_ylabel("stranded, %")
-    below.set_xlabel("decisions of training, millions")
-    above.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    tidy(above, below)
+    above.legend(**LEGEND)
     figure.suptitle(f"{env_id}: a line for each training seed, on {EPISODES} missions", fontsize=11)
     return png(figure)

@@ -92,7 +92,7 @@ def main(args: Args) -> list[Watched]:
         OSError: The output folder cannot be written to.
     """
     ways = {"--ros2": args.ros2, "--mavlink": args.mavlink is not None, "--stdin": args.stdin}
-    live = [name for name, given in ways.items() if given]
+    live = [name for name, is_given in ways.items() if is_given]
     if len(live) > 1:
         raise CompanionError(f"{' and '.join(live)} do not go together; give one of them")
     if not args.ros2 and args.domain is not None:
@@ -127,9 +127,9 @@ def _replay(args: Args) -> list[Watched]:
 
     robot = load_robot(args.robot)
     read = [read_recording(path, args.columns) for path in args.runs]
-    recordings = [within_top_speed(one, robot.max_speed_mps) for one in read]
+    recordings = [within_top_speed(recording, robot.max_speed_mps) for recording in read]
     check_writable(args.out)
-    notes = [(Path(one.name).name, note) for one in recordings for note in one.notes]
+    notes = [(Path(recording.name).name, note) for recording in recordings for note in recording.notes]
     for said in notes:
         cli.remark(*said)
     console = cli.Terminal()
@@ -197,9 +197,9 @@ def _advise_by_lines(args: Args) -> None:
     ).run(cli.Terminal(stderr=True), args.quiet, lambda: lines.ended)  # fmt: skip
 
 
-def _domain(given: int | None) -> int:
+def _domain(domain_id: int | None) -> int:
     """Number of the domain."""
-    text = os.environ.get("ROS_DOMAIN_ID", "") if given is None else str(given)
+    text = os.environ.get("ROS_DOMAIN_ID", "") if domain_id is None else str(domain_id)
     if not text:
         return 0
     if not text.isdecimal() or int(text) > 232:
@@ -227,7 +227,7 @@ def moments_of(runs: list[Watched]) -> pd.DataFrame:
     """Every moment of every run, one row each."""
     names = ("time_s", "left_m", "took_j", "mean_j", "low_j", "high_j")
     tables = [
-        pd.DataFrame({"run": no_formula(one.name), **{name: getattr(one, name) for name in names}}) for one in runs
+        pd.DataFrame({"run": no_formula(run.name), **{name: getattr(run, name) for name in names}}) for run in runs
     ]
     table = pd.concat(tables)
     of_charge = {name: name.replace("_j", "_as") for name in names if runs[0].unit == "A s"}

@@ -118,17 +118,17 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
     """
     levels: list[Level] = []
     pairs: list[Difference] = []
-    for quantity, one in values.items():
-        known = {name: one[(np.array(labels) == name) & np.isfinite(one)] for name in dict.fromkeys(labels)}
-        for name, runs in known.items():
+    for quantity, by_run in values.items():
+        by_group = {name: by_run[(np.array(labels) == name) & np.isfinite(by_run)] for name in dict.fromkeys(labels)}
+        for name, runs in by_group.items():
             interval = mean_interval(runs.tolist()) if len(runs) > 1 else None
             spread = float(np.std(runs, ddof=1)) if len(runs) > 1 else None
             if len(runs):
                 mean = float(runs.mean())
                 levels.append(Level(quantity.name, quantity.unit, name, mean, interval, len(runs), spread))
-        pairs += _differences(quantity, known)
+        pairs += _differences(quantity, by_group)
     named, largest = [], 0.0
-    for rank, pair in enumerate(sorted(pairs, key=lambda one: one.p_value)):
+    for rank, pair in enumerate(sorted(pairs, key=lambda difference: difference.p_value)):
         largest = max(largest, min((len(pairs) - rank) * pair.p_value, 1.0))
         predicts_better = pair.held_out_rmse < pair.held_out_rmse_without_groups
         named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= thresholds.LEVEL and predicts_better))
@@ -136,31 +136,31 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
     return levels, sorted(named, key=lambda pair: order.index(pair.quantity))
 
 
-def _differences(quantity: Quantity, known: Mapping[str, Array]) -> Iterator[Difference]:
+def _differences(quantity: Quantity, by_group: Mapping[str, Array]) -> Iterator[Difference]:
     """Each pair of groups by Welch's test, without Holm's correction."""
-    largest = max(float(np.max(np.abs(np.concatenate(list(known.values()))), initial=0.0)), 1e-9)
-    several = {name: runs for name, runs in known.items() if len(runs) > 1}
+    largest = max(float(np.max(np.abs(np.concatenate(list(by_group.values()))), initial=0.0)), 1e-9)
+    several = {name: runs for name, runs in by_group.items() if len(runs) > 1}
     freedom = {name: len(runs) - 1 for name, runs in several.items()}
     every = sum(freedom.values())
-    own = {
+    variances = {
         name: max(float(np.var(runs, ddof=1)), (thresholds.SMALLEST_SPREAD * largest) ** 2)
         for name, runs in several.items()
     }
-    pooled = sum(own[name] * freedom[name] for name in several) / max(every, 1)
-    for second, first in combinations(several, 2):
+    pooled = sum(variances[name] * freedom[name] for name in several) / max(every, 1)
+    for minus, group in combinations(several, 2):
         shares, squares = [], 0.0
-        for name in (first, second):
-            wide = own[name] > pooled
-            shares.append((own[name] if wide else pooled) / len(several[name]))
-            squares += shares[-1] ** 2 / (freedom[name] if wide else every)
+        for name in (group, minus):
+            exceeds_pooled = variances[name] > pooled
+            shares.append((variances[name] if exceeds_pooled else pooled) / len(several[name]))
+            squares += shares[-1] ** 2 / (freedom[name] if exceeds_pooled else every)
         error = float(np.sqrt(sum(shares)))
         degrees = min(sum(shares) ** 2 / squares, every)  # Satterthwaite (Biometrics Bulletin 2, 1946)
-        value = float(several[first].mean() - several[second].mean())
+        value = float(several[group].mean() - several[minus].mean())
         half = float(student.ppf(thresholds.UPPER_95, degrees)) * error
         p_value = float(2.0 * student.sf(abs(value) / error, degrees))
-        runs = several[first], several[second]
+        runs = several[group], several[minus]
         yield Difference(
-            quantity.name, quantity.unit, first, second, value, (value - half, value + half), p_value, p_value,
+            quantity.name, quantity.unit, group, minus, value, (value - half, value + half), p_value, p_value,
             _left_out_rmse(*runs), _left_out_rmse(np.concatenate(runs)), named=False,
         )  # fmt: skip
 
@@ -178,19 +178,19 @@ def comparison_of(
 ) -> Comparison:  # fmt: skip
     """The comparison of these recordings, with its verdict and summary; of one group the level alone."""
     runs = tuple(
-        RunValues(one.name, one.sha256, label, {
-            quantity.name: float(of[i]) if np.isfinite(of[i]) else None for quantity, of in values.items()
+        RunValues(recording.name, recording.sha256, label, {
+            quantity.name: float(by_run[i]) if np.isfinite(by_run[i]) else None for quantity, by_run in values.items()
         })
-        for i, (one, label) in enumerate(zip(recordings, labels, strict=True))
+        for i, (recording, label) in enumerate(zip(recordings, labels, strict=True))
     )  # fmt: skip
-    notes = [f"{one.name}: {note}" for one in recordings for note in one.notes]
+    notes = [f"{recording.name}: {note}" for recording in recordings for note in recording.notes]
     groups = list(dict.fromkeys(labels))
     verdict, summary = _conclusion(differences, groups)
     if len(groups) == 1:
-        one = levels[0]
-        ends = "" if one.ci95 is None else f" (95 %: {interval(one.ci95, 4)})"
-        how = f"the mean of {one.runs} runs" if one.runs > 1 else "one run alone"
-        summary = f"{one.quantity} is {number(one.value, 4)} {one.unit}{ends}, {how}."
+        level = levels[0]
+        ends = "" if level.ci95 is None else f" (95 %: {interval(level.ci95, 4)})"
+        how = f"the mean of {level.runs} runs" if level.runs > 1 else "one run alone"
+        summary = f"{level.quantity} is {number(level.value, 4)} {level.unit}{ends}, {how}."
     return Comparison(kind, verdict, summary, runs, tuple(levels), tuple(differences), (*remarks, *notes))
 
 
@@ -202,19 +202,19 @@ def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tup
             "runs of one group is unknown."
         )
     tested = f"{len(differences)} compared"
-    named = [_sentence(one) for one in differences if one.named]
+    named = [_sentence(difference) for difference in differences if difference.named]
     if not named:
         between = f"No difference between {', '.join(groups)} is significant relative to the spread between runs"
         return "no_difference", f"{between} ({tested}, Holm, 5 % in all)."
-    more = f"; and {len(named) - _MOST_SHOWN} more" if len(named) > _MOST_SHOWN else ""
-    shown = f"{'; '.join(named[:_MOST_SHOWN])}{more}"
+    unshown = f"; and {len(named) - _MOST_SHOWN} more" if len(named) > _MOST_SHOWN else ""
+    shown = f"{'; '.join(named[:_MOST_SHOWN])}{unshown}"
     return "groups_differ", f"{shown}. Significant: {len(named)} of {tested} (Holm, 5 % in all)."
 
 
-def _sentence(one: Difference) -> str:
+def _sentence(difference: Difference) -> str:
     """A difference in words, the higher group first."""
-    high, low = (one.group, one.minus) if one.value > 0.0 else (one.minus, one.group)
-    near, far = sorted(abs(end) for end in one.ci95)
-    unit = "" if one.unit == "1" else f" {one.unit}"
-    more = f"{number(abs(one.value))}{unit} higher in {high} than in {low}"
-    return f"{one.quantity} is {more} (95 %: {interval((near, far))})"
+    high, low = (difference.group, difference.minus) if difference.value > 0.0 else (difference.minus, difference.group)
+    near, far = sorted(abs(end) for end in difference.ci95)
+    unit = "" if difference.unit == "1" else f" {difference.unit}"
+    direction = f"{number(abs(difference.value))}{unit} higher in {high} than in {low}"
+    return f"{difference.quantity} is {direction} (95 %: {interval((near, far))})"

@@ -24,11 +24,11 @@ class Grouped:
     dataset: str | None
 
 
-def grouped_runs(given: Sequence[str], columns: str | None) -> list[Grouped]:
+def grouped_runs(requests: Sequence[str], columns: str | None) -> list[Grouped]:
     """The groups in the order given, those of one name put together.
 
     Args:
-        given: Each NAME=RUNS.
+        requests: Each NAME=RUNS.
         columns: Mapping for all; by default data sets use their own.
 
     Raises:
@@ -36,15 +36,15 @@ def grouped_runs(given: Sequence[str], columns: str | None) -> list[Grouped]:
         DatasetError: A data set's group is unknown or not available.
     """
     groups: dict[str, Grouped] = {}
-    for group in given:
+    for group in requests:
         name, equals, values = group.partition("=")
         if not equals or not _NAME.fullmatch(name) or not values.strip(", "):
             raise RecordingError(f"--group {group!r} is not NAME=RUNS, such as before=a1.csv,a2.csv or after='b*.csv'")
-        before = groups.get(name, Grouped(name, (), None))
+        collected = groups.get(name, Grouped(name, (), None))
         for value in filter(None, values.split(",")):
             runs, dataset = _runs(value, columns)
-            before = Grouped(name, (*before.runs, *runs), dataset or before.dataset)
-        groups[name] = before
+            collected = Grouped(name, (*collected.runs, *runs), dataset or collected.dataset)
+        groups[name] = collected
     if len(groups) < 2:
         raise RecordingError(f"one group only, {next(iter(groups))}; a comparison needs --group at least twice")
     if len({group.dataset for group in groups.values()} - {None}) > 1:

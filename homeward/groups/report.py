@@ -26,24 +26,28 @@ def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
     return write_files(folder, {"groups.json": comparison.to_json(), "groups.html": _page(comparison)})
 
 
+def _unit_after(unit: str) -> str:
+    """A unit behind its number; ratios have none."""
+    return "" if unit == "1" else f" {unit}"
+
+
 def show_groups(comparison: Comparison, console: Console) -> None:
     """Print the verdict, each group's level, each pair's difference and remarks; lines wrap at the width."""
     if len(comparison.groups) > 1:
         console.print(comparison.verdict, style="bold", highlight=False)
     say(console, comparison.summary)
     levels = _table("group", "quantity", "runs", "mean", "95 %", "between runs")
-    for one in comparison.levels:
-        unit, ends = f" {one.unit}" * (one.unit != "1"), interval(one.ci95, 4)
+    for level in comparison.levels:
         levels.add_row(*map(plain, (
-            one.group, one.quantity, str(one.runs), f"{number(one.value, 4)}{unit}", ends, number(one.run_spread)
+            level.group, level.quantity, str(level.runs), number(level.value, 4) + _unit_after(level.unit),
+            interval(level.ci95, 4), number(level.run_spread),
         )))  # fmt: skip
     pairs = _table("pair", "quantity", "difference", "95 %", "p, Holm", "held-out error", "")
     for pair in comparison.differences:
-        unit = f" {pair.unit}" * (pair.unit != "1")
         errors = f"{number(pair.held_out_rmse, 2)} for {number(pair.held_out_rmse_without_groups, 2)}"
         pairs.add_row(*map(plain, (
-            f"{pair.group} - {pair.minus}", pair.quantity, f"{number(pair.value)}{unit}", interval(pair.ci95),
-            f"{pair.p_holm:.2g}", errors, "differs" if pair.named else "",
+            f"{pair.group} - {pair.minus}", pair.quantity, number(pair.value) + _unit_after(pair.unit),
+            interval(pair.ci95), f"{pair.p_holm:.2g}", errors, "differs" if pair.named else "",
         )), style="bold" if pair.named else None)  # fmt: skip
     for table in (levels, pairs):
         if table.row_count:
@@ -56,14 +60,17 @@ def show_groups(comparison: Comparison, console: Console) -> None:
 def _table(*headings: str) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for heading in headings:
-        left = heading in ("group", "quantity", "pair", "")
-        table.add_column(heading, justify="left" if left else "right", overflow="fold")
+        is_text = heading in ("group", "quantity", "pair", "")
+        table.add_column(heading, justify="left" if is_text else "right", overflow="fold")
     return table
 
 
 def _page(comparison: Comparison) -> str:
-    quantities = dict.fromkeys((one.quantity, one.unit) for one in comparison.levels)
-    figures = [(*one, _figure(comparison, one[0], f"group-{i}")) for i, one in enumerate(quantities)]
+    quantities = dict.fromkeys((level.quantity, level.unit) for level in comparison.levels)
+    figures = [
+        (*quantity_unit, _figure(comparison, quantity_unit[0], f"group-{i}"))
+        for i, quantity_unit in enumerate(quantities)
+    ]
     names = _labels(comparison)
     return page(
         templates("homeward.groups"), "groups.html", comparison=comparison, figures=figures, names=names,
@@ -73,29 +80,32 @@ def _page(comparison: Comparison) -> str:
 
 
 def _labels(comparison: Comparison) -> dict[str, str]:
-    return labels([one.path for one in comparison.runs])
+    return labels([run.path for run in comparison.runs])
 
 
 def _remarks(comparison: Comparison, names: Mapping[str, str]) -> list[str]:
     """The remarks, of which those of a recording begin with its name, with short names."""
-    said = (one.partition(": ") for one in comparison.remarks)
-    return [f"{names.get(about, about)}{colon}{text}" for about, colon, text in said]
+    said = (remark.partition(": ") for remark in comparison.remarks)
+    return [f"{names.get(path, path)}{colon}{text}" for path, colon, text in said]
 
 
 def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
     """Levels and runs by the number of the group: a plot would interpret markup in names given by others."""
     place = {group: i + 1 for i, group in enumerate(comparison.groups)}
-    levels = [one for one in comparison.levels if one.quantity == quantity]
-    half = [0.0 if one.ci95 is None else one.ci95[1] - one.value for one in levels]
-    runs = [(place[one.group], one.values[quantity]) for one in comparison.runs if one.values.get(quantity) is not None]
+    levels = [level for level in comparison.levels if level.quantity == quantity]
+    half = [0.0 if level.ci95 is None else level.ci95[1] - level.value for level in levels]
+    runs = [(place[run.group], run.values[quantity]) for run in comparison.runs if run.values.get(quantity) is not None]
     figure = go.Figure()
     figure.add_scatter(
         x=[x + 0.15 for x, _ in runs], y=[y for _, y in runs], mode="markers", name="runs", marker={"color": "#7b8794"}
     )
     figure.add_scatter(
-        x=[place[one.group] for one in levels], y=[one.value for one in levels], mode="markers", name="mean, 95 %",
+        x=[place[level.group] for level in levels], y=[level.value for level in levels], mode="markers",
+        name="mean, 95 %",
         error_y={"type": "data", "array": half}, marker={"color": "#0b7285", "size": 9},
     )  # fmt: skip
     figure.update_xaxes(title_text="group, in the order of the table", dtick=1)
-    means = "; ".join(f"{one.group} {number(one.value, 4)} {one.unit}, 95 % {interval(one.ci95, 4)}" for one in levels)
+    means = "; ".join(
+        f"{level.group} {number(level.value, 4)} {level.unit}, 95 % {interval(level.ci95, 4)}" for level in levels
+    )
     return embedded(figure, name, f"{quantity}, means: {means}. The tables below have them and each run.")

@@ -23,7 +23,7 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
     Raises:
         RecordingError: A run is too short, or some runs have power and others motor current only.
     """
-    runs = [standing_run(one) for one in recordings]
+    runs = [standing_run(recording) for recording in recordings]
     if len({run.unit for run in runs}) > 1:
         raise RecordingError("some recordings hold power and others motor current only; compare one kind")
     means = np.array([run.mean for run in runs])
@@ -32,9 +32,9 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
     quantity = Quantity("mean power" if unit == "W" else "mean current", unit) if unsteady else _AT_REST[unit]
     levels, differences = compare(labels, {quantity: means})
     alone = {label: run.ci95 for label, run in zip(labels, runs, strict=True)}
-    levels = [replace(one, ci95=alone[one.group]) if one.runs == 1 else one for one in levels]
+    levels = [replace(level, ci95=alone[level.group]) if level.runs == 1 else level for level in levels]
     remarks = [*_of_runs(runs, labels), *_confounded(recordings, runs, labels, differences)]
-    if single := ", ".join(one.group for one in levels if one.runs == 1):
+    if single := ", ".join(level.group for level in levels if level.runs == 1):
         remarks.insert(0, f"{single}: one run, so the interval is of it alone; the spread between runs is unknown")
     return comparison_of("standing", recordings, labels, {quantity: means}, levels, differences, remarks)
 
@@ -61,8 +61,8 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     for estimate in evidence.estimates:
         if estimate.status != "fitted":
             mixed = ", ".join(estimate.mixed_with)
-            others = f"; confounded with a difference in {mixed}" if mixed else ""
-            remarks.append(f"{estimate.group.symbol}: not compared, {why_open(estimate)}{others}")
+            confounded = f"; confounded with a difference in {mixed}" if mixed else ""
+            remarks.append(f"{estimate.group.symbol}: not compared, {why_open(estimate)}{confounded}")
     if analysis.diagnosis.verdict == "unknown_physics" or evidence.remaining is not None:
         remarks.append("no known effect explains the residual: it may be confounded with a difference between groups")
     return comparison_of("driving", recordings, labels, values, levels, differences, remarks)
@@ -124,10 +124,10 @@ def _steps(columns: Array, residual: Array) -> Array:
     """
     steps = np.full(columns.shape[1], np.nan)
     for j, column in enumerate(columns.T):
-        others = np.delete(columns, j, axis=1)
-        own = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
-        if own @ own > COLLINEAR * (column @ column):
-            steps[j] = own @ residual / (own @ own)
+        remaining = np.delete(columns, j, axis=1)
+        unexplained = column - remaining @ np.linalg.lstsq(remaining, column, rcond=None)[0]
+        if unexplained @ unexplained > COLLINEAR * (column @ column):
+            steps[j] = unexplained @ residual / (unexplained @ unexplained)
     return steps
 
 
@@ -152,19 +152,28 @@ def _of_runs(runs: Sequence[StandingRun], labels: Sequence[str]) -> list[str]:
 
 
 def _confounded(
-    recordings: Sequence[Recording], runs: Sequence[StandingRun], labels: Sequence[str], found: Sequence[Difference]
+    recordings: Sequence[Recording],
+    runs: Sequence[StandingRun],
+    labels: Sequence[str],
+    differences: Sequence[Difference],
 ) -> list[str]:
     """Confounders of named differences: battery voltage, and the order of recording."""
-    named = {frozenset((one.group, one.minus)) for one in found if one.named}
+    named = {frozenset((difference.group, difference.minus)) for difference in differences if difference.named}
     if not named:
         return []
     remarks = []
     _, of_voltage = compare(labels, {Quantity("voltage", "V"): np.array([run.voltage_v for run in runs])})
-    shared = [one for one in of_voltage if one.named and frozenset((one.group, one.minus)) in named]
+    shared = [
+        difference
+        for difference in of_voltage
+        if difference.named and frozenset((difference.group, difference.minus)) in named
+    ]
     if shared:
-        pairs = ", ".join(f"{one.group} and {one.minus} ({number(abs(one.value))} V)" for one in shared)
+        pairs = ", ".join(
+            f"{difference.group} and {difference.minus} ({number(abs(difference.value))} V)" for difference in shared
+        )
         remarks.append(f"the battery voltage differs too between {pairs}")
-    starts = np.array([one.channels["time_s"][0] for one in recordings])
+    starts = np.array([recording.channels["time_s"][0] for recording in recordings])
     in_time = np.array(labels)[np.argsort(starts)]
     if np.ptp(starts) == 0.0:
         remarks.append("the recordings do not give the order of the runs: a trend over them cannot be excluded")

@@ -39,8 +39,8 @@ def stands(recording: Recording) -> bool:
     motion = [name for names in MOTION for name in names if name in recording.channels]
     speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
     turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
-    known = np.isfinite(speeds)
-    still = bool(known.any() and (np.abs(speeds[known]) <= logs_thresholds.STANDSTILL_MPS).all())
+    is_read = np.isfinite(speeds)
+    still = bool(is_read.any() and (np.abs(speeds[is_read]) <= logs_thresholds.STANDSTILL_MPS).all())
     return still and not (turning > thresholds.STANDSTILL_RADPS).any()
 
 

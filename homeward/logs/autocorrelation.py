@@ -76,7 +76,7 @@ def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)
     >>> round(found.correlation), round(found.long_run)
     (1, 1)
     """
-    best = Noise(1.0, _spread(residual, run, 1) / np.sqrt(2.0))
+    fitted = Noise(1.0, _spread(residual, run, 1) / np.sqrt(2.0))
     for lag in lags:
         short, long = _spread(residual, run, lag) ** 2, _spread(residual, run, 2 * lag) ** 2
         if short <= 0.0 or long <= 0.0:
@@ -84,15 +84,15 @@ def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)
         phi = float(np.clip(long / short - 1.0, 0.0, MOST_CORRELATED)) ** (1.0 / lag)
         variance = short / (2.0 * (1.0 - phi**lag))
         correlation = (1.0 + phi) / (1.0 - phi)
-        if variance * correlation > best.long_run**2:
-            best = Noise(correlation, float(np.sqrt(variance * correlation)))
-    return best
+        if variance * correlation > fitted.long_run**2:
+            fitted = Noise(correlation, float(np.sqrt(variance * correlation)))
+    return fitted
 
 
 def _spread(values: Array, run: Index, lag: int) -> float:
     """Standard deviation of increments over a lag within runs, from their median size."""
-    same = run[lag:] == run[:-lag]
-    steps = np.abs(values[lag:] - values[:-lag])[same]
+    same_run = run[lag:] == run[:-lag]
+    steps = np.abs(values[lag:] - values[:-lag])[same_run]
     return 1.4826 * float(np.median(steps)) if len(steps) else 0.0  # of normal noise, 1 / ndtri(0.75)
 
 

@@ -18,6 +18,11 @@ from homeward.logs import thresholds
 from homeward.logs.channels import CHANNELS
 
 _MAPS = files("homeward.logs") / "maps"
+_ENTRIES = {
+    "columns", "constants", "separator", "decimal", "header", "longer_lines", "sample_hz", "known_by_columns",
+    "unknown_if_zero",
+}  # fmt: skip
+"""Entries of a mapping file, see `load_columns`."""
 
 
 class RecordingError(ValueError):
@@ -174,76 +179,113 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     """
     if isinstance(mapping, Columns):
         return mapping
-    entries = {
-        "columns",
-        "constants",
-        "separator",
-        "decimal",
-        "header",
-        "longer_lines",
-        "sample_hz",
-        "known_by_columns",
-        "unknown_if_zero",
+    name, data = str(mapping), read_mapping("mapping", mapping, _MAPS, _ENTRIES)
+    _check_tables(name, data)
+    _check_layout(name, data)
+    _check_channels(name, data)
+    stamp = _stamp_column(name, data["columns"])
+    sources = {
+        channel: source_of(f"{name}: columns.{channel}", _without_whole_seconds(entry), "column")
+        for channel, entry in data["columns"].items()
     }
-    data = read_mapping("mapping", mapping, _MAPS, entries)
-    name, columns, constants = str(mapping), data.get("columns"), data.get("constants", {})
-    header, sample_hz = data.get("header", []), data.get("sample_hz")
+    _refuse_other_use_of(stamp, name, sources)
+    return Columns(
+        name=name,
+        sources=sources,
+        constants={channel: float(value) for channel, value in data.get("constants", {}).items()},
+        separator=data.get("separator"),
+        decimal=data.get("decimal"),
+        header=tuple(data.get("header", [])),
+        sample_hz=data.get("sample_hz"),
+        stamp=stamp,
+        known_by_columns=data.get("known_by_columns") is True,
+        longer_lines=data.get("longer_lines", False),
+        unknown_if_zero=tuple(data.get("unknown_if_zero", [])),
+    )
+
+
+def _check_tables(name: str, data: Mapping[str, Any]) -> None:
+    """Refuse a mapping without a time, or whose tables are none."""
+    sample_hz, columns = data.get("sample_hz"), data.get("columns")
     if sample_hz is not None and not _is_number(sample_hz):
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not a finite number")
     if sample_hz is not None and not 0.0 < sample_hz < thresholds.FASTEST_SAMPLE_HZ:
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not between 0 and 1e6")
-    if not isinstance(columns, dict) or not isinstance(constants, dict) or ("time_s" in columns) == bool(sample_hz):
+    are_tables = isinstance(columns, dict) and isinstance(data.get("constants", {}), dict)
+    # The time comes from a column or from the sampling rate.
+    if not are_tables or ("time_s" in data["columns"]) == bool(sample_hz):
         raise RecordingError(f"{name}: needs a table [columns] with at least time_s, or with sample_hz instead of it")
-    if (
-        not isinstance(header, list)
-        or not all(isinstance(column, str) for column in header)
-        or len({*header}) < len(header)
-    ):
+
+
+def _check_layout(name: str, data: Mapping[str, Any]) -> None:
+    """Refuse entries on the form of a file that are none: its header, lines, separators and zeros."""
+    header = data.get("header", [])
+    is_list_of_names = isinstance(header, list) and all(isinstance(column, str) for column in header)
+    if not is_list_of_names or len(set(header)) < len(header):
         raise RecordingError(f"{name}: header = {header!r} is not a list of different names")
     longer_lines = data.get("longer_lines", False)
     if longer_lines not in (False, True):
         raise RecordingError(f"{name}: longer_lines = {longer_lines!r} is neither true nor false")
     unknown_if_zero = data.get("unknown_if_zero", [])
-    if not isinstance(unknown_if_zero, list) or not {*map(str, unknown_if_zero)} <= {*columns}:
+    if not isinstance(unknown_if_zero, list) or not set(map(str, unknown_if_zero)) <= set(data["columns"]):
         raise RecordingError(f"{name}: unknown_if_zero = {unknown_if_zero!r} is not a list of channels in [columns]")
     separator, decimal = data.get("separator"), data.get("decimal")
-    if separator is not None and not (isinstance(separator, str) and len(separator) == 1 and separator not in '\r\n"'):
+    is_character = isinstance(separator, str) and len(separator) == 1 and separator not in '\r\n"'
+    if separator is not None and not is_character:
         raise RecordingError(f'{name}: separator = {separator!r} is not one character, such as ";"')
     if decimal not in (None, ".", ",") or (decimal is not None and decimal == separator):
         raise RecordingError(f'{name}: decimal = {decimal!r} is neither "." nor ",", or also separates cells')
-    for channel in (*columns, *constants):
+
+
+def _check_channels(name: str, data: Mapping[str, Any]) -> None:
+    """Refuse channels that do not exist, and constants that are no numbers."""
+    constants = data.get("constants", {})
+    for channel in (*data["columns"], *constants):
         if channel not in CHANNELS:
             raise RecordingError(f"{name}: {channel} is not a channel; channels: {', '.join(CHANNELS)}")
     for channel, value in constants.items():
         if not _is_number(value):
             raise RecordingError(f"{name}: constants.{channel} = {value!r} is not a finite number")
-    sources, stamp = {}, None
+
+
+def _stamp_column(name: str, columns: Mapping[str, Any]) -> str | None:
+    """Column of stamps of whole seconds, None if there is none.
+
+    Raises:
+        RecordingError: An entry with `whole_seconds` is invalid.
+    """
+    stamp = None
     for channel, entry in columns.items():
-        where = f"{name}: columns.{channel}"
-        if isinstance(entry, dict) and "whole_seconds" in entry:
-            column = {key: value for key, value in entry.items() if key != "whole_seconds"}
-            spread = entry["whole_seconds"]
-            if spread not in (False, True) or (spread and column.keys() != {"column"}):
-                raise RecordingError(
-                    f"{where} = {entry!r} is not understood; write {{ column = NAME, whole_seconds = true }}"
-                )
-            if spread and channel != "time_s":
-                raise RecordingError(f"{name}: whole_seconds is for time_s only")
-            if spread and not isinstance(column["column"], str):
-                raise RecordingError(f"{where} = {entry!r} is not understood; column is a name")
-            entry, stamp = column, column["column"] if spread else stamp
-        sources[channel] = source_of(where, entry, "column")
-    used = [channel for channel, source in sources.items() if stamp in dict(source.terms) and channel != "time_s"]
-    if used:
-        raise RecordingError(
-            f"{name}: columns.{used[0]} is the column of the stamps, {stamp}, which holds whole seconds"
-        )
-    numbers = {channel: float(value) for channel, value in constants.items()}
-    alone = data.get("known_by_columns") is True
-    return Columns(
-        name, sources, numbers, separator, decimal, tuple(header), sample_hz, stamp, alone, longer_lines,
-        tuple(unknown_if_zero),
-    )  # fmt: skip
+        if not isinstance(entry, dict) or "whole_seconds" not in entry:
+            continue
+        where, is_spread = f"{name}: columns.{channel}", entry["whole_seconds"]
+        if is_spread not in (False, True) or (is_spread and entry.keys() != {"column", "whole_seconds"}):
+            raise RecordingError(
+                f"{where} = {entry!r} is not understood; write {{ column = NAME, whole_seconds = true }}"
+            )
+        if not is_spread:
+            continue
+        if channel != "time_s":
+            raise RecordingError(f"{name}: whole_seconds is for time_s only")
+        if not isinstance(entry["column"], str):
+            raise RecordingError(f"{where} = {entry!r} is not understood; column is a name")
+        stamp = entry["column"]
+    return stamp
+
+
+def _without_whole_seconds(entry: Any) -> Any:
+    if not isinstance(entry, dict):
+        return entry
+    return {key: value for key, value in entry.items() if key != "whole_seconds"}
+
+
+def _refuse_other_use_of(stamp: str | None, name: str, sources: Mapping[str, Source]) -> None:
+    """Refuse another channel from the column of the stamps."""
+    for channel, source in sources.items():
+        if channel != "time_s" and stamp in dict(source.terms):
+            raise RecordingError(
+                f"{name}: columns.{channel} is the column of the stamps, {stamp}, which holds whole seconds"
+            )
 
 
 def known_columns(header: Collection[str]) -> Columns | None:
@@ -268,12 +310,12 @@ def numeric(column: pd.Series[Any]) -> pd.Series[Any]:
 
 def _spread(stamps: pd.Series[Any]) -> pd.Series[Any]:
     """Times of samples whose stamps are whole seconds, s: evenly spaced from each change of the stamp to the next."""
-    second = numeric(stamps)
-    if second.isna().any():
-        second = pd.to_timedelta(stamps.astype(str), errors="coerce").dt.total_seconds()
-    if second.isna().any():
-        raise RecordingError(f"the time stamp {str(stamps[second.isna()].iloc[0])[:30]!r} is not a number or HH:MM:SS")
-    values = second.to_numpy(dtype=np.float64, copy=True)
+    seconds = numeric(stamps)
+    if seconds.isna().any():
+        seconds = pd.to_timedelta(stamps.astype(str), errors="coerce").dt.total_seconds()
+    if seconds.isna().any():
+        raise RecordingError(f"the time stamp {str(stamps[seconds.isna()].iloc[0])[:30]!r} is not a number or HH:MM:SS")
+    values = seconds.to_numpy(dtype=np.float64, copy=True)
     values += 86400.0 * np.cumsum(np.diff(values, prepend=values[:1]) < -thresholds.HALF_A_DAY_S)  # past midnight
     first = np.flatnonzero(np.diff(values) != 0.0) + 1
     if len(first) < 2 or (np.diff(values) < 0.0).any():

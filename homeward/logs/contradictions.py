@@ -86,19 +86,19 @@ def measured_twice(channels: Mapping[str, Array]) -> list[Twice]:
     Args:
         channels: Channels in SI units with `time_s`, shape (n,) each.
     """
-    time_s, given = channels["time_s"], dict(channels)
-    if "wheel_left_mps" in given and "wheel_right_mps" in given:
-        given[WHEELS] = (given["wheel_left_mps"] + given["wheel_right_mps"]) / 2.0
+    time_s, checked = channels["time_s"], dict(channels)
+    if "wheel_left_mps" in checked and "wheel_right_mps" in checked:
+        checked[WHEELS] = (checked["wheel_left_mps"] + checked["wheel_right_mps"]) / 2.0
     amounts = {
-        name: _over_time(time_s, given[name]) for name in ("speed_mps", WHEELS, "yaw_rate_radps") if name in given
+        name: _over_time(time_s, checked[name]) for name in ("speed_mps", WHEELS, "yaw_rate_radps") if name in checked
     }
-    if "distance_m" in given:
-        amounts["distance_m"] = _travel(given["distance_m"])
-    if "heading_rad" in given:
-        amounts["heading_rad"] = _travel(np.unwrap(given["heading_rad"][np.isfinite(given["heading_rad"])]))
-    product = drawn_w({name: _everywhere(time_s, given[name]) for name in _CHANNELS[PRODUCT] if name in given})
-    if "power_w" in given and product is not None:
-        amounts |= {"power_w": _mean_size(given["power_w"]), PRODUCT: _mean_size(product)}
+    if "distance_m" in checked:
+        amounts["distance_m"] = _travel(checked["distance_m"])
+    if "heading_rad" in checked:
+        amounts["heading_rad"] = _travel(np.unwrap(checked["heading_rad"][np.isfinite(checked["heading_rad"])]))
+    product = drawn_w({name: _everywhere(time_s, checked[name]) for name in _CHANNELS[PRODUCT] if name in checked})
+    if "power_w" in checked and product is not None:
+        amounts |= {"power_w": _mean_size(checked["power_w"]), PRODUCT: _mean_size(product)}
     return [
         Twice(
             what,

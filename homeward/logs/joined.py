@@ -51,15 +51,15 @@ def join(tables: Sequence[tuple[str, pd.DataFrame]]) -> tuple[pd.DataFrame, list
         RecordingError: Two have the same channel, or were not recorded at the same time.
     """
     (first_name, first), *others = tables
-    given = {channel: first_name for channel in first if channel != "time_s"}  # name of the table, by channel
+    table_of = {channel: first_name for channel in first if channel != "time_s"}  # name of the table, by channel
     joined = [first]
     parts = [_said(first_name, first)]
     clocks = []
     for name, table in others:
         for channel in (channel for channel in table if channel != "time_s"):
-            if channel in given:
-                raise RecordingError(f"{channel} is in {given[channel]} and in {name}; name one in a mapping file")
-            given[channel] = name
+            if channel in table_of:
+                raise RecordingError(f"{channel} is in {table_of[channel]} and in {name}; name one in a mapping file")
+            table_of[channel] = name
         late_s, how = _late_s(first_name, first["time_s"], name, table["time_s"])
         clocks.append(how)
         joined.append(table.assign(time_s=table["time_s"] - late_s))

@@ -130,7 +130,8 @@ def propose(path: str | Path) -> Proposal:
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     try:
-        if not (offered := _by_program(header, table)):
+        offered = _by_program(header, table)
+        if not offered:
             offered = [guess for name in header for guess in _guesses(name, table[name], units.get(name, ""))]
             offered += _by_unit(header, table, units, offered)
     except RecordingError as error:
@@ -142,8 +143,8 @@ def propose(path: str | Path) -> Proposal:
         if guess.channel not in chosen and guess.column not in {other.column for other in chosen.values()}:
             chosen[guess.channel] = guess
     chosen = tried_on_physics(chosen, table)
-    taken = {name for guess in chosen.values() for name in (guess.column, guess.and_column)}
-    left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in taken}
+    used = {name for guess in chosen.values() for name in (guess.column, guess.and_column)}
+    left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in used}
     return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
 
 
@@ -154,8 +155,8 @@ def _dated(offered: list[Guess], table: pd.DataFrame) -> list[Guess]:
     hours = [time for time in times if time.why.startswith("times of day")]
     if not days or not hours:
         return offered
-    both = replace(days[0], and_column=hours[0].column, why="a date and the time of day")
-    return [both, *(guess for guess in offered if guess not in times)]
+    date_and_time = replace(days[0], and_column=hours[0].column, why="a date and the time of day")
+    return [date_and_time, *(guess for guess in offered if guess not in times)]
 
 
 def _of_few_days(column: pd.Series[Any]) -> bool:
@@ -208,7 +209,8 @@ def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], di
 
 def _by_program(header: list[str], table: pd.DataFrame) -> list[Guess]:
     """The columns of the program that wrote the table, where its mapping ships."""
-    if (mapping := known_columns(header)) is None:
+    mapping = known_columns(header)
+    if mapping is None:
         return []
     return [
         Guess(column, channel, factor, source.offset, 0, f"the mapping {mapping.name} that ships")
@@ -271,16 +273,17 @@ def _by_letter(name: str, values: Array, unit: str) -> Guess | None:
 
 def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offered: list[Guess]) -> list[Guess]:
     """Guesses by the unit alone, for channels and columns of which nothing else says anything."""
-    taken = {guess.channel for guess in offered} | {guess.column for guess in offered}
+    explained = {guess.channel for guess in offered} | {guess.column for guess in offered}
     guesses = []
     for channel, of_channel in _BY_UNIT.items():
-        columns = {name: units.get(name) or _bracket(name) for name in header if name not in taken}
+        columns = {name: units.get(name) or _bracket(name) for name in header if name not in explained}
         having = [name for name, unit in columns.items() if unit in of_channel and not _words(name)[0] & _OF_OTHERS]
-        if channel in taken or len(having) != 1:
+        if channel in explained or len(having) != 1:
             continue
         (name,) = having
         unit = columns[name]
-        values, factor = numeric(table[name]).to_numpy(np.float64, na_value=np.nan), UNITS[of_channel[0]][unit.lower()]
+        values = numeric(table[name]).to_numpy(np.float64, na_value=np.nan)
+        factor = UNITS[of_channel[0]][unit.lower()]
         if np.isfinite(values).any() and _possible(channel, values * factor):
             guesses.append(_signed(Guess(name, channel, factor, 0.0, 2, f"only its unit, {unit}, says so"), values))
     return guesses
@@ -292,19 +295,22 @@ def _bracket(name: str) -> str:
 
 def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> Guess | None:
     """The guess with the unit that the name gives or, failing that, the values; None where neither is possible."""
-    about = CHANNELS[channel]
-    units = UNITS[about.unit]
+    channel_info = CHANNELS[channel]
+    units = UNITS[channel_info.unit]
     for word in unit_words:
         if word in units:
-            factor, offset = units[word], OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
-            if channel == "soc" and np.nanmax(values) <= about.high:
+            factor = units[word]
+            offset = OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
+            if channel == "soc" and np.nanmax(values) <= channel_info.high:
                 return Guess(name, channel, 1.0, 0.0, 1, f"its name says {word}, and its values lie in 0 to 1")
             if _possible(channel, values * factor + offset):
                 return _signed(Guess(name, channel, factor, offset, 0, f"its name says {word}"), values)
-    for word, factor in [(about.unit, 1.0), *about.mistaken]:
+    for word, factor in [(channel_info.unit, 1.0), *channel_info.mistaken]:
         if _possible(channel, values * factor) and _plausible(channel, values * factor):
             sure = 1 if factor == 1.0 else 2
-            why = f"its name says no unit; values fit {word}" if about.unit != "1" else "its values lie in 0 to 1"
+            why = (
+                f"its name says no unit; values fit {word}" if channel_info.unit != "1" else "its values lie in 0 to 1"
+            )
             why = why if sure == 1 else f"values fit {word}"
             if channel == "time_s" and values[0] > thresholds.EPOCH_COUNT:
                 why = "its name says no unit; a count since 1970, whose size shows its unit"
@@ -327,7 +333,8 @@ def _possible(channel: str, values: Array) -> bool:
 def _plausible(channel: str, values: Array) -> bool:
     """Whether values without a unit are in the typical range of a ground robot, beyond being possible."""
     finite = np.abs(values[np.isfinite(values)])
-    largest, step = float(finite.max()), float(np.median(np.diff(values))) if len(values) > 1 else 0.0
+    largest = float(finite.max())
+    step = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     if channel == "time_s":
         # The reader infers the unit of an epoch in ms to ns.
         return 0.0 < step < thresholds.SLOW_STEP_S or values[0] > thresholds.EPOCH_COUNT

@@ -111,11 +111,11 @@ def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None, st
     if len(mappings) != len(paths):
         raise RecordingError(f"{len(paths)} tables are joined by {len(mappings)} mappings; give one, or one each")
     tables, notes = [], list[str]()
-    for path, given in zip(paths, mappings, strict=True):
+    for path, mapping in zip(paths, mappings, strict=True):
         try:
             if path.exists() and is_bag(path):
                 raise RecordingError("is a bag or log, which is a run by itself; only tables are joined")
-            table, said = _read_table(path, None if given is None else load_columns(given), False, part=True)
+            table, said = _read_table(path, None if mapping is None else load_columns(mapping), False, part=True)
             _refuse_few(table)
             time_s, taken_for = from_epoch(_finite(table["time_s"]))
             said += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
@@ -205,7 +205,7 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
     wanted = _wanted(list(mapping.header), mapping)
     places = [mapping.header.index(name) for name in wanted]
     stamp = wanted.index(mapping.stamp) if mapping.stamp is not None else None
-    whole: dict[str, list[Any]] = {name: [] for name in wanted}
+    columns: dict[str, list[Any]] = {name: [] for name in wanted}
     numbers: list[int] = []
     broken = 0
     with tables.refusing(), tables.opened(path) as file:
@@ -220,20 +220,20 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
                 continue
             numbers.append(number)
             for name, value in zip(wanted, values, strict=True):
-                whole[name].append(value)
+                columns[name].append(value)
     count = broken + len(numbers)
     if broken > thresholds.MOST_BROKEN_SHARE * count:
         meant = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
         raise RecordingError(f"{broken} of {count} lines do not hold {meant}")
     if broken:
         notes.append(f"{broken} broken lines are left out")
-    return mapping.apply(pd.DataFrame(whole, index=numbers))
+    return mapping.apply(pd.DataFrame(columns, index=numbers))
 
 
 def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> list[float | str] | None:
     """The wanted cells of a line as numbers, or as it is for the stamp; None where one is no number."""
     try:
-        values = [cells[place] if at == stamp else float(cells[place]) for at, place in enumerate(places)]
+        values = [cells[place] if column == stamp else float(cells[place]) for column, place in enumerate(places)]
     except ValueError:
         return None
     return values if all(isinstance(value, str) or math.isfinite(value) for value in values) else None
@@ -242,8 +242,10 @@ def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> l
 def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool) -> pd.DataFrame:
     given = mapping or Columns("", {}, {})
     table = tables.sniff(path, given.separator, given.decimal)
-    if mapping is None and (mapping := known_columns(table.header)) is not None:
-        notes.append(f"mapping {mapping.name}, known by the names of the columns")
+    if mapping is None:
+        mapping = known_columns(table.header)
+        if mapping is not None:
+            notes.append(f"mapping {mapping.name}, known by the names of the columns")
     mapping = mapping_of_table(mapping, table.header) if part else mapping
     wanted = _wanted(table.header, mapping, standing, part)
     dated: list[str] = []
@@ -488,7 +490,8 @@ def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
     beyond = f"{count} of {len(values)} values of {channel.name} are outside {allowed}"
     moving = np.isfinite(values) & (values != 0.0)
     if count > thresholds.STRAY_SHARE * len(values) and impossible[moving].mean() > thresholds.MOST_BROKEN_SHARE:
-        typical, worst = (float(pick(np.abs(values[impossible]))) for pick in (np.median, np.max))
+        sizes = np.abs(values[impossible])
+        typical, worst = float(np.median(sizes)), float(sizes.max())
         at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= typical * f <= channel.high]
         guess = f"; this looks like {at_hand[0][0]} (factor {at_hand[0][1]:.6g} in a mapping file)" if at_hand else ""
         if channel.name == "temperature_c" and np.nanmin(values) > thresholds.COLDEST_K:

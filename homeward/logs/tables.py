@@ -168,7 +168,7 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
         raise RecordingError("holds no samples")
     if separator is None:
         separator = _separator([line for _, line in lines[:20]])
-    header, *rows = ([cell.strip() for cell in _cells(line, separator)] for _, line in lines[:200])
+    header, *rows = (_cells_of(line, separator) for _, line in lines[:200])
     units = rows.pop(0) if len(rows) > 1 and _are_units(rows[0], rows[1]) else []
     if decimal is None:
         decimal = "," if _has_decimal_commas(rows) else "."
@@ -190,11 +190,16 @@ def _comments(lines: Sequence[tuple[int, str]]) -> tuple[list[int], list[tuple[i
     return [number for number, _ in lines[:count]], list(lines[count:])
 
 
+def _cells_of(line: str, separator: str) -> list[str]:
+    """Cells of a line without the spaces around them."""
+    return [cell.strip() for cell in _cells(line, separator)]
+
+
 def _separator(lines: Sequence[str]) -> str:
     """Separator with most cells in the line of names; spaces if no other occurs and all lines have equally many."""
-    best = max(_SEPARATORS, key=lambda separator: len(_cells(lines[0], separator)))
+    most_used = max(_SEPARATORS, key=lambda separator: len(_cells(lines[0], separator)))
     widths = {len([cell for cell in _cells(line, " ") if cell]) for line in lines}
-    return " " if len(_cells(lines[0], best)) == 1 and widths != {1} and len(widths) == 1 else best
+    return " " if len(_cells(lines[0], most_used)) == 1 and widths != {1} and len(widths) == 1 else most_used
 
 
 def _are_units(row: Sequence[str], following: Sequence[str]) -> bool:

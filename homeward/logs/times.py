@@ -38,7 +38,8 @@ def from_text(column: pd.Series[Any]) -> tuple[pd.Series[Any], str] | None:
         column = column.str.replace(_COMMA, r"\1.", regex=True)
         if column.str.match(_DAY_FIRST).all():
             column, form = column.str.replace(_DAY_FIRST, r"\3-\2-\1", regex=True), "day.month.year"
-    if (seconds := _from_iso(column)) is not None:
+    seconds = _from_iso(column)
+    if seconds is not None:
         return seconds, f"dates ({form}) as s since 1970"
     texts = column.astype(str)
     if not texts.str.fullmatch(_TIME_OF_DAY).all():

@@ -41,11 +41,11 @@ def tried_on_physics(guesses: Mapping[str, Guess], table: pd.DataFrame) -> dict[
 def _channels(guesses: Mapping[str, Guess], table: pd.DataFrame) -> dict[str, Array]:
     """Values of the guessed channels in the rows whose time is known, as the reader would take them."""
     time_s = _values(guesses["time_s"], table)
-    kept = np.isfinite(time_s)
-    channels = {"time_s": from_epoch(time_s[kept])[0]}
+    is_finite = np.isfinite(time_s)
+    channels = {"time_s": from_epoch(time_s[is_finite])[0]}
     for name, guess in guesses.items():
         if name != "time_s":
-            values = _values(guess, table)[kept]
+            values = _values(guess, table)[is_finite]
             unknown.left_out(name, values)
             values[CHANNELS[name].impossible(values)] = np.nan
             channels[name] = values

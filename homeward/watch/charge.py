@@ -35,9 +35,9 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
             "such recordings"
         )
     step_s = np.append(steps_s(run.time_s), 0.0)
-    left_m, took_as, expected_as = (
-        rest_of(values * step_s) for values in (wheels_mps(run, robot), run.observed, current_a(run, robot))
-    )
+    left_m = rest_of(wheels_mps(run, robot) * step_s)
+    took_as = rest_of(run.observed * step_s)
+    expected_as = rest_of(current_a(run, robot) * step_s)
     if left_m[0] <= 0.0:
         raise CompanionError(f"{run.name}: the robot stood all the time; there is no way to predict")
     duration_s = float(run.time_s[-1] - run.time_s[0])
@@ -57,13 +57,16 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
         seen_as, driven_m = expected_as[0] - expected_as[sample], left_m[0] - left_m[sample]
         factor, unsure = 1.0, variance
         if seen_as > 0.0 and driven_m > 0.0:
-            shown, noise = (took_as[0] - took_as[sample]) / seen_as, scale_of(sure.unexplained_over(driven_m)) ** 2
+            shown = (took_as[0] - took_as[sample]) / seen_as
+            noise = scale_of(sure.unexplained_over(driven_m)) ** 2
             share = variance / (variance + noise) if variance > 0.0 else 0.0
             factor, unsure = 1.0 + share * (shown - 1.0), (1.0 - share) * variance
-        rest = scale_of(sure.unexplained_over(max(left_m[sample], thresholds.LEAST_WAY_M)))
+        rest_scale = scale_of(sure.unexplained_over(max(left_m[sample], thresholds.LEAST_WAY_M)))
         rest_as = float(expected_as[sample])
-        spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest)) * rest_as))
-    mean, low, high = (np.array([getattr(spread, name) for spread in spreads]) for name in ("mean", "low", "high"))
+        spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest_scale)) * rest_as))
+    mean = np.array([spread.mean for spread in spreads])
+    low = np.array([spread.low for spread in spreads])
+    high = np.array([spread.high for spread in spreads])
     words = (f"charge of the motors and its uncertainty from the robot's file: {sure.source or 'no source given'}",)
     return Watched(
         run.name, since_s[samples], left_m[samples], took_as[samples], mean, low, high, float(left_m[0]), words, (),

@@ -46,9 +46,10 @@ def rows_of(runs: Sequence[Watched]) -> list[Row]:
     left = np.concatenate([run.left_m for run in runs])
     share = np.concatenate([run.left_m / run.length_m for run in runs])
     number = np.concatenate([np.full(len(run.left_m), index) for index, run in enumerate(runs)])
-    took, mean, low, high = (
-        np.concatenate([getattr(run, name) for run in runs]) for name in ("took_j", "mean_j", "low_j", "high_j")
-    )
+    took = np.concatenate([run.took_j for run in runs])
+    mean = np.concatenate([run.mean_j for run in runs])
+    low = np.concatenate([run.low_j for run in runs])
+    high = np.concatenate([run.high_j for run in runs])
     covered = np.concatenate([run.covered for run in runs])
     rows = []
     for most, least in (*itertools.pairwise(_BORDERS), (1.0, 0.0)):

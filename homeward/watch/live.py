@@ -78,7 +78,10 @@ class LiveView:
 
     def __init__(self, console: Console, full_j: float, speed: float = 0.0) -> None:
         self._live = Live(console=console, auto_refresh=False, transient=True)
-        self._full_j, self._speed, self._drawn_s, self._begun_s = full_j, speed, 0.0, time.monotonic()
+        self._full_j = full_j
+        self._speed = speed
+        self._drawn_s = 0.0
+        self._begun_s = time.monotonic()
         self._said: dict[str, tuple[float, str]] = {}  # by kind: when it was first said so, and what
         self._name = ""
 

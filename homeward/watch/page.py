@@ -91,9 +91,10 @@ def figure(runs: Sequence[Watched]) -> Markup:
     )  # fmt: skip
     made.update_xaxes(**GRID).update_yaxes(**GRID)
     made.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
+    count_word = "run" if len(shown) == 1 else "runs"
     says = (
-        f"{_RESTS[shown[0].unit]}, over the way left in m, of {len(shown)} run{'s' * (len(shown) > 1)}: predicted with "
-        "its 90 % interval, and what it consumed. The table below has moments of each run, watch.csv has all."
+        f"{_RESTS[shown[0].unit]}, over the way left in m, of {len(shown)} {count_word}: predicted with its 90 % "
+        "interval, and what it consumed. The table below has moments of each run, watch.csv has all."
     )
     return described(made.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}), says)
 

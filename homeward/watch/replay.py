@@ -55,8 +55,10 @@ class Rest:
         self.left_m = rest_of(self.way_m)
         self.took_j = rest_of(run.observed * step_s)
         self._modelled_j = rest_of(modelled.power_w * step_s)
-        self._sine_m, self._speed_m = rest_of(sine * self.way_m), rest_of(np.abs(run.speed_mps) * self.way_m)
-        self._east_m, self._north_m = (rest_of(along[:, axis] * self.way_m) for axis in range(2))
+        self._sine_m = rest_of(sine * self.way_m)
+        self._speed_m = rest_of(np.abs(run.speed_mps) * self.way_m)
+        self._east_m = rest_of(along[:, 0] * self.way_m)
+        self._north_m = rest_of(along[:, 1] * self.way_m)
         at_m = self.left_m[0] * (1.0 - np.arange(_STRETCHES + 1) / _STRETCHES)
         # First samples of the stretches: the way left falls.
         self._edges = np.unique(np.searchsorted(-self.left_m, -at_m))
@@ -138,15 +140,17 @@ def watch(
     rest = Rest(run, companion)
     if rest.left_m[0] <= 0.0:
         raise CompanionError(f"{recording.name}: the robot stood all the time; there is no way to predict")
-    given = _readings(recording, run, turns(recording))
+    readings = _readings(recording, run, turns(recording))
     moments: list[tuple[float, float, float, float, float, float]] = []
     wrong_sign = wrong_slopes([run], robot)
     warned = {} if wrong_sign is None else {wrong_sign: 0.0}  # what was warned of, and when first
-    next_s, advice, stride = 0.0, None, -(-len(run.time_s) // _MOST_FED)
+    next_s = 0.0
+    advice = None
+    stride = -(-len(run.time_s) // _MOST_FED)
     for first in range(0, len(run.time_s), stride):
         last = min(first + stride, len(run.time_s)) - 1
         since_s = float(run.time_s[last] - run.time_s[0])
-        reading = {name: _mean(values[first : last + 1]) for name, values in given.items()}
+        reading = {name: _mean(values[first : last + 1]) for name, values in readings.items()}
         advice = companion.update(since_s, **reading)
         for text in advice.warnings:
             warned.setdefault(text.split(":")[0].split(" (")[0], since_s)
@@ -177,22 +181,22 @@ def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, 
     A slope from elevations is smoothed over the drive, and a heading is integrated from turning rates.
     """
     raw = recording.channels
-    kept = np.isin(raw["time_s"], run.time_s)
-    given: dict[str, Array] = {"speed_mps": speed_of(raw)[kept], "sensing_hz": run.sensing_hz}
+    is_kept = np.isin(raw["time_s"], run.time_s)
+    channels: dict[str, Array] = {"speed_mps": speed_of(raw)[is_kept], "sensing_hz": run.sensing_hz}
     for name in ("voltage_v", "current_a", "soc"):
         if name in raw:
-            given[name] = raw[name][kept]
+            channels[name] = raw[name][is_kept]
     if "power_w" in raw:
-        given["power_w"] = raw["power_w"][kept]
+        channels["power_w"] = raw["power_w"][is_kept]
     if "grade_rad" in run.context:
-        grade = raw["grade_rad"][kept] if "grade_rad" in raw else run.grade_rad
-        given["grade_rad"] = np.where(run.speed_mps < 0.0, -grade, grade)
+        grade = raw["grade_rad"][is_kept] if "grade_rad" in raw else run.grade_rad
+        channels["grade_rad"] = np.where(run.speed_mps < 0.0, -grade, grade)
     if has_turns:
-        given["heading_rad"] = heading_of(run)
+        channels["heading_rad"] = heading_of(run)
     else:
         # No heading: the distance from home is the distance driven.
-        given["position"] = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * steps_s(run.time_s))))
-    return given
+        channels["position"] = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * steps_s(run.time_s))))
+    return channels
 
 
 def run_all(

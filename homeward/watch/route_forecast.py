@@ -59,21 +59,24 @@ def forecast_along(robot: Robot, route: RouteLike, speed_mps: float | None, risk
     back = out[::-1].copy()
     for name in ("sine", "east", "north"):
         back[name] *= -1.0
-    both = np.concatenate((out, back))
-    total_m = float(both["way_m"].sum())
+    there_and_back = np.concatenate((out, back))
+    total_m = float(there_and_back["way_m"].sum())
     driven_m = np.linspace(0.0, total_m, _POINTS + 1)
-    ends = np.cumsum(both["way_m"])
-    left = [companion.after(_first(both, ends, float(way_m))) for way_m in driven_m]
+    ends = np.cumsum(there_and_back["way_m"])
+    left = [companion.after(_first(there_and_back, ends, float(way_m))) for way_m in driven_m]
     left_j = np.array([[energy.quantile(share) for share in _QUANTILES] for energy in left])
     reach = tuple(_empty_m(driven_m, left_j[:, k]) for k in range(len(_QUANTILES)))
     standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * 0.5 * total_m
-    there_j, both_j = companion.ahead(out, standing_j), companion.ahead(both, 2.0 * standing_j)
+    there_j = companion.ahead(out, standing_j)
+    both_j = companion.ahead(there_and_back, 2.0 * standing_j)
     return RouteForecast(advice, driven_m, left_j, there_j, both_j, reach)
 
 
 def _ways(route: RouteLike, speed_mps: float) -> NDArray[np.void]:
     ways = np.zeros(len(route.grade_rad), WAY_DTYPE)
-    ways["way_m"], ways["sine"], ways["speed_mps"] = route.place_m, np.sin(route.grade_rad), speed_mps
+    ways["way_m"] = route.place_m
+    ways["sine"] = np.sin(route.grade_rad)
+    ways["speed_mps"] = speed_mps
     ways["east"], ways["north"] = np.cos(route.heading_rad), np.sin(route.heading_rad)
     return ways
 

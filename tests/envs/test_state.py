@@ -6,7 +6,8 @@ import itertools
 
 import pytest
 
-from homeward.envs.options import MISSIONS, Options, known_of
+from homeward.envs.missions import MISSIONS
+from homeward.envs.options import Options, known_of
 from homeward.envs.state import (
     AHEAD,
     HIDDEN_DTYPE,

@@ -185,8 +185,10 @@ class _Reading:
             count = int(np.isfinite(values).sum())
             time_s, values = clock.in_order(self.times[connection.topic], values)
             if count - len(values) > thresholds.STRAY_SHARE * count:
-                same = f"{count - len(values)} of {count} values of {name} have the time of another: the first is used"
-                said.append(same)
+                repeated = (
+                    f"{count - len(values)} of {count} values of {name} have the time of another: the first is used"
+                )
+                said.append(repeated)
             # Before they are averaged, which would spread a wrong reading over those beside it.
             said += leave_out_spikes({"time_s": time_s, name: values})
             time_s, values = clock.in_order(time_s, values)
@@ -317,5 +319,5 @@ def _speed(series: dict[str, Series]) -> Series:
     if "speed_mps" in series:
         return series["speed_mps"]
     left, right = series["wheel_left_mps"], series["wheel_right_mps"]
-    other = np.interp(left.time_s, right.time_s, right.values)
-    return Series(left.topic, left.kind, left.time_s, 0.5 * (left.values + other))
+    right_mps = np.interp(left.time_s, right.time_s, right.values)
+    return Series(left.topic, left.kind, left.time_s, 0.5 * (left.values + right_mps))

@@ -40,8 +40,8 @@ class Battery:
 
     def __str__(self) -> str:
         voltage_v = self.voltage_v[np.isfinite(self.voltage_v)]
-        at = f" at {np.median(voltage_v):.3g} V" if len(voltage_v) else ""
-        return f"{self.name} ({self._mean:.3g}{at})"
+        at_voltage = f" at {np.median(voltage_v):.3g} V" if len(voltage_v) else ""
+        return f"{self.name} ({self._mean:.3g}{at_voltage})"
 
     @property
     def _mean(self) -> float:
@@ -79,7 +79,7 @@ def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
             return Choice((battery.name,), f"batteries {listed}: {battery.name} is the sum of the others, and used")
     if len({_PLACES.sub("", name) for name in names}) == 1 and _one_voltage(batteries):
         return Choice(names, f"batteries {listed}: added, as packs in parallel by their names and voltage")
-    if all(_equal(batteries[0], other) for other in batteries[1:]):
+    if all(_equal(batteries[0], battery) for battery in batteries[1:]):
         return Choice(names[:1], f"batteries {listed}: readings are equal, so {names[0]} is used")
     raise RecordingError(
         f"has several batteries, and not which is the whole: {listed}; name one in a mapping file (--columns), "
@@ -96,7 +96,8 @@ def _one_voltage(batteries: Sequence[Battery]) -> bool:
 def _equal(first: Battery, second: Battery) -> bool:
     """Whether the quantiles of both currents are equal: they need not come at the same times."""
     shares = np.linspace(0.0, 1.0, 11)
-    mine, other = (np.nanquantile(battery.drawn, shares) for battery in (first, second))
-    return bool(np.abs(mine - other).max() <= thresholds.SAME_READING * np.abs(mine).max()) and _one_voltage(
-        [first, second]
-    )
+    quantiles_first = np.nanquantile(first.drawn, shares)
+    quantiles_second = np.nanquantile(second.drawn, shares)
+    largest = np.abs(quantiles_first).max()
+    same_current = bool(np.abs(quantiles_first - quantiles_second).max() <= thresholds.SAME_READING * largest)
+    return same_current and _one_voltage([first, second])

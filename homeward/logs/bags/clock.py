@@ -27,8 +27,8 @@ def slower(*times: Array) -> Array:
     clock: Array = slowest[(slowest >= start) & (slowest <= end)]
     if len(clock) < 2:
         return clock
-    kept = max(round(thresholds.FASTEST_CLOCK_S / median_step_s(clock)), 1)
-    return clock[::kept]
+    stride = max(round(thresholds.FASTEST_CLOCK_S / median_step_s(clock)), 1)
+    return clock[::stride]
 
 
 def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
@@ -41,19 +41,22 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     if len(time_s) < 2:
         return np.full(len(clock_s), np.nan)
     tick_s = median_step_s(clock_s)
-    own = np.minimum(np.searchsorted(time_s, clock_s), len(time_s) - 1)
-    if np.array_equal(time_s[own], clock_s) and tick_s < thresholds.THINNED_STEPS * median_step_s(time_s):
-        return values[own]  # the channel that the clock is of
+    nearest = np.minimum(np.searchsorted(time_s, clock_s), len(time_s) - 1)
+    if np.array_equal(time_s[nearest], clock_s) and tick_s < thresholds.THINNED_STEPS * median_step_s(time_s):
+        return values[nearest]  # the channel that the clock is of
     half = np.minimum(0.5 * np.diff(clock_s), 0.5 * tick_s)
     half = np.minimum(np.append(half, half[-1:]), np.append(half[:1], half))
     half = np.minimum(half, np.minimum(clock_s - time_s[0], time_s[-1] - clock_s))  # as far as the channel goes
     inside = half >= 0.0
     half = np.maximum(half, 0.0)
-    start, end, steps = clock_s - half, clock_s + half, np.diff(time_s)
+    start = clock_s - half
+    end = clock_s + half
+    steps = np.diff(time_s)
     integral = make_interp_spline(time_s, values, k=1).antiderivative()
-    wide = half > 0.0
+    has_width = half > 0.0
     means = np.interp(clock_s, time_s, values)
-    means[wide] = (integral(end[wide]) - integral(start[wide])) / (2.0 * half[wide])
+    means[has_width] = (integral(end[has_width]) - integral(start[has_width])) / (2.0 * half[has_width])
     gap = np.concatenate(([0], np.cumsum(steps > thresholds.GAP_STEPS * max(median_step_s(time_s), tick_s))))
-    first, last = (np.clip(np.searchsorted(time_s, at, side="right"), 1, len(steps)) for at in (start, end))
+    first = np.clip(np.searchsorted(time_s, start, side="right"), 1, len(steps))
+    last = np.clip(np.searchsorted(time_s, end, side="right"), 1, len(steps))
     return np.asarray(np.where(inside & (gap[last] == gap[first - 1]), means, np.nan))

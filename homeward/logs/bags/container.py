@@ -88,12 +88,12 @@ class Bag(contextlib.ExitStack):
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
         """Messages of some topics with the time of receipt, ns; a damaged file ends at the damage, with a note."""
         for reader in self._readers:
-            here = [connection for connection in connections if connection in reader.connections]
-            if not here:
+            in_reader = [connection for connection in connections if connection in reader.connections]
+            if not in_reader:
                 continue
             first_ns, last_ns = 2**63, 0
             try:
-                for connection, received_ns, packed in _in_order_of_file(reader, here):
+                for connection, received_ns, packed in _in_order_of_file(reader, in_reader):
                     data = self._allowance.unpack("zstd", packed) if self._packed_messages else packed
                     self._allowance.take(len(data))
                     if isinstance(received_ns, int):  # as above
@@ -120,9 +120,9 @@ class Bag(contextlib.ExitStack):
             else:
                 self.callback(reader.close)
                 listed = {Path(storage.path).name for storage in reader.storage.storages}
-                there = {file.name.removesuffix(".zstd") for file in storage_files(self.path)}
-                if there - listed:
-                    said = f"metadata.yaml lists {len(listed)} of {len(there)} files: all are read, one by one"
+                stored = {file.name.removesuffix(".zstd") for file in storage_files(self.path)}
+                if stored - listed:
+                    said = f"metadata.yaml lists {len(listed)} of {len(stored)} files: all are read, one by one"
                     self.notes.append(said)
                     return [self._reader(file) for file in storage_files(self.path)]
                 if reader.storage.metadata.compression_mode == "message":  # they are unpacked here, within limits
@@ -152,10 +152,10 @@ class Bag(contextlib.ExitStack):
             left = f"{sum(connection.msgcount for connection in remains.connections)} messages could be read"
             if file.suffix == ".db3":
                 left = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
-            whole = _not_damaged(error)
+            reason = _not_damaged(error)
             self.notes.append(
-                f"{file.name} {whole}, which are left out"
-                if whole
+                f"{file.name} {reason}, which are left out"
+                if reason
                 else f"{file.name} is cut off or damaged ({_first_line(error)}): {left}"
             )
             return remains

@@ -61,8 +61,8 @@ def from_acceleration(time_s: Array, forward_mps2: Array, motion_s: Array, speed
     """
     if not np.any(forward_mps2) or len(motion_s) < 2:
         return None
-    own = np.gradient(_smoothed(motion_s, speed_mps, 0.5 * ACCELERATION_S), motion_s)
-    force = _smoothed(time_s, forward_mps2 - np.interp(time_s, motion_s, own), ACCELERATION_S)
+    own_mps2 = np.gradient(_smoothed(motion_s, speed_mps, 0.5 * ACCELERATION_S), motion_s)
+    force = _smoothed(time_s, forward_mps2 - np.interp(time_s, motion_s, own_mps2), ACCELERATION_S)
     return np.arcsin(np.clip(force / GRAVITY_MPS2, -1.0, 1.0))
 
 

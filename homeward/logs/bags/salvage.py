@@ -77,7 +77,8 @@ def _ros1(file: BinaryIO, allowance: Allowance) -> Iterator[Record]:
     while (header := _sized(file)) is not None:
         fields = _ros1_fields(header)
         operation = fields.get(b"op", b"\xff")[0]
-        size = struct.unpack("<I", length)[0] if len(length := file.read(4)) == 4 else 0
+        length = file.read(4)
+        size = struct.unpack("<I", length)[0] if len(length) == 4 else 0
         if operation not in (_ROS1_MESSAGE, _ROS1_CHUNK, _ROS1_CONNECTION):
             file.seek(size, io.SEEK_CUR)
             continue
@@ -89,8 +90,9 @@ def _ros1(file: BinaryIO, allowance: Allowance) -> Iterator[Record]:
             return
         (connection,) = struct.unpack("<I", fields[b"conn"])
         if operation == _ROS1_CONNECTION:
-            about = _ros1_fields(data)
-            text, kind = about[b"message_definition"].decode(), normalize_msgtype(about[b"type"].decode())
+            fields = _ros1_fields(data)
+            text = fields[b"message_definition"].decode()
+            kind = normalize_msgtype(fields[b"type"].decode())
             yield _connection(connection, fields[b"topic"].decode(), kind, MessageDefinitionFormat.MSG, text)
         else:
             seconds, nanoseconds = struct.unpack("<II", fields[b"time"])

@@ -90,8 +90,8 @@ def read_samples(
     for name in (topic for topic in rows if rows[topic]):
         table = np.array(rows[name], dtype=np.float64).reshape(len(rows[name]), -1).T
         received, stamps = np.array(times[name], dtype=np.int64).T
-        whole = Samples(received, stamps, dict(zip(wanted[name], table, strict=True)))
-        samples |= _by_part(name, whole, np.array(parts[name]))
+        samples_of_topic = Samples(received, stamps, dict(zip(wanted[name], table, strict=True)))
+        samples |= _by_part(name, samples_of_topic, np.array(parts[name]))
     return samples, [line for name, line in unread.items() if name not in {without_part(part) for part in samples}]
 
 
@@ -125,9 +125,9 @@ def keep_longest_part(samples: dict[str, Samples]) -> list[str]:
         for part in range(parts):
             stamps = of_topic.stamp_ns[part_of_sample[name] == part]
             spans_s[part] = max(spans_s[part], float(stamps[-1] - stamps[0]) * 1e-9)
-    kept = int(spans_s.argmax())
+    longest = int(spans_s.argmax())
     for name, of_topic in samples.items():
-        mine = part_of_sample[name] == kept
+        mine = part_of_sample[name] == longest
         values = {path: column[mine] for path, column in of_topic.values.items()}
         samples[name] = Samples(of_topic.received_ns[mine], of_topic.stamp_ns[mine], values)
     lengths = ", ".join(f"{span_s:.4g} s" for span_s in spans_s)
@@ -169,8 +169,8 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
     if others := sorted(set(samples) - stamped):
         notes.append(f"{', '.join(others)}: placed by the time of receipt, as they have no stamp of the same clock")
     by_stamp = [name for name in sorted(samples) if name not in on_receipt]
-    again = [name for name in by_stamp if restarts(samples[name].stamp_ns)]
-    if again:
-        notes.append(f"stamps of {', '.join(again)} go back, as after a restart")
+    restarted = [name for name in by_stamp if restarts(samples[name].stamp_ns)]
+    if restarted:
+        notes.append(f"stamps of {', '.join(restarted)} go back, as after a restart")
     since = {name: np.asarray((topic_ns - start_ns) * 1e-9, dtype=np.float64) for name, topic_ns in times.items()}
     return since, start_ns, notes

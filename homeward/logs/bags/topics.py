@@ -109,8 +109,8 @@ class Topics:
 
     def value(self, connections: Sequence[Offer]) -> tuple[bool, bool, int]:
         """How much of a bag the mapping covers: power, motion, number of channels."""
-        given = {name for name in (*CHANNELS, ORIENTATION, ACCELERATION) if self.candidates(name, connections)}
-        return first_set(POWER, given) != (), first_set(MOTION, given) != (), len(given)
+        offered = {name for name in (*CHANNELS, ORIENTATION, ACCELERATION) if self.candidates(name, connections)}
+        return first_set(POWER, offered) != (), first_set(MOTION, offered) != (), len(offered)
 
 
 def shipped_topics() -> list[str]:

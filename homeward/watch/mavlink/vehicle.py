@@ -99,7 +99,9 @@ class Vehicle:
         self._others: set[int] = set()
         self._broken = ""
         self._found: dict[str, str] = {}
-        self._texts, self._text_id, self._beaten_s = Texts(), 0, -math.inf
+        self._texts = Texts()
+        self._text_id = 0
+        self._beaten_s = -math.inf
 
     def meet(self, waiting: Callable[[str], None]) -> Met:
         """Wait for a position, then for home and wind a moment longer.
@@ -107,7 +109,9 @@ class Vehicle:
         Args:
             waiting: Is told, once, what is missing.
         """
-        began_s, placed_s, said = time.monotonic(), math.inf, False
+        began_s = time.monotonic()
+        placed_s = math.inf
+        said = False
         while time.monotonic() - placed_s < _SETTLES_S:
             for message in self.take():
                 if placed_s == math.inf and hasattr(message.content, "pose"):
@@ -138,7 +142,7 @@ class Vehicle:
 
     def take(self) -> list[Message]:
         """Translated messages since the last call."""
-        taken = []
+        messages = []
         for _ in range(_MOST):
             try:
                 with _quiet():
@@ -153,8 +157,8 @@ class Vehicle:
                 translated = self.translator.see(message)
                 if translated is not None:
                     self._found[translated.topic] = KINDS[translated.topic]
-                    taken.append(Message(translated.topic, translated.content, self.translator.boots))
-        return taken
+                    messages.append(Message(translated.topic, translated.content, self.translator.boots))
+        return messages
 
     def _is_vehicle(self, message: Any) -> bool:
         """Whether a message is of the autopilot that is advised: the first with a heartbeat."""

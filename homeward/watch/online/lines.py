@@ -66,8 +66,8 @@ class Lines:
     def take(self) -> list[Message]:
         """Messages since the last call."""
         self._read()
-        taken, self._messages = self._messages, []
-        return taken
+        messages, self._messages = self._messages, []
+        return messages
 
     def faults(self) -> list[str]:
         """Lines that could not be read."""
@@ -94,8 +94,8 @@ class Lines:
         while not self.ended and select.select([self._source], [], [], 0.0)[0]:
             content = os.read(self._source, _CHUNK)
             self.ended = not content
-            *whole, self._rest = (self._rest + content).split(b"\n")
-            for line in whole:
+            *lines, self._rest = (self._rest + content).split(b"\n")
+            for line in lines:
                 self._see(line)
             if len(self._rest) > _LONGEST:
                 self._rest = b""

@@ -312,7 +312,9 @@ class Listener:
             name: several[-1] if name in _LAST else sum(several) / len(several)
             for name, several in self._values.items()
         }
-        self._values, place, self._place = {}, self._place, None
+        self._values = {}
+        place = self._place
+        self._place = None
         speed = values.get(
             "speed_mps", 0.5 * (values.get("wheel_left_mps", math.nan) + values.get("wheel_right_mps", math.nan))
         )
@@ -395,7 +397,8 @@ class Listener:
         if usual_s == math.inf:
             self._at[name] = now_s, since_s
             return
-        new, step_s = companion_thresholds.NEW_INTERVAL, companion_thresholds.LONGEST_INTERVAL * usual_s
+        new = companion_thresholds.NEW_INTERVAL
+        step_s = companion_thresholds.LONGEST_INTERVAL * usual_s
         step_s = min(since_s, step_s + thresholds.SHORTEST_INTERVAL_S)
         self._at[name] = now_s, (1.0 - new) * usual_s + new * step_s
 

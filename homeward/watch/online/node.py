@@ -68,16 +68,16 @@ class Node:
         Raises:
             RecordingError: The mapping names a field that a message does not have.
         """
-        found = self._link.found()
-        if found != self._found:
-            self._found = found
-            self.listener.offer(found)
+        publishers = self._link.found()
+        if publishers != self._found:
+            self._found = publishers
+            self.listener.offer(publishers)
             self._link.subscribe(self.listener.wanted, self.listener.fields)
         now_s = time.monotonic()
-        for one in self._link.take():
+        for message in self._link.take():
             self.messages += 1
-            if one.topic in self.listener.wanted:
-                self.listener.hear(one.topic, one.content, one.publisher, now_s)
+            if message.topic in self.listener.wanted:
+                self.listener.hear(message.topic, message.content, message.publisher, now_s)
         heard = self.listener.take(now_s)
         if heard is not None:
             self._heard_s = now_s

@@ -59,7 +59,9 @@ class Odometry:
         assert self._last is not None
         east_m, north_m, yaw_rad = self._last
         way_m = self._speed_mps * since_s
-        self._turn_rad, self._east_m, self._north_m = yaw_rad - pose[2], 0.0, 0.0
+        self._turn_rad = yaw_rad - pose[2]
+        self._east_m = 0.0
+        self._north_m = 0.0
         x_m, y_m, _ = self._here(pose)
         self._east_m = east_m + way_m * math.cos(yaw_rad) - x_m
         self._north_m = north_m + way_m * math.sin(yaw_rad) - y_m

@@ -145,9 +145,11 @@ class _Printer:
     def _heard(self) -> str:
         """The subscribed topics, and others."""
         wanted = self._node.listener.wanted
-        here, others = (
-            [f"{name} ({kind})" for name, kind in sorted(self._node.found.items()) if (name in wanted) == meant]
-            for meant in (True, False)
-        )
-        more = f"; {len(others)} other topics" + (f", such as {', '.join(others[:_NAMED])}" if others else "")
-        return f"subscribed by the topic mapping {self._node.listener.mapping_name}: {', '.join(here) or 'none'}{more}"
+        offered = [(name, f"{name} ({kind})") for name, kind in sorted(self._node.found.items())]
+        in_use = [words for name, words in offered if name in wanted]
+        not_in_use = [words for name, words in offered if name not in wanted]
+        others_note = f"; {len(not_in_use)} other topics"
+        if not_in_use:
+            others_note += f", such as {', '.join(not_in_use[:_NAMED])}"
+        by_mapping = f"subscribed by the topic mapping {self._node.listener.mapping_name}"
+        return f"{by_mapping}: {', '.join(in_use) or 'none'}{others_note}"

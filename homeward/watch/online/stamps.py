@@ -35,8 +35,8 @@ class Stamps:
         step_s = passed_s if stamp_s is None or self._stamp_s is None else stamp_s - self._stamp_s
         if abs(step_s - passed_s) > thresholds.JUMP_S:
             way = "stood still" if step_s == 0.0 else f"was set {'forward' if step_s > passed_s else 'back'}"
-            by = quantities.duration(abs(step_s - passed_s))
-            self.said = f"the clock of the messages {way} by {by}: time continues as before"
+            difference = quantities.duration(abs(step_s - passed_s))
+            self.said = f"the clock of the messages {way} by {difference}: time continues as before"
             step_s = passed_s
         elif step_s <= 0.0:
             return None

@@ -63,10 +63,15 @@ class Network:
 
     def found(self) -> dict[str, str]:
         """Topics that others publish or have published, with the types of their messages, as far as known."""
-        for one in self._publications.take(_MOST):
-            alive = one.sample_info.instance_state == InstanceState.Alive
-            if alive and one.topic_name.startswith(f"{_PREFIX}/") and one.participant_key != self._participant.guid:
-                kind, name = kind_of(one.type_name), one.topic_name.removeprefix(_PREFIX)
+        for publication in self._publications.take(_MOST):
+            alive = publication.sample_info.instance_state == InstanceState.Alive
+            if (
+                alive
+                and publication.topic_name.startswith(f"{_PREFIX}/")
+                and publication.participant_key != self._participant.guid
+            ):
+                kind = kind_of(publication.type_name)
+                name = publication.topic_name.removeprefix(_PREFIX)
                 if kind is not None and is_meant(name, self._namespace):
                     self._found[name] = kind
         return dict(self._found)
@@ -88,7 +93,9 @@ class Network:
                 self.unreadable[name] = self.unreadable.get(name, 0) + 1
                 continue
             messages += [
-                Message(name, one, one.sample_info.publication_handle) for one in samples if one.sample_info.valid_data
+                Message(name, sample, sample.sample_info.publication_handle)
+                for sample in samples
+                if sample.sample_info.valid_data
             ]
         return messages
 

@@ -85,8 +85,12 @@ def main(args: Args) -> None:
         name: DataWriter(participant, Topic(participant, f"rt{name}", struct_of(kind)), qos=sensor)
         for name, kind in _TOPICS.items()
     }
-    rng, began_s, tick = np.random.default_rng(args.seed), time.time(), 0
-    left_j, x_m, yaw_rad = float(energy_share(robot.curve, args.soc)) * robot.usable_energy_j, args.x, 0.0
+    rng = np.random.default_rng(args.seed)
+    began_s = time.time()
+    tick = 0
+    left_j = float(energy_share(robot.curve, args.soc)) * robot.usable_energy_j
+    x_m = args.x
+    yaw_rad = 0.0
     while (since_s := tick / args.hz) < args.seconds:
         time.sleep(max(began_s + since_s - time.time(), 0.0))
         back = (since_s // args.out_s) % 2 == 1
@@ -116,7 +120,9 @@ def _contents(
     """Fields of battery state, odometry and IMU."""
     stamp = message("builtin_interfaces/msg/Time", sec=int(stamp_s), nanosec=int(stamp_s % 1.0 * 1e9))
     header = message("std_msgs/msg/Header", stamp=stamp, frame_id="odom")
-    (s_y, c_y), (s_p, c_p) = ((math.sin(0.5 * one), math.cos(0.5 * one)) for one in (yaw_rad, -slope_rad))
+    # Halves of the angles, of which quaternions are made; a positive pitch looks down.
+    s_y, c_y = math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
+    s_p, c_p = math.sin(-0.5 * slope_rad), math.cos(-0.5 * slope_rad)
     flat = message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=s_y, w=c_y)
     tilted = message("geometry_msgs/msg/Quaternion", x=-s_y * s_p, y=c_y * s_p, z=s_y * c_p, w=c_y * c_p)
     still = {"x": 0.0, "y": 0.0, "z": 0.0}

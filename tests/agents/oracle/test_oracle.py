@@ -18,7 +18,8 @@ from homeward.agents.oracle.bound import Multipliers, bounds_by_turn, dual_feasi
 from homeward.agents.oracle.problem import problem_of
 from homeward.agents.oracle.rates import PIECES, REFUSED, Rates, measure_rates
 from homeward.agents.registry import FROM_FILES
-from homeward.envs.options import MISSIONS, Options, known_of
+from homeward.envs.missions import MISSIONS
+from homeward.envs.options import Options, known_of
 from homeward.envs.routes import Route
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP

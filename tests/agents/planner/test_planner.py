@@ -16,7 +16,8 @@ from homeward.agents.planner import Planner
 from homeward.agents.rules.dmax_adaptive import AdaptiveDmaxRule
 from homeward.agents.rules.pace import NO_SENSING
 from homeward.envs.features import INDEX
-from homeward.envs.options import MISSIONS, Options, known_of
+from homeward.envs.missions import MISSIONS
+from homeward.envs.options import Options, known_of
 from homeward.envs.routes import Route
 from homeward.envs.state import AHEAD, GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv

@@ -10,7 +10,7 @@ from homeward.agents.planner import Planner
 from homeward.agents.registry import SWEPT
 from homeward.agents.rules.reserves import PACES, RESERVES
 from homeward.agents.rules.turn_back import BelievingRule, TurnBackRule
-from homeward.envs.options import MISSIONS
+from homeward.envs.missions import MISSIONS
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.rules.shown import FIRST, observed
 

@@ -9,7 +9,8 @@ from homeward.agents.planner import Planner
 from homeward.agents.rules.turn_back import TurnBackRule
 from homeward.envs.actions import decode_actions
 from homeward.envs.features import INDEX
-from homeward.envs.options import MISSIONS, Options
+from homeward.envs.missions import MISSIONS
+from homeward.envs.options import Options
 from homeward.envs.state import GO, RETURN
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.rules.shown import FIRST, RULES, begun, episodes, mode, observed, under_way

@@ -14,7 +14,8 @@ from homeward.agents.shield import Shield
 from homeward.agents.shield.reckless import Onward, Wanderer
 from homeward.envs.actions import decode_actions, encode_actions
 from homeward.envs.features import INDEX
-from homeward.envs.options import MISSIONS, Known, Options, known_of
+from homeward.envs.missions import MISSIONS
+from homeward.envs.options import Known, Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from tests.agents.rules.shown import RULES

@@ -19,7 +19,8 @@ from homeward.agents.trained.onnx_policy import BELIEF, INPUT, OUTPUTS  # noqa: 
 from homeward.agents.trained.policy_file import NetworkPolicy  # noqa: E402
 from homeward.envs.actions import LEVELS, action_space, at_level, encode_actions, limits  # noqa: E402
 from homeward.envs.features import FEATURES, INDEX, LIMIT, NAMES  # noqa: E402
-from homeward.envs.options import MISSIONS, Options, known_of  # noqa: E402
+from homeward.envs.missions import MISSIONS  # noqa: E402
+from homeward.envs.options import Options, known_of  # noqa: E402
 from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
 from homeward.physics import load_robot  # noqa: E402
 from tests.agents.trained.drawn import save_drawn_policy  # noqa: E402

@@ -20,7 +20,7 @@ from homeward.agents.trained.environment import setting_of  # noqa: E402
 from homeward.agents.trained.onnx_graph import to_onnx  # noqa: E402
 from homeward.agents.trained.onnx_policy import load_onnx  # noqa: E402
 from homeward.agents.trained.policy_file import PolicyFileError, load_policy  # noqa: E402
-from homeward.envs.options import MISSIONS  # noqa: E402
+from homeward.envs.missions import MISSIONS  # noqa: E402
 from homeward.envs.vector import HomewardVectorEnv  # noqa: E402
 from homeward.physics import RobotError  # noqa: E402
 
