@@ -26,7 +26,7 @@ from homeward.companion.prior_knowledge import PriorKnowledge, known_of
 from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.saved import DAMAGE, check_sealed, digest, put_values, sealed, values_of
 from homeward.companion.turn_advice import latest
-from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
+from homeward.companion.way import RouteLike, Step, Way, along_and_off, along_route
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
 from homeward.estimation import Prior, Vehicle
@@ -377,9 +377,9 @@ class Companion:
         if self._other_way is not None and self._other_way_m is not None:
             ways = along_route(self._other_way, self._other_way_m, self.vehicle.cruise_mps)
         elif self._way.moved_home is not None:
-            from_m, leg_m = self._way.beyond(self._way.moved_home)
+            leave_m, leg_m = self._way.beyond(self._way.moved_home)
             here_m = self._way.position_m
-            ways = back_over(self._estimator.places, self.vehicle, here_m, from_m, thresholds.DETOUR * leg_m)
+            ways = along_and_off(self._estimator.places, self.vehicle, here_m, leave_m, thresholds.DETOUR * leg_m)
         else:
             return self._estimator.way_home(self._way.position_m, unsure_m)
         return self._estimator.way_home(float(ways["way_m"].sum()), unsure_m, ways)

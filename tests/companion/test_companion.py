@@ -247,6 +247,12 @@ def test_home_that_moves() -> None:
     assert any("home has moved" in text for text in beside.rests_on)
     one.take_home(None)
     assert robot.drive(one, 0.0, 1.0).way_home_m == pytest.approx(1003.0, abs=1.0)
+    one.move_home((400.0, 30.0))  # back along the trail, which has no detour, and then aside
+    assert robot.drive(one, 0.0, 1.0).way_home_m == pytest.approx(604.0 + 1.3 * 30.0, abs=16.0)
+    ahead = companion(home=None)
+    ahead.update(0.0, position=100.0)
+    ahead.move_home(350.0)
+    assert ahead.update(1.0, position=100.0, speed_mps=0.0).way_home_m == pytest.approx(250.0)
 
 
 def route(sines: Any, place_m: float = 50.0) -> Route:
