@@ -32,6 +32,7 @@ from rich.table import Table
 
 from homeward import cli, installed, quantities
 from homeward.companion import CompanionError, thresholds
+from homeward.companion.checks import docks_of
 from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.logs.plausible import within_top_speed
@@ -74,6 +75,9 @@ class Args:
     """With --ros2 or --stdin: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
     home: tuple[float, float] | None = None
     """With --ros2 or --stdin: home in the frame of the odometry, m; by default the first position received."""
+    docks: tuple[str, ...] = ()
+    """With --ros2 or --stdin: other homes and charging docks, NAME=EAST,NORTH in the frame of the odometry, m. The one
+    with the best margin is advised."""
     mavlink: str | None = None
     """Advise a vehicle on MAVLink instead of replaying: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or a serial
     port; needs the extra logs."""
@@ -97,8 +101,8 @@ def main(args: Args) -> list[Watched]:
         raise CompanionError(f"{' and '.join(live)} do not go together; give one of them")
     if not args.ros2 and args.domain is not None:
         raise CompanionError("--domain is for --ros2")
-    if not (args.ros2 or args.stdin) and (args.namespace or args.home is not None):
-        raise CompanionError("--namespace and --home are for --ros2 and --stdin")
+    if not (args.ros2 or args.stdin) and (args.namespace or args.home is not None or args.docks):
+        raise CompanionError("--namespace, --home and --docks are for --ros2 and --stdin")
     if not live and args.state is not None:
         raise CompanionError("--state is for a live robot: --ros2, --mavlink or --stdin")
     if args.namespace and not args.namespace.startswith("/"):
@@ -161,7 +165,7 @@ def _join(args: Args) -> None:
     robot, network = load_robot(args.robot), Network(domain, args.namespace.rstrip("/"))
     Session(
         robot, network, f"{robot.name} on domain {domain}", args.columns, args.home, args.state,
-        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v, docks=docks_of(args.docks),
     ).run(cli.Terminal(), args.quiet)  # fmt: skip
 
 
@@ -193,7 +197,7 @@ def _advise_by_lines(args: Args) -> None:
     robot = load_robot(args.robot)
     Session(
         robot, lines, f"{robot.name} by standard input", args.columns, args.home, args.state,
-        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v, docks=docks_of(args.docks),
     ).run(cli.Terminal(stderr=True), args.quiet, lambda: lines.ended)  # fmt: skip
 
 

@@ -104,10 +104,15 @@ class Way:
             return Step(self.position_m, way_m, reading.heading_rad, 0.0)
         heading = reading.heading_rad
         if reading.position is not None:
-            moved = self._move_to(reading.position, driven_m, speed, heading)
+            # After a charge nobody has reckoned the way: the position is taken as it is, and nothing was driven.
+            reckons = reading.dt_s > 0.0 and math.isfinite(driven_m) and math.isfinite(heading)
+            reckoned = _moved(math.copysign(driven_m, speed), heading) if reckons else None
+            moved = self._move_to(reading.position, reckoned)
             if math.isnan(heading) and float(np.hypot(*moved)) > 0.0:
                 heading = math.atan2(moved[1], moved[0])
             way_m = driven_m if math.isfinite(driven_m) else float(np.hypot(*moved))
+            if reading.dt_s == 0.0:
+                way_m = 0.0
             self._heading_rad, self.reckoned_m = heading if math.isfinite(heading) else self._heading_rad, 0.0
         else:
             way_m = self._reckon(driven_m, heading, speed)
@@ -116,8 +121,8 @@ class Way:
             self.position_m = self._way_home_m()
         return Step(self.position_m, way_m, heading, self.reckoned_m)
 
-    def _move_to(self, position: tuple[float, float], driven_m: float, speed: float, heading: float) -> Array:
-        """Move to a position, filtered by speed and heading where they are read; returns the change."""
+    def _move_to(self, position: tuple[float, float], reckoned: Array | None) -> Array:
+        """Move to a position, filtered by dead reckoning if there was any since the last one; returns the change."""
         read = np.array(position, dtype=np.float64)
         if self._count == 0:
             if self.home is None:
@@ -128,10 +133,9 @@ class Way:
             self._positions.see(read, reckons=False)
             return np.zeros(2)
         before = self._xy
-        reckons = math.isfinite(driven_m) and math.isfinite(heading)
-        if reckons:
-            self._positions.reckon(_moved(math.copysign(driven_m, speed), heading))
-        self._positions.see(read, reckons)
+        if reckoned is not None:
+            self._positions.reckon(reckoned)
+        self._positions.see(read, reckoned is not None)
         return self._xy - before
 
     @property
@@ -253,11 +257,8 @@ class Way:
         assert self._corners is not None
         here_m = self.position_m if from_m is None else from_m
         corners_m = np.arange(len(self._corners)) * self._place_m
-        if self._count:
-            begins = self._crumbs[0]
-        else:
-            begins = np.array(self.home if isinstance(self.home, tuple) else (0.0, 0.0))
-        corners = self._corners + begins
+        home = self.home if isinstance(self.home, tuple) else (0.0, 0.0)
+        corners = self._corners + (self._crumbs[0] if self._count else np.array(home))
         if self._count and from_m is None:
             here = self._xy
         else:  # in metres along the route
