@@ -128,6 +128,7 @@ def _replay(args: Args) -> list[Watched]:
     from homeward.watch.coverage import rows_of
     from homeward.watch.page import verdict, watch_html
     from homeward.watch.replay import run_all
+    from homeward.watch.scores import missing
 
     robot = load_robot(args.robot)
     read = [read_recording(path, args.columns) for path in args.runs]
@@ -144,8 +145,11 @@ def _replay(args: Args) -> list[Watched]:
             show = stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show
         runs = run_all(recordings, robot, show, **keywords)
     rows = rows_of(runs)
-    console.show(table_of(rows))
+    console.show(table_of(rows), ("interval\nscore",) if rows[-1].crps is not None else ())
     console.print(verdict(rows[-1]))
+    lacking = missing()
+    if lacking is not None:
+        console.print(Padding(lacking, (0, 0, 0, 2)), style="dim", soft_wrap=True)
     for text in runs[0].rests_on:
         console.print(Padding(text, (0, 0, 0, 2)), style="dim")
     texts = {"watch.html": watch_html(runs, robot, notes=notes), "watch.csv": moments_of(runs).to_csv(index=False)}
@@ -214,7 +218,9 @@ def _domain(given: int | None) -> int:
 def table_of(rows: list[Row]) -> Table:
     """Coverage, bias and error by the way left; the last row is of all moments."""
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("way left", "moments", "in the 90 %\ninterval", "bias", "median\nerror", "half\ninterval"):
+    scored = rows[-1].crps is not None
+    headings = ["way left", "moments", "in the 90 %\ninterval", "bias", "median\nerror", "half\ninterval"]
+    for heading in headings + ["CRPS", "interval\nscore"] * scored:
         table.add_column(heading, justify="left" if heading == "way left" else "right")
     for row in rows:
         if row is rows[-1]:
@@ -223,6 +229,7 @@ def table_of(rows: list[Row]) -> Table:
         table.add_row(
             "all" if row is rows[-1] else f"{high} to {low}", str(row.moments), f"{row.covered:.0%}",
             f"{row.bias:+.1%}", f"{row.error:.1%}", f"{row.width:.1%}",
+            *(f"{score:.1%}" for score in (row.crps, row.interval_score) if score is not None),
         )  # fmt: skip
     return table
 
