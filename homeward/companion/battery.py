@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from homeward.companion import thresholds
-from homeward.companion.gauge import GaugeTrust
+from homeward.companion.gauge import FOLLOWS, JUMPED, GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_at, charge_share, energy_share, open_circuit_v
 from homeward.physics.cells import Cells
@@ -139,12 +139,16 @@ class BatteryBelief:
     def recharge(self, charge: float) -> None:
         """Go on with the same battery at another charge, which somebody tells.
 
-        What is believed of its capacity, its resistance and the gauge's gain stays. The charge is as uncertain as any
+        What is believed of its capacity, its resistance and the gauge's gain stays; a gauge that has jumped is believed
+        again, one with a course of its own is not. The charge is as uncertain as any
         that is told, and the error of the open-circuit curve is that of another charge.
         """
         moved = abs(charge - self.charge)
         charges, charge_weight = _starts(Start(charge))
         joint = self.trust.joint.reshape(-1, CAPACITIES, STARTS).sum(axis=2)
+        # What looked like a jump may have been the charge itself, and a charge sets gauges anew.
+        joint[FOLLOWS] += joint[JUMPED]
+        joint[JUMPED] = 0.0
         by_capacity = self.trust.weights.reshape(CAPACITIES, STARTS) + _IMPOSSIBLE
         within = by_capacity / by_capacity.sum(axis=1, keepdims=True)
 

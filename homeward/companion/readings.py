@@ -160,7 +160,9 @@ class Readings:
 
     def _end_charge(self, time_s: float) -> None:
         """Pass the time at the charger, in which no instrument was due."""
-        charged_s = max(time_s - self._last_s, 0.0) if math.isfinite(self._last_s) else 0.0
+        passed_s = time_s - self._last_s
+        # Before the first reading (NaN), and where the clock was set meanwhile, the time is not known.
+        charged_s = passed_s if 0.0 <= passed_s <= self._limits.gap_s else 0.0
         self._charges, self._last_s, self._back = False, time_s, 0
         self.clock_s += charged_s
         for held in (self._power, self._grade, self._heading, self._clock, self._motion):

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from rich import box
 from rich.padding import Padding
 from rich.table import Table
-from rich.text import Text
 
 from homeward import quantities
 from homeward.cli import Terminal
@@ -202,7 +201,7 @@ def _homes_table(homes: tuple[HomeOption, ...]) -> Table:
         energy = option.energy_j
         between = f"{quantities.energy(max(energy.low, 0.0))} to {quantities.energy(energy.high)}"
         way, mean = quantities.distance(option.way_m), quantities.energy(energy.mean)
-        table.add_row(Text(option.name), way, mean, between, f"{option.chance:.2%}")
+        table.add_row(option.name, way, mean, between, f"{option.chance:.2%}")
     return table
 
 

@@ -363,6 +363,21 @@ def test_after_a_charge_on_the_way_the_mission_goes_on() -> None:
     assert fuller.energy_left_j.mean < left_j + 0.01 * robot.full_j or any("rises" in text for text in fuller.warnings)
 
 
+def test_a_gauge_that_rose_at_the_charger_is_believed_afterwards() -> None:
+    one, robot = companion(soc=1.0), Driven(every_s=30.0)
+    robot.drive(one, 0.0, 3000.0)
+    for soc in np.linspace(robot.charge(), 0.95, 20):
+        robot.time_s += 60.0
+        docked = one.update(robot.time_s, speed_mps=0.0, soc=float(soc))
+    assert any("the state of charge has jumped" in text for text in docked.warnings)
+    one.charged(0.95)
+    robot.used_j = 0.05 * robot.full_j
+    robot.drive(one, 0.0, 90.0)
+    later = [robot.drive(one, 0.0, 60.0) for _ in range(8)]
+    assert all(advice.warnings == () for advice in later)
+    assert later[-1].energy_left_j.low < robot.left_j < later[-1].energy_left_j.high
+
+
 def test_a_charge_that_was_told_before_the_first_reading_counts() -> None:
     for event in (Companion.charged, Companion.swap_battery):
         one = companion(soc=1.0)
