@@ -122,7 +122,7 @@ def test_it_takes_an_update_of_any_rate_alike() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    one, robot = companion(), Driven(every_s=0.1)
+    one, robot = companion(), Driven()
     sizes = []
     for _ in range(3):
         robot.drive(one, 0.3, 100.0)
