@@ -55,9 +55,18 @@ class Terminal(Console):
             column = next(one for one in table.columns if one.header == heading)
             table.columns.remove(column)
             left_out.append(" ".join(heading.split()))
-        self.print(table, width=max(self._natural_width(table), self.width) if wide else None, crop=not wide)
+        if wide:
+            self._print_whole(table)
+        else:
+            self.print(table)
         if left_out:
             self.print(f"Left out in a terminal of {self.width} columns: {', '.join(left_out)}.")
+
+    def _print_whole(self, table: Table) -> None:
+        usual = self.width
+        self.width = max(self._natural_width(table), usual)  # `print` takes no width above that of the console
+        self.print(table)
+        self.width = usual
 
     def _natural_width(self, table: Table) -> int:
         # The title and the caption wrap.

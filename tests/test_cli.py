@@ -141,6 +141,17 @@ def test_a_warning_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert capsys.readouterr().err == "tool.py: warning: look here ?[31m\n"
 
 
+def test_a_table_that_is_piped_has_its_full_width(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    table = Table("a heading of several words", "another")
+    table.add_row("cells " * 20, "b")
+    console = cli.Terminal()
+    console.show(table, ("another",))
+    assert "cells " * 19 in capsys.readouterr().out and console.width == 80
+
+
 def test_a_long_message_is_cut(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["/somewhere/tool.py"])
 

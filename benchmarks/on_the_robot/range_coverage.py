@@ -23,8 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scipy.special import beta
-from scipy.stats import t as student
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
@@ -39,11 +37,10 @@ from homeward.diagnosis import Recording, analyse, read_recording
 from homeward.diagnosis.fit.replay import current_a
 from homeward.diagnosis.read.signals import signals, steps_s
 from homeward.diagnosis.tell.report import write_outputs
-from homeward.estimation.tails import deviations
-from homeward.estimation.thresholds import DEGREES
 from homeward.physics import Robot, d_max, load_robot
 from homeward.watch.predictions import Watched, rest_of
 from homeward.watch.replay import watch
+from homeward.watch.scores import missing, scores_of
 
 Array = NDArray[np.float64]
 
@@ -66,20 +63,6 @@ class CoverageError(ValueError):
     """An argument that cannot be used."""
 
 
-def crps(mean: Array, scale: Array, truth: Array) -> Array:
-    """Continuous ranked probability score of Student's t by `homeward.estimation.tails`, in the unit of the truth.
-
-    Closed form of Jordan, Krüger & Lerch (Journal of Statistical Software 90, 2019), appendix A.
-
-    >>> float(crps(np.array(0.0), np.array(1e-9), np.array(2.0)).round(6))
-    2.0
-    """
-    nu, z = DEGREES, (truth - mean) / scale
-    constant = 2.0 * np.sqrt(nu) / (nu - 1.0) * beta(0.5, nu - 0.5) / beta(0.5, 0.5 * nu) ** 2
-    spread = 2.0 * student.pdf(z, nu) * (nu + z * z) / (nu - 1.0)
-    return np.asarray(scale * (z * (2.0 * student.cdf(z, nu) - 1.0) + spread - constant))
-
-
 def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array]) -> dict[str, Any]:
     """Scores of one held-out drive or window: sums over its moments, over the sum of the measured energies of the rest.
 
@@ -94,7 +77,7 @@ def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array])
     """
     total_j = float(watched.took_j.sum())
     half_j = 0.5 * (watched.high_j - watched.low_j)
-    scores_j = crps(watched.mean_j, half_j / deviations(0.95), watched.took_j)
+    scores_j = scores_of(watched).crps
     nominal, corrected = (float(np.abs(one - watched.took_j).sum()) / total_j for one in plain)
     return {
         "site": site.name, "run": run, "moments": len(half_j), "covered": float(watched.covered.mean()),
@@ -163,6 +146,9 @@ def main(args: Args) -> dict[str, list[dict[str, Any]]]:
     unknown = [one for one in args.parts if one not in PARTS]
     if unknown or args.robots < 2 or args.seed < 0:
         raise CoverageError(f"give --parts of {', '.join(PARTS)}, at least 2 --robots and a --seed of 0 or more")
+    lacking = missing()
+    if lacking is not None:
+        raise CoverageError(lacking)
     os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # it would ask on the terminal
     console, kept = Console(width=150), Kept(args.out / "range_coverage.json", seed=args.seed)
     found: dict[str, list[dict[str, Any]]] = {}

@@ -7,6 +7,7 @@ instead. `--plot range.png` shows range and shares over the speed.
 
 With `--route track.gpx` it prints the energy that the route consumes there and back with a 90 % interval, and the
 probability of getting there and back; `--plot fan.png` shows the energy left on the way, and the point of no return.
+With `--docks bay=1200 hut=40,-12` it compares the ways from the end of the route to other homes and docks, too.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from rich.text import Text
 
 from homeward import Robot, RobotError, cli, load_robot, quantities
 from homeward.companion import thresholds
+from homeward.companion.checks import docks_of
 from homeward.companion.readings import CompanionError
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
@@ -52,6 +54,9 @@ class Args:
     """Sensing rate, Hz."""
     route: str | None = None
     """Track (.gpx, .fit, .csv) or profile to drive there and back instead, with the uncertainty of robot and wind."""
+    docks: tuple[str, ...] = ()
+    """With --route: other homes and charging docks, NAME=METRES from its start along the route, or NAME=EAST,NORTH in
+    metres from its start. The one with the best margin at the end of the route is advised."""
     risk: float = thresholds.RISK
     """Accepted risk of not getting home, for the point of no return with --route."""
     plot: Path | None = None
@@ -127,6 +132,8 @@ def main(args: Args) -> None:
     if args.route is not None:
         _on_route(args, args.route, mission)
         return
+    if args.docks:
+        raise RangeError("--docks is for --route: the way to a dock leads along the route")
     robot = mission.robot
     best_mps = float(optimal_speed(robot, mission.grade_rad, mission.duty, mission.sensing_hz))
     speed_mps = best_mps if args.speed_mps is None else args.speed_mps
@@ -166,7 +173,7 @@ def _on_route(args: Args, name: str, mission: Mission) -> None:
     if args.grade != 0.0 or args.duty != 1.0 or args.sensing_hz != 0.0:
         raise RangeError("--grade, --duty and --sensing-hz are not allowed with --route: slopes are those of the route")
     route = load_route(name, float(d_max(mission.robot)) / _PLACES)
-    forecast = route_forecast.forecast_along(mission.robot, route, args.speed_mps, args.risk)
+    forecast = route_forecast.forecast_along(mission.robot, route, args.speed_mps, args.risk, docks_of(args.docks))
     console = cli.Terminal()
     route_forecast.show(console, mission.robot, name, route.length_m, forecast)
     if args.plot is not None:

@@ -32,6 +32,7 @@ from rich.table import Table
 
 from homeward import cli, installed, quantities
 from homeward.companion import CompanionError, thresholds
+from homeward.companion.checks import docks_of
 from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.logs.plausible import within_top_speed
@@ -74,6 +75,9 @@ class Args:
     """With --ros2 or --stdin: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
     home: tuple[float, float] | None = None
     """With --ros2 or --stdin: home in the frame of the odometry, m; by default the first position received."""
+    docks: tuple[str, ...] = ()
+    """With --ros2 or --stdin: other homes and charging docks, NAME=EAST,NORTH in the frame of the odometry, m. The one
+    with the best margin is advised."""
     mavlink: str | None = None
     """Advise a vehicle on MAVLink instead of replaying: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or a serial
     port; needs the extra logs."""
@@ -97,8 +101,8 @@ def main(args: Args) -> list[Watched]:
         raise CompanionError(f"{' and '.join(live)} do not go together; give one of them")
     if not args.ros2 and args.domain is not None:
         raise CompanionError("--domain is for --ros2")
-    if not (args.ros2 or args.stdin) and (args.namespace or args.home is not None):
-        raise CompanionError("--namespace and --home are for --ros2 and --stdin")
+    if not (args.ros2 or args.stdin) and (args.namespace or args.home is not None or args.docks):
+        raise CompanionError("--namespace, --home and --docks are for --ros2 and --stdin")
     if not live and args.state is not None:
         raise CompanionError("--state is for a live robot: --ros2, --mavlink or --stdin")
     if args.namespace and not args.namespace.startswith("/"):
@@ -124,6 +128,7 @@ def _replay(args: Args) -> list[Watched]:
     from homeward.watch.coverage import rows_of
     from homeward.watch.page import verdict, watch_html
     from homeward.watch.replay import run_all
+    from homeward.watch.scores import missing
 
     robot = load_robot(args.robot)
     read = [read_recording(path, args.columns) for path in args.runs]
@@ -140,8 +145,11 @@ def _replay(args: Args) -> list[Watched]:
             show = stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show
         runs = run_all(recordings, robot, show, **keywords)
     rows = rows_of(runs)
-    console.show(table_of(rows))
+    console.show(table_of(rows), ("interval\nscore",) if rows[-1].crps is not None else ())
     console.print(verdict(rows[-1]))
+    lacking = missing()
+    if lacking is not None:
+        console.print(Padding(lacking, (0, 0, 0, 2)), style="dim", soft_wrap=True)
     for text in runs[0].rests_on:
         console.print(Padding(text, (0, 0, 0, 2)), style="dim")
     texts = {"watch.html": watch_html(runs, robot, notes=notes), "watch.csv": moments_of(runs).to_csv(index=False)}
@@ -161,7 +169,7 @@ def _join(args: Args) -> None:
     robot, network = load_robot(args.robot), Network(domain, args.namespace.rstrip("/"))
     Session(
         robot, network, f"{robot.name} on domain {domain}", args.columns, args.home, args.state,
-        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v, docks=docks_of(args.docks),
     ).run(cli.Terminal(), args.quiet)  # fmt: skip
 
 
@@ -193,7 +201,7 @@ def _advise_by_lines(args: Args) -> None:
     robot = load_robot(args.robot)
     Session(
         robot, lines, f"{robot.name} by standard input", args.columns, args.home, args.state,
-        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v, docks=docks_of(args.docks),
     ).run(cli.Terminal(stderr=True), args.quiet, lambda: lines.ended)  # fmt: skip
 
 
@@ -210,7 +218,9 @@ def _domain(domain_id: int | None) -> int:
 def table_of(rows: list[Row]) -> Table:
     """Coverage, bias and error by the way left; the last row is of all moments."""
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("way left", "moments", "in the 90 %\ninterval", "bias", "median\nerror", "half\ninterval"):
+    scored = rows[-1].crps is not None
+    headings = ["way left", "moments", "in the 90 %\ninterval", "bias", "median\nerror", "half\ninterval"]
+    for heading in headings + ["CRPS", "interval\nscore"] * scored:
         table.add_column(heading, justify="left" if heading == "way left" else "right")
     for row in rows:
         if row is rows[-1]:
@@ -219,6 +229,7 @@ def table_of(rows: list[Row]) -> Table:
         table.add_row(
             "all" if row is rows[-1] else f"{high} to {low}", str(row.moments), f"{row.covered:.0%}",
             f"{row.bias:+.1%}", f"{row.error:.1%}", f"{row.width:.1%}",
+            *(f"{score:.1%}" for score in (row.crps, row.interval_score) if score is not None),
         )  # fmt: skip
     return table
 

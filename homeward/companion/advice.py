@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 from homeward import quantities
 from homeward.estimation.tails import deviations
 
+HOME = "home"
+"""Name of home among homes and docks."""
 _COVERED = 0.9  # probability of the interval that is shown; chosen, and stated wherever it is shown
 
 
@@ -69,9 +71,32 @@ class Action(NamedTuple):
         return f"{self.mode}{moving}, {self.sensing_hz:.3g} Hz"
 
 
+class HomeOption(NamedTuple):
+    """A home or dock beside the advised one; energies as in `Advice`.
+
+    Attributes:
+        name: Its name.
+        way_m: Length of the way there, m.
+        energy_j: Energy that the way there consumes, going now.
+        margin_j: Energy left less that.
+        chance: Probability of getting there.
+        reachable: Whether that is enough at the accepted risk.
+    """
+
+    name: str
+    way_m: float
+    energy_j: UncertainValue
+    margin_j: UncertainValue
+    chance: float
+    reachable: bool
+
+
 @dataclass(frozen=True)
 class Advice:
     """Advice at a moment of a drive. Energies are in J as the robot's own power meter would measure them.
+
+    With docks, "home" is the home or dock that is advised: of those that are reachable at the accepted risk, the one
+    with the largest margin at that risk; if none is, the one with the highest probability of getting there.
 
     Attributes:
         time_s: Time of the reading, s since the first one.
@@ -86,12 +111,15 @@ class Advice:
         turn_in_s: The time that this takes at its present pace, s.
         turn_now: Whether it must turn now. It stays true until the robot is home, within `Companion(arrived_m=...)`, or
             the estimates change.
-        chance_there_and_back: Probability of getting to the end of the route and home; None without a route.
+        chance_there_and_back: Probability of getting to the end of the route and home, to no dock; None without a
+            route.
         looks_back: Whether an excitation step now, driving towards home for a moment, would distinguish wind from
             rolling resistance.
         rests_on: Readings and assumptions behind the advice, a sentence each.
         warnings: Present faults of the readings, a sentence each.
         action: Command of the policy; None without a policy and once its mission is over.
+        home: Name of the advised home: `home`, or that of a dock.
+        others: The other homes and docks, those that are reachable first, by falling margin.
     """
 
     time_s: float
@@ -109,15 +137,16 @@ class Advice:
     rests_on: tuple[str, ...]
     warnings: tuple[str, ...]
     action: Action | None = None
+    home: str = HOME
+    others: tuple[HomeOption, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Numbers, texts and lists for JSON; a spread includes its 90 % interval."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        for name, value in values.items():
-            if isinstance(value, UncertainValue):
-                values[name] = {"mean": value.mean, "sd": value.sd, "low": value.low, "high": value.high}
-            elif isinstance(value, Action):
-                values[name] = value._asdict()
+        values = {name: _for_json(value) for name, value in values.items()}
+        values["others"] = [
+            {name: _for_json(value) for name, value in other._asdict().items()} for other in self.others
+        ]
         return values
 
     def __str__(self) -> str:
@@ -130,7 +159,19 @@ class Advice:
         )  # fmt: skip
         way = quantities.distance(self.way_home_m)
         asked = "" if self.action is None else f"; action of the policy: {self.action}"
-        return (
-            f"{left} left; the way home, {way}, consumes {home}; "
-            f"probability of getting home {self.chance_home:.2%}; {turn}{asked}"
+        where = "home" if self.home == HOME else f"to {self.home}"
+        others = "".join(
+            f"; {other.name}: {quantities.distance(other.way_m)}, {other.chance:.2%}" for other in self.others
         )
+        return (
+            f"{left} left; the way {where}, {way}, consumes {home}; "
+            f"probability of getting {'home' if self.home == HOME else 'there'} {self.chance_home:.2%}; "
+            f"{turn}{others}{asked}"
+        )
+
+
+def _for_json(value: Any) -> Any:
+    """A field's value for JSON."""
+    if isinstance(value, UncertainValue):
+        return {"mean": value.mean, "sd": value.sd, "low": value.low, "high": value.high}
+    return value._asdict() if isinstance(value, Action) else value

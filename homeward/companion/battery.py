@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from homeward.companion import thresholds
-from homeward.companion.gauge import GaugeTrust
+from homeward.companion.gauge import FOLLOWS, JUMPED, GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_at, charge_share, energy_share, open_circuit_v
 from homeward.physics.cells import Cells
@@ -36,6 +36,7 @@ _PARTS = np.array([0.0, 1e-4, 1e-3, 5e-3, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65,
 PARTS = len(_PARTS) - 1
 _FACTOR_STEPS = 41
 _LEAST_LIKELIHOOD = 1e-12
+_IMPOSSIBLE = 1e-300  # added to weights before they are divided by their sum, which may be zero
 
 
 class Start(NamedTuple):
@@ -135,6 +136,53 @@ class BatteryBelief:
         shown = math.nan if start.told else start.charge
         self.see(Witnesses(0.0, 0.0, math.nan, math.nan, -math.inf, shown))
 
+    def recharge(self, charge: float) -> None:
+        """Go on with the same battery at another charge, which somebody tells.
+
+        What is believed of its capacity, its resistance and the gauge's gain stays; a gauge that has jumped is believed
+        again, one with a course of its own is not. The charge is as uncertain as any
+        that is told, and the error of the open-circuit curve is that of another charge.
+        """
+        moved = abs(charge - self.charge)
+        charges, charge_weight = _starts(Start(charge))
+        joint = self.trust.joint.reshape(-1, CAPACITIES, STARTS).sum(axis=2)
+        # What looked like a jump may have been the charge itself, and a charge sets gauges anew.
+        joint[FOLLOWS] += joint[JUMPED]
+        joint[JUMPED] = 0.0
+        by_capacity = self.trust.weights.reshape(CAPACITIES, STARTS) + _IMPOSSIBLE
+        within = by_capacity / by_capacity.sum(axis=1, keepdims=True)
+
+        def merged(values: Floats) -> tuple[Floats, Floats]:
+            """Mean over the former starts of each capacity, and the deviations from it, shape (n, ...)."""
+            of_starts = values.reshape(CAPACITIES, STARTS, -1)
+            mean = np.einsum("cs,csa->ca", within, of_starts)
+            apart = (of_starts - mean[:, None]).reshape(values.shape)
+            return np.repeat(mean, STARTS, axis=0).reshape(values.shape), apart
+
+        gain, gain_variance = self.trust.gain
+        gain_mean, gain_apart = merged(gain)
+        gain_variance = merged(gain_variance + gain_apart**2)[0]
+        self._volts, apart = merged(self._volts)
+        self._volts_covariance = self._volts_covariance + apart.T @ (self.trust.weights[:, None] * apart)
+        self._volts_covariance = self._fade_curve(moved)
+        starts = np.tile(charges, CAPACITIES)
+        new_joint = (joint[:, :, None] * charge_weight).reshape(len(joint), -1)
+        self.trust.recharge(new_joint, starts, gain_mean, gain_variance)
+        self._start_charge, self._told = charge, True
+        self._charge, self._holds, self._most = starts.copy(), np.ones_like(starts), math.inf
+        self._tell()
+
+    def _fade_curve(self, moved: float) -> Floats:
+        """Fade what is known of the curve over a change of the charge; returns the covariance then.
+
+        The error of the curve is another one some tenths of the charge further on, the resistance a little.
+        """
+        stays = math.exp(-moved / thresholds.CURVE_ERROR_LASTS)
+        self._volts[:, 0] *= stays
+        fade = np.diag([stays, 1.0])
+        renewed = np.diag([self._curve_variance * (1.0 - stays * stays), thresholds.RESISTANCE_SD**2 * moved])
+        return np.asarray(fade @ self._volts_covariance @ fade + renewed)
+
     def _capacities(self, derating: tuple[float, float], conditions: Conditions) -> tuple[Floats, Floats]:
         """Capacities and their probabilities: the product of what is uncertain about them."""
         prior = self._prior
@@ -203,12 +251,7 @@ class BatteryBelief:
         # Protections cut off within seconds: the largest load on the way counts, not the mean.
         self._rate = max(self._rate, rate, cells.rate_per_h(read.peak_a))
         moved = abs(float(self.trust.weights @ (self._charge - charge_before)))
-        # The error of the curve is another one some tenths of the charge further on, the resistance a little.
-        stays = math.exp(-moved / thresholds.CURVE_ERROR_LASTS)
-        self._volts[:, 0] *= stays
-        fade = np.diag([stays, 1.0])
-        renewed = np.diag([self._curve_variance * (1.0 - stays * stays), thresholds.RESISTANCE_SD**2 * moved])
-        covariance = fade @ self._volts_covariance @ fade + renewed
+        covariance = self._fade_curve(moved)
         row = np.array([1.0, -rate])
         at_rest = open_circuit_v(cells.curve, self._charge) / cells.curve.mean_v
         surprise = read.voltage_v / cells.curve.mean_v - (at_rest + self._volts @ row)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import numbers
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from homeward import thresholds as shared
 from homeward.companion import thresholds
-from homeward.companion.readings import CompanionError, as_float, checked_position
+from homeward.companion.advice import HOME
+from homeward.companion.readings import CompanionError, Position, as_float, checked_position
 
 
 def check_number(name: str, value: Any, low: float, high: float) -> None:
@@ -60,6 +62,66 @@ def check_home(home: Any) -> None:
     place = checked_position("home", home)
     if not isinstance(place, tuple) or not math.hypot(*place) <= thresholds.EARTH_M:
         raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
+
+
+def docks_of(texts: Sequence[str]) -> dict[str, Position]:
+    """Docks as a command line gives them: `NAME=EAST,NORTH` or `NAME=METRES`.
+
+    >>> docks_of(["bay=40,-12.5", "hut=1200"])
+    {'bay': (40.0, -12.5), 'hut': 1200.0}
+    """
+    docks: dict[str, Position] = {}
+    for text in texts:
+        name, _, place = text.partition("=")
+        try:
+            numbers_m = [float(number) for number in place.split(",")]
+        except ValueError:
+            numbers_m = []
+        if not all(map(math.isfinite, numbers_m)) or len(numbers_m) not in (1, 2):
+            raise CompanionError(f"--docks {text!r} is not allowed; give NAME=EAST,NORTH or NAME=METRES")
+        if name in docks:
+            raise CompanionError(f"--docks names {name!r} twice; give each dock another name")
+        docks[name] = numbers_m[0] if len(numbers_m) == 1 else (numbers_m[0], numbers_m[1])
+    return docks
+
+
+def checked_docks(docks: Any, home: Any, route_m: float | None, most_m: float) -> dict[str, Position]:
+    """Docks by their names, each a place that the robot can come to.
+
+    Args:
+        docks: Places by name, as given.
+        home: Home, as given and checked.
+        route_m: Length of the route, m; None without one.
+        most_m: Longest way home that is possible, m.
+    """
+    if docks is None:
+        return {}
+    if not isinstance(docks, Mapping):
+        raise CompanionError(f"docks = {docks!r} is not allowed; give places by name, such as {{'bay': (40.0, -12.0)}}")
+    return {name: _checked_dock(name, place, home, route_m, most_m) for name, place in docks.items()}
+
+
+def _checked_dock(name: Any, place: Any, home: Any, route_m: float | None, most_m: float) -> Position:
+    if not isinstance(name, str) or not name.strip() or name == HOME:
+        raise CompanionError(f"a dock named {name!r} is not allowed; give it another name than '', and than {HOME!r}")
+    dock = checked_position(f"dock {name!r}", place)
+    takes_metres, takes_coordinates = home is None or route_m is not None, home is not None
+    farthest_m = most_m if route_m is None else route_m
+    if isinstance(dock, float):
+        possible = takes_metres and 0.0 <= dock <= farthest_m
+    elif dock is None or not takes_coordinates:
+        possible = False
+    elif isinstance(home, tuple):
+        possible = math.dist(dock, home) <= most_m
+    else:
+        possible = math.hypot(*dock) <= thresholds.EARTH_M
+    if not possible:
+        metres = f"metres from home along the way, 0 to {farthest_m:.4g}"
+        coordinates = f"(east, north) in the frame of home, within {most_m:.4g} m of it"
+        give = " or ".join([metres] * takes_metres + [coordinates] * takes_coordinates)
+        raise CompanionError(f"dock {name!r} = {place!r} is not allowed; give {give}")
+    assert dock is not None
+    return dock
 
 
 def check_wind(forecast_mps: Any) -> None:

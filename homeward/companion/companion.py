@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -15,18 +16,18 @@ from numpy.typing import NDArray
 
 from homeward import thresholds as shared
 from homeward.companion import thresholds
-from homeward.companion.advice import Action, Advice, UncertainValue
+from homeward.companion.advice import HOME, Action, Advice, UncertainValue
 from homeward.companion.battery import Start
-from homeward.companion.checks import check_home, check_number, check_route, check_wind
+from homeward.companion.checks import check_home, check_number, check_route, check_wind, checked_docks
 from homeward.companion.gauge import FOLLOWS, OWN
-from homeward.companion.home_estimator import HomeEstimator, WayHome
+from homeward.companion.home_estimator import HomeEstimator, Outcome, WayHome, best_first
 from homeward.companion.limits import limits_of
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.prior_knowledge import PriorKnowledge, known_of
 from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.saved import DAMAGE, check_sealed, digest, put_values, sealed, values_of
 from homeward.companion.turn_advice import latest
-from homeward.companion.way import RouteLike, Step, Way, along_route, back_over
+from homeward.companion.way import RouteLike, Step, Way, along_and_off, along_route
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
 from homeward.estimation import Prior, Vehicle
@@ -68,6 +69,9 @@ class Companion:
         arrived_m: Length of the way home below which the robot is at home, and `turn_now` ends.
         prior: Prior of the estimator, instead of the one that follows from the robot's file.
         policy: A policy for `Advice.action`, such as `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")`.
+        docks: Other homes and charging docks by name: `(east, north)` in metres in the frame of `home`, or metres from
+            home along the way if there is a route or no `home`. The way to one leads along the trail or the route as
+            far as that helps, then straight on, times 1.3.
 
     Raises:
         RobotError: The robot does not exist, or its file is invalid.
@@ -104,6 +108,7 @@ class Companion:
         arrived_m: float = shared.POSITION_M,
         prior: Prior | None = None,
         policy: OnboardPolicy | None = None,
+        docks: Mapping[str, Position] | None = None,
     ) -> None:
         self.robot = load_robot(robot)
         range_m = self._range_m = float(d_max(self.robot))
@@ -125,6 +130,8 @@ class Companion:
         check_home(home)
         check_wind(forecast_mps)
         check_route(route, self._limits.way_m)
+        route_m = None if route is None else float(route.place_m) * len(route.grade_rad)
+        self._docks = checked_docks(docks, home, route_m, self._limits.way_m)
         if policy is not None and policy.robot != self.robot:
             raise CompanionError(
                 f"the policy is for robot {policy.robot.name!r}, whose parameters differ from those of the companion's "
@@ -148,7 +155,7 @@ class Companion:
         )  # fmt: skip
         self._made_for = digest(repr((
             self.robot, places, place_m, cruise, self._window_s, home, cutoff_v, self._estimator.known.prior,
-            policy is None, self._estimator.estimates.dtype.descr, self._estimator.places.tobytes(),
+            policy is None, self._estimator.estimates.dtype.descr, self._estimator.places.tobytes(), self._docks,
         )))  # fmt: skip
         self._way = Way(home, route, max(place_m / _CRUMBS, 1.0), self._limits.way_m)
         self._readings = Readings(self._limits, self._way.is_possible, self._way.noise_m)
@@ -235,8 +242,35 @@ class Companion:
         )  # fmt: skip
         self._action = None if asked is None or not all(map(math.isfinite, asked[:2])) else asked
 
+    def charged(self, soc: float) -> None:
+        """Tell the companion that the battery was charged on the way, and that the mission goes on.
+
+        The energy left becomes that of this charge, with its uncertainty. The way and all estimates stay: of the robot,
+        the ground, the wind, and what this battery holds. The time from the reading before this call to the next one
+        passed at the charger. A policy begins another mission, because it knows a single charge.
+
+        Args:
+            soc: State of charge now, 0 to 1.
+
+        Raises:
+            CompanionError: `soc` is not such a number.
+        """
+        check_number("soc", soc, 0.0, 1.0)
+        self._flush()
+        self._estimator.recharge(soc)
+        self._readings.charge()
+        # From here on the energy left may rise by no more than is recovered, as before.
+        self._left_j, self._used_j = self._estimator.left_j, self._estimator.used_j
+        self._begin_charge()
+
+    def _begin_charge(self) -> None:
+        """Begin a charge that was told, whatever the first readings and the argument `soc` say."""
+        self._charged, self._turned, self._mismatched = True, False, 0
+        if self._policy is not None:
+            self._policy.begin()
+
     def swap_battery(self, soc: float = 1.0) -> None:
-        """Tell the companion that the battery was swapped or charged: estimates of the old one are dropped.
+        """Tell the companion that the battery is another one: estimates of the old one are dropped.
 
         Args:
             soc: Its state of charge, 0 to 1.
@@ -248,9 +282,7 @@ class Companion:
         self._flush()
         self._estimator.begin_battery(Start(soc))
         self._left_j = math.inf
-        self._turned = False
-        if self._policy is not None:
-            self._policy.begin()
+        self._begin_charge()
 
     def move_home(self, home: Position) -> None:
         """Tell the companion that home has moved: back along the trail as far as that helps, then straight on.
@@ -294,6 +326,10 @@ class Companion:
 
     def after(self, ways: NDArray[np.void]) -> UncertainValue:
         """Energy left after a way from here, see `ahead`, if only standing and steady driving consume energy, J."""
+        return self._estimator.after(ways).margin
+
+    def arrives(self, ways: NDArray[np.void]) -> Outcome:
+        """What a way from here consumes and leaves, and the probability of its end; as of `after`."""
         return self._estimator.after(ways)
 
     @property
@@ -377,16 +413,34 @@ class Companion:
         if self._other_way is not None and self._other_way_m is not None:
             ways = along_route(self._other_way, self._other_way_m, self.vehicle.cruise_mps)
         elif self._way.moved_home is not None:
-            from_m, leg_m = self._way.beyond(self._way.moved_home)
-            here_m = self._way.position_m
-            ways = back_over(self._estimator.places, self.vehicle, here_m, from_m, thresholds.DETOUR * leg_m)
+            ways = self.way_to(self._way.moved_home)
         else:
             return self._estimator.way_home(self._way.position_m, unsure_m)
         return self._estimator.way_home(float(ways["way_m"].sum()), unsure_m, ways)
 
+    def _way_to_dock(self, dock: Position) -> WayHome:
+        unsure_m = thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m
+        ways = self.way_to(dock)
+        return self._estimator.way_home(float(ways["way_m"].sum()), unsure_m, ways)
+
+    def way_to(self, place: Position, from_m: float | None = None) -> NDArray[np.void]:
+        """The way to a place, `homeward.estimation.WAY_DTYPE`: along the trail or the route as far as that helps, then
+        straight on, times 1.3.
+
+        Args:
+            place: `(east, north)` in metres, or metres from home along the way.
+            from_m: With a route: position on it to start from, m from home; by default the robot's.
+        """
+        here_m = self._way.position_m if from_m is None else from_m
+        leave_m, leg_m = self._way.beyond(place, from_m)
+        return along_and_off(self._estimator.places, self.vehicle, here_m, leave_m, thresholds.DETOUR * leg_m)
+
     def _advise(self) -> Advice:
-        home, estimator = self._way_home(), self._estimator
-        now = estimator.leaves(home)
+        estimator = self._estimator
+        ways = {HOME: self._way_home()} | {name: self._way_to_dock(dock) for name, dock in self._docks.items()}
+        reached = {name: estimator.leaves(way) for name, way in ways.items()}
+        names = best_first(reached)
+        home, now = ways[names[0]], reached[names[0]]
         self._check_rise(now.left.mean)
 
         def low_after_j(onwards_m: float) -> float:
@@ -400,9 +454,9 @@ class Companion:
         # A way from dead reckoning has a relative error: a robot that may be elsewhere has not arrived.
         self._turned &= home.way_m + thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
         chance_there = None
-        if self._way.route_m is not None and home.ways is None:
-            onwards_m = max(self._way.route_m - home.way_m, 0.0)
-            chance_there = estimator.leaves(home, onwards_m).chance_home
+        if self._way.route_m is not None and ways[HOME].ways is None:
+            onwards_m = max(self._way.route_m - ways[HOME].way_m, 0.0)
+            chance_there = estimator.leaves(ways[HOME], onwards_m).chance_home
         of_battery = estimator.of_cells, self._cutoff_words()
         return Advice(
             time_s=self._readings.clock_s,
@@ -418,9 +472,11 @@ class Companion:
             chance_there_and_back=chance_there,
             looks_back=not self._turned
             and looks_back(estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s),
-            rests_on=rests_on(self._has, estimator.known, self._what_home(), of_battery),
+            rests_on=rests_on(self._has, estimator.known, self._what_home(names[0]), of_battery),
             warnings=(*self._readings.warnings(), *self._off_route()),
             action=None if self._action is None else Action(*self._action),
+            home=names[0],
+            others=tuple(reached[name].option(name, ways[name].way_m) for name in names[1:]),
         )
 
     def _check_rise(self, left_j: float) -> None:
@@ -447,7 +503,9 @@ class Companion:
         off_m = self._way.off_route_m
         return (f"{off_m:.0f} m off the route",) if off_m > thresholds.OFF_ROUTE_M else ()
 
-    def _what_home(self) -> str:
+    def _what_home(self, name: str) -> str:
+        if name != HOME:
+            return "dock"
         if self._other_way is not None:
             return "other way"
         if self._way.moved_home is not None:

@@ -77,6 +77,26 @@ class GaugeTrust:
         self._last, self._fallen = math.nan, 0.0
         self._wanders = thresholds.GAUGE_WANDERS**2  # variance of the change from reading to reading, beyond the fall
 
+    def recharge(self, joint: Floats, start: Floats, gain: Floats, gain_variance: Floats) -> None:
+        """Go on after a charge: explanations and gain stay known, the offset is another one.
+
+        Args:
+            joint: Probabilities of explanations and batteries, shape (3, n).
+            start: State of charge of each battery after it, shape (n,).
+            gain: Fall of the reading over that of the charge, by battery, shape (n,).
+            gain_variance: Variance of that, shape (n,).
+        """
+        self.joint, self.start, self._gain = joint, start, gain
+        nothing = np.zeros_like(start)
+        self._offset, self._drawn = nothing, nothing
+        self._covariance = np.stack([np.full_like(start, self._offset_variance), nothing, gain_variance])
+        self._last, self._fallen = math.nan, 0.0
+
+    @property
+    def gain(self) -> tuple[Floats, Floats]:
+        """Fall of the reading over that of the charge, by battery, and its variance, each of shape (n,)."""
+        return self._gain, np.asarray(self._covariance[2])
+
     @property
     def has_begun(self) -> bool:
         """Whether there was a reading."""

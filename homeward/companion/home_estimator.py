@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import ClassVar, NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion import thresholds
-from homeward.companion.advice import UncertainValue
+from homeward.companion.advice import HomeOption, UncertainValue
 from homeward.companion.battery import BatteryBelief, Conditions, Start, Witnesses
 from homeward.companion.gauge import GaugeTrust
 from homeward.companion.prior_knowledge import PriorKnowledge
@@ -72,6 +72,26 @@ class Outcome(NamedTuple):
     margin: UncertainValue
     low_j: float
     chance_home: float
+
+    @property
+    def reachable(self) -> bool:
+        """Whether the energy is enough at the accepted risk."""
+        return self.low_j >= 0.0
+
+    @property
+    def preference(self) -> tuple[bool, float]:
+        """Homes are preferred by this: first those that are reachable, by the margin at the accepted risk; of the
+        others the one with the highest probability."""
+        return self.reachable, self.low_j if self.reachable else self.chance_home
+
+    def option(self, name: str, way_m: float) -> HomeOption:
+        """A home or dock with this outcome."""
+        return HomeOption(name, way_m, self.cost, self.margin, self.chance_home, self.reachable)
+
+
+def best_first(reached: Mapping[str, Outcome]) -> list[str]:
+    """Names of homes and docks, the advised one first; of equals, as they were given."""
+    return sorted(reached, key=lambda name: reached[name].preference, reverse=True)
 
 
 class HomeEstimator:
@@ -219,19 +239,33 @@ class HomeEstimator:
         return float(self._estimator.mean()[0, USED]) * self.vehicle.full_j
 
     @property
+    def left_j(self) -> float:
+        """Mean energy left in the battery, J as metered."""
+        return self._over(NO_WAYS, 0.0).left.mean
+
+    @property
     def driving_w(self) -> float:
         """Power half way between standing and driving at cruise on level ground, by the robot's own model."""
         return self.vehicle.idle_w + thresholds.DRIVES * modelled_driving(
             self.vehicle, 0.0, self.vehicle.cruise_mps
         ) * (self.vehicle.cruise_mps)
 
-    def begin_battery(self, start: Start) -> None:
-        """Replace the battery by one of which only the prior and the charge are known."""
+    def recharge(self, soc: float) -> None:
+        """Go on with the same battery at another charge, 0 to 1."""
+        self._forget_used()
+        self.battery.recharge(soc)
+
+    def _forget_used(self) -> None:
+        """Count the energy drawn from here on."""
         self._estimator.recharge(1.0, 0.0)
         h = self._estimator.state["hypotheses"]
         # The filter knows the energy drawn; what the battery holds is known by `battery`.
         h["mean"][..., PER_CAPACITY] = 1.0
         h["covariance"][..., PER_CAPACITY, :] = h["covariance"][..., :, PER_CAPACITY] = 0.0
+
+    def begin_battery(self, start: Start) -> None:
+        """Replace the battery by one of which only the prior and the charge are known."""
+        self._forget_used()
         conditions = Conditions(
             self._temperature_c, self._rate_per_h, self.known.prior.gain_sd, self._modelled_sd, self._metered_share
         )  # fmt: skip
@@ -430,9 +464,9 @@ class HomeEstimator:
         """
         return self._over(ways, self._at_cruise_j(ways) + other_j).cost
 
-    def after(self, ways: NDArray[np.void]) -> UncertainValue:
-        """Energy left after a way from here, see `ahead`, if only standing and steady driving consume energy, J."""
-        return self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum()))).margin
+    def after(self, ways: NDArray[np.void]) -> Outcome:
+        """What a way from here leaves, see `ahead`, if only standing and steady driving consume energy."""
+        return self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum())))
 
     def _over(self, ways: NDArray[np.void], cost_j: float) -> Outcome:
         """What a way from here consumes and leaves, given its energy by the robot's own model."""

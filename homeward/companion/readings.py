@@ -79,13 +79,14 @@ class Readings:
 
     SAVED: ClassVar = (
         "clock_s", "counts", "_last_s", "_ignored_s", "_back", "_power", "_grade", "_heading", "_clock", "_motion",
-        "_place", "_place_at_s", "_jumps", "_anchor", "_driven_m", "_said",
+        "_place", "_place_at_s", "_jumps", "_anchor", "_driven_m", "_said", "_charges",
     )  # fmt: skip
 
     def __init__(self, limits: Limits, is_possible: Callable[[Position], bool], noise_m: Callable[[], float]) -> None:
         self._limits, self._is_possible, self._noise_m = limits, is_possible, noise_m
         self.clock_s, self.counts = 0.0, dict[str, int]()
         self._last_s, self._ignored_s, self._back = math.nan, math.nan, 0
+        self._charges = False
         self._power, self._grade, self._heading = _Held(), _Held(), _Held()
         self._clock, self._motion = _Held(), _Held()
         self._place: Position | None = None
@@ -107,7 +108,12 @@ class Readings:
         given = {name: _number(name, value) for name, value in given.items() if name != "position"} | {
             "position": checked_position("position", given["position"])
         }
-        dt_s = self._passed_s(_number("time_s", time_s), given["speed_mps"], given["position"])
+        number_s = _number("time_s", time_s)
+        if self._charges and math.isfinite(number_s):
+            self._end_charge(number_s)
+            dt_s: float | None = 0.0
+        else:
+            dt_s = self._passed_s(number_s, given["speed_mps"], given["position"])
         if dt_s is None:
             return None
         self.clock_s += dt_s
@@ -147,6 +153,20 @@ class Readings:
             sensing if math.isfinite(sensing) else 0.0, temperature, interest,
             self._place_now(given["position"], driven_m),
         )  # fmt: skip
+
+    def charge(self) -> None:
+        """The time until the next reading passes at a charger: no energy is drawn in it."""
+        self._charges = True
+
+    def _end_charge(self, time_s: float) -> None:
+        """Pass the time at the charger, in which no instrument was due."""
+        passed_s = time_s - self._last_s
+        # Before the first reading (NaN), and where the clock was set meanwhile, the time is not known.
+        charged_s = passed_s if 0.0 <= passed_s <= self._limits.gap_s else 0.0
+        self._charges, self._last_s, self._back = False, time_s, 0
+        self.clock_s += charged_s
+        for held in (self._power, self._grade, self._heading, self._clock, self._motion):
+            held.at_s += charged_s
 
     def _check_motion(self, speed: float, position: Position | None, dt_s: float) -> None:
         """Warn if neither speed nor position is read, and raise an error if neither ever was."""

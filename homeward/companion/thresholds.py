@@ -13,8 +13,8 @@ RISK = 1e-3
 """Default of the accepted risk of not getting home. Chosen: one mission in a thousand."""
 
 DETOUR = 1.3
-"""Way on the ground over the straight line, for a home that moved off the trail. Roads have 1.2 to 1.5 (Ballou and
-others, Transportation Research A 36, 2002)."""
+"""Way on the ground over the straight line, for a home that moved off the trail and for docks beside it. Roads
+have 1.2 to 1.5 (Ballou and others, Transportation Research A 36, 2002)."""
 
 DEAD_RECKONING_ERROR = 0.1
 """Relative standard deviation of a way from dead reckoning with speed and heading. Chosen: twice the upper

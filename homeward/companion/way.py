@@ -104,10 +104,15 @@ class Way:
             return Step(self.position_m, way_m, reading.heading_rad, 0.0)
         heading = reading.heading_rad
         if reading.position is not None:
-            moved = self._move_to(reading.position, driven_m, speed, heading)
+            # After a charge nobody has reckoned the way: the position is taken as it is, and nothing was driven.
+            reckons = reading.dt_s > 0.0 and math.isfinite(driven_m) and math.isfinite(heading)
+            reckoned = _moved(math.copysign(driven_m, speed), heading) if reckons else None
+            moved = self._move_to(reading.position, reckoned)
             if math.isnan(heading) and float(np.hypot(*moved)) > 0.0:
                 heading = math.atan2(moved[1], moved[0])
             way_m = driven_m if math.isfinite(driven_m) else float(np.hypot(*moved))
+            if reading.dt_s == 0.0:
+                way_m = 0.0
             self._heading_rad, self.reckoned_m = heading if math.isfinite(heading) else self._heading_rad, 0.0
         else:
             way_m = self._reckon(driven_m, heading, speed)
@@ -116,8 +121,8 @@ class Way:
             self.position_m = self._way_home_m()
         return Step(self.position_m, way_m, heading, self.reckoned_m)
 
-    def _move_to(self, position: tuple[float, float], driven_m: float, speed: float, heading: float) -> Array:
-        """Move to a position, filtered by speed and heading where they are read; returns the change."""
+    def _move_to(self, position: tuple[float, float], reckoned: Array | None) -> Array:
+        """Move to a position, filtered by dead reckoning if there was any since the last one; returns the change."""
         read = np.array(position, dtype=np.float64)
         if self._count == 0:
             if self.home is None:
@@ -128,10 +133,9 @@ class Way:
             self._positions.see(read, reckons=False)
             return np.zeros(2)
         before = self._xy
-        reckons = math.isfinite(driven_m) and math.isfinite(heading)
-        if reckons:
-            self._positions.reckon(_moved(math.copysign(driven_m, speed), heading))
-        self._positions.see(read, reckons)
+        if reckoned is not None:
+            self._positions.reckon(reckoned)
+        self._positions.see(read, reckoned is not None)
         return self._xy - before
 
     @property
@@ -228,16 +232,41 @@ class Way:
                 return home
         return (float(self._crumbs[0, 0]), float(self._crumbs[0, 1])) if self._count else None
 
-    def beyond(self, home: Position) -> tuple[float, float]:
-        """For a home that moved: from which metre of the trail to leave it, and the length of the leg then, m."""
-        if isinstance(home, float):
-            return max(home, 0.0), max(-home, 0.0)
+    def beyond(self, place: Position, from_m: float | None = None) -> tuple[float, float]:
+        """For a place off the way: at which metre of the trail or route to leave it, and the length of the leg then, m.
+
+        That is where the way is shortest, with the detour of the leg. A trail leads back only, a route ahead too.
+
+        Args:
+            place: The place.
+            from_m: With a route: position on it to start from, m; by default the robot's.
+        """
+        if isinstance(place, float):
+            return max(place, 0.0), max(-place, 0.0)
+        if self._corners is not None:
+            return self._beyond_route(place, from_m)
         if self._count == 0:
-            return 0.0, float(np.hypot(*np.subtract(home, self._xy)))
+            return 0.0, float(np.hypot(*np.subtract(place, self._xy)))
         crumbs = np.concatenate((self._crumbs[: self._count], self._xy[None]))
         at_m = np.append(self._at_m[: self._count], self.position_m)
-        leg_m = np.hypot(*(crumbs - np.asarray(home)).T)
-        best = int(np.argmin(self.position_m - at_m + leg_m))
+        leg_m = np.hypot(*(crumbs - np.asarray(place)).T)
+        best = int(np.argmin(self.position_m - at_m + thresholds.DETOUR * leg_m))
+        return float(at_m[best]), float(leg_m[best])
+
+    def _beyond_route(self, place: tuple[float, float], from_m: float | None) -> tuple[float, float]:
+        assert self._corners is not None
+        here_m = self.position_m if from_m is None else from_m
+        corners_m = np.arange(len(self._corners)) * self._place_m
+        home = self.home if isinstance(self.home, tuple) else (0.0, 0.0)
+        corners = self._corners + (self._crumbs[0] if self._count else np.array(home))
+        if self._count and from_m is None:
+            here = self._xy
+        else:  # in metres along the route
+            here = np.array([np.interp(here_m, corners_m, axis) for axis in corners.T])
+        points = np.concatenate((corners, here[None]))
+        at_m = np.append(corners_m, here_m)
+        leg_m = np.hypot(*(points - np.array(place)).T)
+        best = int(np.argmin(np.abs(here_m - at_m) + thresholds.DETOUR * leg_m))
         return float(at_m[best]), float(leg_m[best])
 
 
@@ -256,30 +285,34 @@ def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray
     return np.asarray(ways[lengths > 0.0])
 
 
-def back_over(
-    places: NDArray[np.void], vehicle: Vehicle, here_m: float, from_m: float, leg_m: float
+def along_and_off(
+    places: NDArray[np.void], vehicle: Vehicle, here_m: float, leave_m: float, leg_m: float
 ) -> NDArray[np.void]:
-    """Back along the way out to a given metre, and then a leg over unknown ground, `WAY_DTYPE`.
+    """Along the way out to a given metre, back or ahead, and then a leg over unknown ground, `WAY_DTYPE`.
+
+    Ahead of a trail the ground is unknown too.
 
     Args:
         places: The estimator's notes on the places of the way out, shape (places,).
         vehicle: The robot's own model, with the length of a place and the speed.
         here_m: Position of the robot on it, m.
-        from_m: Position on it to go back to, m.
+        leave_m: Position on it to leave it at, m.
         leg_m: Length of the leg, m.
     """
     place_m = vehicle.place_m
-    first, last = place_of(vehicle, min(from_m, here_m), places), place_of(vehicle, here_m, places)
+    nearest_m, farthest_m = min(leave_m, here_m), max(leave_m, here_m)
+    direction = -1.0 if leave_m <= here_m else 1.0
+    first, last = place_of(vehicle, nearest_m, places), place_of(vehicle, farthest_m, places)
     edges = np.arange(first, last + 1)
     # The last place goes on for as long as the way does.
-    ends_m = np.where(edges == last, here_m, (edges + 1) * place_m)
-    lengths = ends_m - np.maximum(edges * place_m, from_m)
+    ends_m = np.where(edges == last, farthest_m, (edges + 1) * place_m)
+    lengths = ends_m - np.maximum(edges * place_m, nearest_m)
     edges, lengths = edges[lengths > 0.0], lengths[lengths > 0.0]
     ways = np.zeros(len(edges) + (leg_m > 0.0), WAY_DTYPE)
     ways["speed_mps"] = vehicle.cruise_mps
-    back, noted = ways[: len(edges)], places[edges]
-    back["way_m"], back["sine"] = lengths, -noted["sine_driven"]
-    back["east"], back["north"] = -noted["east"], -noted["north"]
+    along, noted = ways[: len(edges)], places[edges]
+    along["way_m"], along["sine"] = lengths, direction * noted["sine_driven"]
+    along["east"], along["north"] = direction * noted["east"], direction * noted["north"]
     if leg_m > 0.0:
         ways[-1]["way_m"] = leg_m
     return ways

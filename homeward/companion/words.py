@@ -16,6 +16,8 @@ _HOME = {
     "moved": "home has moved: back along the way out as far as that helps, then straight on, times "
     f"{thresholds.DETOUR:g}",
     "other way": "the way home is the one given, over ground with the rolling resistance estimated here",
+    "dock": "the way to the dock leads along the way driven or the route as far as that helps, then straight on, "
+    f"times {thresholds.DETOUR:g}",
 }
 
 
@@ -25,7 +27,7 @@ def rests_on(has: Mapping[str, bool], known: PriorKnowledge, home: str, battery:
     Args:
         has: Which readings there have been: power, soc, grade, heading, position.
         known: The prior.
-        home: `trail`, `route`, `loop`, `moved` or `other way`.
+        home: `trail`, `route`, `loop`, `moved`, `other way` or `dock`.
         battery: What is assumed of it.
     """
     return _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, battery)

@@ -1,4 +1,4 @@
-"""Quality of predictions: coverage, bias and error by the share of the way left."""
+"""Quality of predictions: coverage, bias, error and proper scores by the share of the way left."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from homeward.watch.predictions import Watched
+from homeward.watch.scores import Scores, missing, scores_of
 
 _BORDERS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)
 """Borders of the rows: shares of a run's way left. Chosen: finer near home, where errors in metres decide."""
@@ -28,6 +29,8 @@ class Row:
         bias: Sum of predictions over that of measured values, less 1.
         error: Median absolute error, relative to the measured value.
         width: Median of half the interval, relative to the prediction.
+        crps: Sum of the continuous ranked probability scores over that of measured values; None without scoringrules.
+        interval_score: The same of the score of the 90 % interval.
     """
 
     most: float
@@ -39,6 +42,8 @@ class Row:
     bias: float
     error: float
     width: float
+    crps: float | None
+    interval_score: float | None
 
 
 def rows_of(runs: Sequence[Watched]) -> list[Row]:
@@ -51,6 +56,10 @@ def rows_of(runs: Sequence[Watched]) -> list[Row]:
     low = np.concatenate([run.low_j for run in runs])
     high = np.concatenate([run.high_j for run in runs])
     covered = np.concatenate([run.covered for run in runs])
+    scores = None
+    if missing() is None:
+        crps, interval = zip(*map(scores_of, runs), strict=True)
+        scores = Scores(np.concatenate(crps), np.concatenate(interval))
     rows = []
     for most, least in (*itertools.pairwise(_BORDERS), (1.0, 0.0)):
         within = (share <= most) & (share > least)
@@ -62,5 +71,7 @@ def rows_of(runs: Sequence[Watched]) -> list[Row]:
                 len(np.unique(number[within])), float(covered[within].mean()), float(m.sum() / t.sum() - 1.0),
                 float(np.median(np.abs(m - t) / size)),
                 float(np.median(0.5 * (high - low)[within] / np.maximum(np.abs(m), 1e-9))),
+                None if scores is None else float(scores.crps[within].sum() / t.sum()),
+                None if scores is None else float(scores.interval[within].sum() / t.sum()),
             ))  # fmt: skip
     return rows

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from homeward import quantities
 from homeward.companion import Advice, UncertainValue
+from homeward.companion.advice import HOME
 
 _PER_S = 8.0
 """Frames a second. Chosen: motion looks continuous."""
@@ -39,8 +40,13 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
     takes = max(min(advice.energy_home_j.mean / full_j, 1.0), 0.0)
     grid.add_row("battery", _with_bar(left, _between(advice.energy_left_j), "green" if left > takes else "red"))
     home = f"{_between(advice.energy_home_j)}, {quantities.distance(advice.way_home_m)}"
-    grid.add_row("way home", _with_bar(takes, home, "cyan"))
-    grid.add_row("probability of getting home", Text(f"{advice.chance_home:.2%}"))
+    where = "home" if advice.home == HOME else f"to {advice.home}"
+    grid.add_row(Text(f"way {where}"), _with_bar(takes, home, "cyan"))
+    there = "home" if advice.home == HOME else "there"
+    grid.add_row(f"probability of getting {there}", Text(f"{advice.chance_home:.2%}"))
+    for other in advice.others:
+        way = f"{quantities.energy(other.energy_j.mean)}, {quantities.distance(other.way_m)}, {other.chance:.2%}"
+        grid.add_row(Text(f"or {other.name}"), Text(way, style="" if other.reachable else "red"))
     if advice.turn_now:
         grid.add_row("point of no return", Text("TURN NOW", style="bold red"))
     else:

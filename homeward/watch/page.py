@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import plotly.graph_objects as go
 import plotly.offline
 from markupsafe import Markup
 from plotly.subplots import make_subplots
@@ -16,10 +17,13 @@ from homeward.physics import Robot
 from homeward.watch import thresholds
 from homeward.watch.coverage import Row, rows_of
 from homeward.watch.predictions import Watched
+from homeward.watch.scores import missing, transforms_of
 
 _ROWS = 6
 """Moments of a run in the table below its plot. Chosen: a line for each fifth of the way."""
 _RESTS = {"J": "energy of the rest, kJ", "A s": "charge of the rest, kA s"}
+_BINS = 10
+"""Bars of the histogram of the probability integral transform. Chosen: the interval leaves a half of the outer ones."""
 _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 
 
@@ -45,7 +49,8 @@ def watch_html(
     return page(
         environment, "watch.html", runs=runs, names=names, rows=rows, robot=robot.name, dropped=list(dropped),
         notes=list(notes), verdict=verdict(rows[-1]), rests_on=runs[0].rests_on, drawn=min(len(runs), MOST_RUNS),
-        plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs),
+        plotly=Markup(plotly.offline.get_plotlyjs()), figure=figure(runs), transforms=transforms_figure(runs),
+        lacking=missing(),
         moments=moments, rest=_RESTS[runs[0].unit],
     )  # fmt: skip
 
@@ -85,17 +90,42 @@ def figure(runs: Sequence[Watched]) -> Markup:
             )  # fmt: skip
         made.update_yaxes(title_text=_RESTS[run.unit], rangemode="tozero", fixedrange=True, row=row, col=1)
         made.update_xaxes(title_text="way left, m", autorange="reversed", fixedrange=True, row=row, col=1)
-    made.update_layout(
-        height=90 + 260 * len(shown), margin={"l": 60, "r": 15, "t": 30, "b": 45}, dragmode=False,
-        legend={"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"}, **PLAIN,
-    )  # fmt: skip
-    made.update_xaxes(**GRID).update_yaxes(**GRID)
     made.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
     count_word = "run" if len(shown) == 1 else "runs"
     says = (
         f"{_RESTS[shown[0].unit]}, over the way left in m, of {len(shown)} {count_word}: predicted with its 90 % "
         "interval, and what it consumed. The table below has moments of each run, watch.csv has all."
     )
+    return _image(made, 90 + 260 * len(shown), says)
+
+
+def transforms_figure(runs: Sequence[Watched]) -> Markup:
+    """Histogram of the probability integral transform over the moments of all runs."""
+    values = np.concatenate([transforms_of(run) for run in runs])
+    counts, edges = np.histogram(values, _BINS, (0.0, 1.0))
+    shares = counts / len(values)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    made = go.Figure()
+    made.add_bar(x=middles.round(3), y=(100.0 * shares).round(2), width=1.0 / _BINS, marker={"color": _PREDICTED})
+    made.update_traces(marker_line={"color": "white", "width": 1})
+    made.add_hline(100.0 / _BINS, line={"color": _INK, "width": 1.6, "dash": "dot"})
+    made.update_xaxes(title_text="probability of a lower consumption, by the prediction", range=[0.0, 1.0])
+    made.update_yaxes(title_text="moments, %", rangemode="tozero")
+    said = ", ".join(f"{share:.0%}" for share in shares)
+    says = (
+        f"Share of {len(values)} moments in each tenth of the probability integral transform, from 0 to 1: {said}; "
+        "10 % in each if calibrated."
+    )
+    return _image(made, 300, says)
+
+
+def _image(made: go.Figure, height: int, says: str) -> Markup:
+    """A figure of a height in pixels, with a text alternative."""
+    made.update_layout(
+        height=height, margin={"l": 60, "r": 15, "t": 30, "b": 45}, dragmode=False,
+        legend={"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"}, **PLAIN,
+    )  # fmt: skip
+    made.update_xaxes(fixedrange=True, **GRID).update_yaxes(fixedrange=True, **GRID)
     return described(made.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}), says)
 
 

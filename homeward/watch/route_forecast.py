@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +16,10 @@ from rich.table import Table
 
 from homeward import quantities
 from homeward.cli import Terminal
-from homeward.companion import Advice, Companion, UncertainValue
+from homeward.companion import Advice, Companion, HomeOption, UncertainValue
+from homeward.companion.advice import HOME
+from homeward.companion.home_estimator import best_first
+from homeward.companion.readings import Position
 from homeward.companion.way import RouteLike
 from homeward.estimation import WAY_DTYPE
 from homeward.physics import Robot
@@ -23,6 +28,7 @@ Array = NDArray[np.float64]
 
 _POINTS = 60
 """Points of the plot on the way there and back. Chosen: the line looks smooth."""
+_HALVINGS = 10  # of a point of the plot, by which the point of no return is found; chosen: metres on any route
 _QUANTILES = (0.05, 0.5, 0.95)  # median and the 90 % interval that the companion shows
 
 
@@ -37,6 +43,10 @@ class RouteForecast:
         there_j: Energy of the way to the end, J.
         both_j: Energy of the way there and back, J.
         range_m: Quantiles of the distance driven there and back, as of `left_j`, m; infinite if the energy is enough.
+        turn_m: Point of no return: farthest position on the route from which home or a dock is reachable at the
+            accepted risk, m.
+        homes: With docks: home and the docks as of the end of the route, the advised one first; the margin is what is
+            left there of a full battery.
     """
 
     advice: Advice
@@ -45,15 +55,28 @@ class RouteForecast:
     there_j: UncertainValue
     both_j: UncertainValue
     range_m: tuple[float, ...]
+    turn_m: float
+    homes: tuple[HomeOption, ...] = ()
 
 
-def forecast_along(robot: Robot, route: RouteLike, speed_mps: float | None, risk: float) -> RouteForecast:
+def forecast_along(
+    robot: Robot, route: RouteLike, speed_mps: float | None, risk: float, docks: Mapping[str, Position] | None = None
+) -> RouteForecast:
     """Predict the energy of a route at a speed, m/s, or that with the longest range.
+
+    Args:
+        robot: The robot.
+        route: The route.
+        speed_mps: Speed, m/s; None: that with the longest range.
+        risk: Accepted probability of not getting home.
+        docks: Other homes and docks by name: metres along the route, or `(east, north)` in metres from its start.
 
     Raises:
         CompanionError: An argument is invalid.
     """
-    companion = Companion(robot, route=route, cruise_mps=speed_mps, risk=risk, soc=1.0)
+    companion = Companion(
+        robot, home=(0.0, 0.0) if docks else None, route=route, cruise_mps=speed_mps, risk=risk, soc=1.0, docks=docks
+    )
     advice = companion.update(0.0, position=0.0)
     out = _ways(route, companion.vehicle.cruise_mps)
     back = out[::-1].copy()
@@ -69,7 +92,48 @@ def forecast_along(robot: Robot, route: RouteLike, speed_mps: float | None, risk
     standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * 0.5 * total_m
     there_j = companion.ahead(out, standing_j)
     both_j = companion.ahead(there_and_back, 2.0 * standing_j)
-    return RouteForecast(advice, driven_m, left_j, there_j, both_j, reach)
+    length_m = 0.5 * total_m
+    turn_m = min(advice.turn_in_m, length_m)
+    if not docks:
+        return RouteForecast(advice, driven_m, left_j, there_j, both_j, reach, turn_m)
+    homes = _from_end(companion, out, {HOME: 0.0, **docks})
+    turn_m = max(turn_m, _farthest_m(companion, out, docks, turn_m))
+    return RouteForecast(advice, driven_m, left_j, there_j, both_j, reach, turn_m, tuple(homes))
+
+
+def _from_end(companion: Companion, out: NDArray[np.void], places: Mapping[str, Position]) -> tuple[HomeOption, ...]:
+    """Homes and docks as of the end of the route, the best first."""
+    end_m = float(out["way_m"].sum())
+    ways = {name: companion.way_to(place, end_m) for name, place in places.items()}
+    reached = {name: companion.arrives(np.concatenate((out, way))) for name, way in ways.items()}
+    options = []
+    for name in best_first(reached):
+        way_m = float(ways[name]["way_m"].sum())
+        standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * way_m
+        energy_j = companion.ahead(ways[name], standing_j)
+        options.append(reached[name].option(name, way_m)._replace(energy_j=energy_j))
+    return tuple(options)
+
+
+def _farthest_m(companion: Companion, out: NDArray[np.void], docks: Mapping[str, Position], safe_m: float) -> float:
+    """Farthest position on the route up to which some dock is reachable, m, from a position known as safe."""
+    ends = np.cumsum(out["way_m"])
+
+    def is_safe(position_m: float) -> bool:
+        driven = _first(out, ends, position_m)
+        ways = (np.concatenate((driven, companion.way_to(place, position_m))) for place in docks.values())
+        return any(companion.arrives(way).reachable for way in ways)
+
+    for over_m in np.linspace(safe_m, float(ends[-1]), _POINTS + 1)[1:]:
+        if not is_safe(over_m):
+            break
+        safe_m = float(over_m)
+    else:
+        return safe_m
+    for _ in range(_HALVINGS):
+        middle_m = 0.5 * (safe_m + over_m)
+        safe_m, over_m = (middle_m, over_m) if is_safe(middle_m) else (safe_m, middle_m)
+    return float(safe_m)
 
 
 def _ways(route: RouteLike, speed_mps: float) -> NDArray[np.void]:
@@ -119,12 +183,29 @@ def show(console: Terminal, robot: Robot, route_name: str, length_m: float, fore
     low, middle, high = map(_far, forecast.range_m)
     table.add_row("range on this way", middle, f"{low} to {high}" if low != high else low)
     console.show(table)
-    turn = quantities.distance(min(advice.turn_in_m, length_m))
-    end = ", which is its end" if advice.turn_in_m >= length_m else ""
+    if forecast.homes:
+        console.show(_homes_table(forecast.homes))
+        best = forecast.homes[0]
+        said = f"Advised at its end: {best.name}." if best.reachable else "None is reachable from its end at that risk."
+        console.print(said)
+    turn = quantities.distance(forecast.turn_m)
+    end = ", which is its end" if math.isclose(forecast.turn_m, length_m) else ""
     console.print(f"Point of no return at a risk of {advice.risk:g}: {turn} from home{end}.")
     for text in advice.rests_on:
         if not text.startswith(("energy by", "neither", "no power", "no position", "no heading")):
             console.print(Padding(text, (0, 0, 0, 2)), style="dim")
+
+
+def _homes_table(homes: tuple[HomeOption, ...]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("from the end to", "way", "expected", "90 % interval", "probability\nof getting there"):
+        table.add_column(heading, justify="left" if heading == "from the end to" else "right")
+    for option in homes:
+        energy = option.energy_j
+        between = f"{quantities.energy(max(energy.low, 0.0))} to {quantities.energy(energy.high)}"
+        way, mean = quantities.distance(option.way_m), quantities.energy(energy.mean)
+        table.add_row(option.name, way, mean, between, f"{option.chance:.2%}")
+    return table
 
 
 def _far(metres: float) -> str:
@@ -147,7 +228,7 @@ def picture(robot: Robot, length_m: float, forecast: RouteForecast, suffix: str)
                       linewidth=0.0, label="energy left, 5 to 95 %")  # fmt: skip
     axis.plot(km, np.maximum(kj[:, 1], 0.0), color="#0072b2", label="median")
     axis.axvline(length_m / 1000.0, color="black", linewidth=0.8, linestyle=":", label="end of the route")
-    turn_m = min(forecast.advice.turn_in_m, length_m)
+    turn_m = forecast.turn_m
     level = float(np.interp(turn_m, forecast.driven_m, forecast.left_j[:, 1])) / 1000.0
     axis.plot(
         [turn_m / 1000.0], [level], "o", color="#d55e00", label=f"point of no return, risk {forecast.advice.risk:g}"

@@ -53,6 +53,22 @@ def test_the_capacity_is_within_the_range_of_age_and_what_was_drawn_excludes_les
     assert battery.total > 0.92 and battery.totals[0] > 0.87
 
 
+def test_a_charge_says_nothing_of_the_capacity_and_loses_nothing_that_is_known() -> None:
+    battery = belief(NMC)
+    discharge(battery, NMC, 0.85, 0.6, ohm=0.15, learned=0.85)
+    mean, resistance, explanations = battery.total, battery.resistance, battery.trust.probabilities
+    sd = battery.total_sd
+    battery.recharge(1.0)
+    assert battery.charge == pytest.approx(1.0, abs=0.03) and battery.start.told
+    assert battery.total == pytest.approx(mean, rel=0.04) and battery.total_sd < 1.5 * sd
+    assert battery.resistance == pytest.approx(resistance, rel=1e-6)
+    follows, jumped, own = battery.trust.probabilities
+    assert jumped == 0.0 and follows > 0.9 and own == pytest.approx(explanations[2])
+    assert battery.total_sd < 0.6 * belief(NMC).total_sd
+    battery.recharge(0.5)
+    assert battery.total == pytest.approx(0.5 * mean, rel=0.1)
+
+
 @pytest.mark.parametrize("temperature_c", [20.0, -10.0])
 def test_cold_batteries_hold_less(temperature_c: float) -> None:
     warm, here = belief(LEAD), belief(LEAD, temperature_c=temperature_c)

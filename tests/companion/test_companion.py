@@ -122,7 +122,7 @@ def test_it_takes_an_update_of_any_rate_alike() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    one, robot = companion(), Driven(every_s=0.1)
+    one, robot = companion(), Driven()
     sizes = []
     for _ in range(3):
         robot.drive(one, 0.3, 100.0)
@@ -247,6 +247,142 @@ def test_home_that_moves() -> None:
     assert any("home has moved" in text for text in beside.rests_on)
     one.take_home(None)
     assert robot.drive(one, 0.0, 1.0).way_home_m == pytest.approx(1003.0, abs=1.0)
+    one.move_home((400.0, 30.0))  # back along the trail, which has no detour, and then aside
+    assert robot.drive(one, 0.0, 1.0).way_home_m == pytest.approx(604.0 + 1.3 * 30.0, abs=16.0)
+    ahead = companion(home=None)
+    ahead.update(0.0, position=100.0)
+    ahead.move_home(350.0)
+    assert ahead.update(1.0, position=100.0, speed_mps=0.0).way_home_m == pytest.approx(250.0)
+
+
+def test_of_several_homes_the_nearer_is_advised_and_one_out_of_reach_is_listed() -> None:
+    docks = {"hut": (2000.0, 50.0), "bay": (900.0, 0.0), "town": (20_000.0, 0.0)}
+    one, robot = companion(docks=docks), Driven(every_s=25.0)
+    assert robot.drive(one, 0.0, 300.0).home == "home"
+    near_bay = robot.drive(one, 0.0, 700.0)
+    assert near_bay.home == "bay" and near_bay.way_home_m == pytest.approx(100.0, abs=9.0)
+    assert [other.name for other in near_bay.others] == ["home", "hut", "town"]
+    assert [other.reachable for other in near_bay.others] == [True, True, False]
+    for other in near_bay.others:
+        assert other.margin_j.mean < near_bay.margin_j.mean
+        assert other.energy_j.mean + other.margin_j.mean == pytest.approx(near_bay.energy_left_j.mean, rel=1e-6)
+    home, hut, town = near_bay.others
+    alone = Driven(every_s=25.0).drive(companion(), 0.0, 1000.0)
+    assert (home.way_m, home.energy_j, home.chance) == (alone.way_home_m, alone.energy_home_j, alone.chance_home)
+    assert hut.way_m == pytest.approx(1.3 * math.hypot(1000.0, 50.0), rel=0.02) and town.chance < 0.01
+    assert any("the way to the dock leads along the way driven" in text for text in near_bay.rests_on)
+    assert "; the way to bay, 100 m, consumes" in str(near_bay) and "; town: 24.7 km, 0.00%" in str(near_bay)
+    assert json.loads(json.dumps(near_bay.to_json()))["others"][2]["reachable"] is False
+    advice = turned(one, robot)
+    assert advice.home == "hut" and robot.xy[0] > 4500.0
+    assert robot.drive(one, HOME, robot.xy[0] - 2000.0).turn_now
+    there = robot.drive(one, math.pi / 2, 50.0)
+    assert not there.turn_now and there.way_home_m < POSITION_M and robot.left_j > 0.0
+
+
+def test_none_in_reach_the_likeliest_is_advised() -> None:
+    advice = companion(docks={"far": (9000.0, 0.0), "farther": (9900.0, 0.0)}, home=(-9500.0, 0.0), soc=0.5).update(
+        0.0, position=(0.0, 0.0)
+    )
+    assert advice.home == "home" and advice.turn_now
+    assert [(other.name, other.reachable) for other in advice.others] == [("far", False), ("farther", False)]
+    assert advice.chance_home > advice.others[0].chance > advice.others[1].chance
+
+
+def test_a_dock_ahead_on_a_route_is_reached_over_its_slopes() -> None:
+    """By metres and by coordinates alike; a home that has moved ahead had no way at all."""
+    by = route([0.0] * 20 + [0.05] * 20)
+    one = Companion(HUSKY, home=(0.0, 0.0), route=by, docks={"metres": 1500.0, "beside": (1500.0, 30.0)})
+    advice = Driven(every_s=5.0).drive(one, 0.0, 500.0)
+    options = {other.name: other for other in advice.others}
+    assert advice.home == "home"
+    assert options["metres"].way_m == pytest.approx(1000.0, abs=6.0)
+    corner_m = 950.0 + 1.3 * math.hypot(50.0, 30.0)  # it leaves the route a place early
+    assert options["beside"].way_m == pytest.approx(corner_m, abs=6.0)
+    climbs_j = HUSKY.mass_kg * 9.81 * 0.05 * 500.0 / HUSKY.traction_efficiency
+    flat_j = 2.0 * advice.energy_home_j.mean
+    assert options["metres"].energy_j.mean == pytest.approx(flat_j + climbs_j, rel=0.1)
+    one.move_home(900.0)
+    assert one.update(501.0, position=(501.0, 0.0)).way_home_m == pytest.approx(400.0, abs=9.0)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "said"),
+    [
+        ({"docks": [(1.0, 2.0)]}, r"docks = \[\(1.0, 2.0\)\] is not allowed; give places by name"),
+        ({"docks": {"home": (1.0, 2.0)}}, "a dock named 'home' is not allowed"),
+        (
+            {"docks": {"bay": 5.0}},
+            r"dock 'bay' = 5.0 is not allowed; give \(east, north\) in the frame of home, within",
+        ),
+        ({"docks": {"bay": "near"}}, "dock 'bay' = 'near' is not allowed; give metres"),
+        ({"docks": {"bay": (1e6, 0.0)}}, r"dock 'bay' = \(1000000.0, 0.0\) is not allowed"),
+        ({"docks": {"bay": (math.nan, 0.0)}}, "dock 'bay' = .* is not allowed"),
+        ({"docks": {"bay": (5.0, 0.0)}, "home": None}, r"give metres from home along the way, 0 to 1.087e\+05"),
+        ({"docks": {"bay": -1.0}, "home": None}, "dock 'bay' = -1.0 is not allowed; give metres"),
+        ({"docks": {"bay": 2e6}, "home": "here"}, "dock 'bay' = 2000000.0 is not allowed; give"),
+    ],
+)
+def test_docks_that_cannot_be_are_refused_in_one_line(keywords: dict[str, Any], said: str) -> None:
+    with pytest.raises(CompanionError, match=said) as refused:
+        companion(**keywords)
+    assert "\n" not in str(refused.value)
+
+
+def test_after_a_charge_on_the_way_the_mission_goes_on() -> None:
+    """What is known of robot, ground and battery stays; an hour at the charger consumes nothing, and nothing rises."""
+    one, robot = companion(soc=1.0), Driven(rolling=1.2, health=0.85, every_s=25.0)
+    before = robot.drive(one, 0.0, 3000.0)
+    one.charged(0.9)
+    state = json.loads(json.dumps(one.state()))
+    robot.used_j = robot.full_j - 0.9 * robot.full_j
+    robot.time_s += 3600.0
+    after = robot.drive(one, 0.0, 25.0)
+    restored = companion(soc=1.0)
+    restored.restore(state)
+    assert restored.update(robot.time_s, **robot.reads(0.0)) == after
+    assert after.time_s == before.time_s + 3625.0 and after.way_home_m == pytest.approx(3025.0, abs=13.0)
+    assert after.energy_home_j.mean == pytest.approx(before.energy_home_j.mean, rel=0.01)
+    assert after.energy_left_j.low < robot.left_j < after.energy_left_j.high
+    elsewhere = companion(soc=1.0)
+    elsewhere.restore(state)
+    away = elsewhere.update(robot.time_s, **robot.reads(0.0) | {"position": (2000.0, 0.0), "speed_mps": None})
+    assert away.way_home_m == pytest.approx(2000.0, abs=9.0) and away.energy_left_j == after.energy_left_j
+    swapped = companion(soc=1.0)
+    Driven(rolling=1.2, health=0.85, every_s=25.0).drive(swapped, 0.0, 3000.0)
+    swapped.swap_battery(0.9)
+    dropped = swapped.update(3625.0, **robot.reads(0.0))
+    assert after.energy_left_j.sd < 0.8 * dropped.energy_left_j.sd
+    assert not any("clock" in text or "no reading" in text or "rises" in text for text in after.warnings)
+    left_j = after.energy_left_j.mean
+    for _ in range(20):
+        advice = robot.drive(one, 0.0, 75.0)
+        assert advice.energy_left_j.mean < left_j and advice.warnings == ()
+        left_j = advice.energy_left_j.mean
+    fuller = robot.drive(one, 0.0, 75.0, soc=0.95)  # nobody charged it again
+    assert fuller.energy_left_j.mean < left_j + 0.01 * robot.full_j or any("rises" in text for text in fuller.warnings)
+
+
+def test_a_gauge_that_rose_at_the_charger_is_believed_afterwards() -> None:
+    one, robot = companion(soc=1.0), Driven(every_s=30.0)
+    robot.drive(one, 0.0, 3000.0)
+    for soc in np.linspace(robot.charge(), 0.95, 20):
+        robot.time_s += 60.0
+        docked = one.update(robot.time_s, speed_mps=0.0, soc=float(soc))
+    assert any("the state of charge has jumped" in text for text in docked.warnings)
+    one.charged(0.95)
+    robot.used_j = 0.05 * robot.full_j
+    robot.drive(one, 0.0, 90.0)
+    later = [robot.drive(one, 0.0, 60.0) for _ in range(8)]
+    assert all(advice.warnings == () for advice in later)
+    assert later[-1].energy_left_j.low < robot.left_j < later[-1].energy_left_j.high
+
+
+def test_a_charge_that_was_told_before_the_first_reading_counts() -> None:
+    for event in (Companion.charged, Companion.swap_battery):
+        one = companion(soc=1.0)
+        event(one, 0.3)
+        assert one.update(0.0, position=(0.0, 0.0), soc=0.8).energy_left_j.mean < 0.4 * HUSKY.usable_energy_j
 
 
 def route(sines: Any, place_m: float = 50.0) -> Route:
@@ -428,6 +564,8 @@ def test_a_battery_home_or_way_that_cannot_be_is_refused(soc: Any) -> None:
     one = companion()
     with pytest.raises(CompanionError, match=f"soc = {soc!r} is not allowed"):
         one.swap_battery(soc)
+    with pytest.raises(CompanionError, match=f"soc = {soc!r} is not allowed"):
+        one.charged(soc)
     with pytest.raises(CompanionError, match=r"home = \(1.0, 2.0, 3.0\) is not allowed"):
         one.move_home((1.0, 2.0, 3.0))  # type: ignore[arg-type]
     with pytest.raises(CompanionError, match="home = None is not allowed"):

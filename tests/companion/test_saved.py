@@ -26,7 +26,7 @@ def hill() -> Route:
 
 KINDS: dict[str, dict[str, Any]] = {
     "positions": {"home": (0.0, 0.0)},
-    "first place": {"home": "here", "soc": 0.9},
+    "first place": {"home": "here", "soc": 0.9, "docks": {"bay": (300.0, 50.0)}},
     "metres": {"home": None},
     "dead reckoning": {"home": (0.0, 0.0)},
     "route": {"route": hill()},
@@ -40,7 +40,9 @@ def step(companion: Companion, kind: str, second: int) -> Advice:
     rng = np.random.default_rng(second)
     if kind == "moved home" and second == 300:
         companion.move_home((150.0, 40.0))
-    if second == 450:
+    if second == 450 and kind == "first place":
+        companion.charged(0.8)
+    elif second == 450:
         companion.swap_battery(0.8)
     # A gap, and a clock that is set back.
     time_s = second + (120.0 if second > 200 else 0.0) - (500.0 if second > 550 else 0.0)
@@ -179,6 +181,10 @@ def test_a_file_that_was_cut_or_flipped_is_refused(driven: Companion, at: int, t
     [
         ({"robot": "jackal", "home": (0.0, 0.0)}, "of robot 'husky', not of 'jackal'"),
         ({"robot": "husky", "home": (5.0, 0.0)}, "of another robot file, version or route"),
+        (
+            {"robot": "husky", "home": (0.0, 0.0), "docks": {"bay": (9.0, 0.0)}},
+            "of another robot file, version or route",
+        ),
         ({"robot": "husky", "home": (0.0, 0.0), "place_m": 99.0}, "of another robot file, version or route"),
         ({"robot": "husky", "home": (0.0, 0.0)}, "of another robot file, version or route"),
     ],
@@ -189,7 +195,7 @@ def test_a_state_of_other_arguments_is_refused(driven: Companion, keywords: dict
 
 
 def test_an_older_state_is_refused_in_one_line() -> None:
-    with pytest.raises(CompanionError, match=r"^the state is of another version than 2, or is none$"):
+    with pytest.raises(CompanionError, match=r"^the state is of another version than 3, or is none$"):
         Companion("husky").restore({"schema": 1, "robot": "husky"})
 
 

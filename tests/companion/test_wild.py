@@ -78,6 +78,8 @@ def test_no_reading_of_any_size_corrupts_the_advice_or_ends_it() -> None:
                 told(companion.move_home, position)
             elif event == 1:
                 told(companion.swap_battery, metres)
+            elif event == 2:
+                told(companion.charged, metres)
             after_s = time_s + step_s
             advice = companion.update(after_s, position=position, **readings)
             time_s = after_s if math.isfinite(after_s) else 0.0

@@ -8,6 +8,7 @@ import pytest
 
 from homeward.commands.range import Args, RangeError, main
 from homeward.companion import CompanionError
+from homeward.companion.readings import Position
 from homeward.envs.routes import Route, RouteError
 from homeward.physics import Robot, d_max, load_robot
 from homeward.physics.uncertainty import Uncertainty
@@ -75,9 +76,57 @@ def test_it_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     )
 
 
+def test_of_several_docks_the_best_at_the_end_is_advised(
+    calm: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    range_m = float(d_max(calm))
+    length_m = 0.6 * range_m
+    alone = forecast_along(calm, flat(length_m), None, 1e-3)
+    docks: dict[str, Position] = {
+        "bay": 0.4 * range_m,
+        "beside": (length_m, 0.1 * range_m),
+        "far": (0.0, 2.0 * range_m),
+    }
+    found = forecast_along(calm, flat(length_m), None, 1e-3, docks)
+    assert [option.name for option in found.homes] == ["beside", "bay", "home", "far"]
+    assert [option.reachable for option in found.homes] == [True, True, False, False]
+    assert found.homes[0].way_m == pytest.approx(0.13 * range_m, rel=1e-6)
+    assert found.homes[0].energy_j.mean == pytest.approx(0.13 * calm.usable_energy_j, rel=0.02)
+    assert alone.turn_m < 0.5 * range_m and found.turn_m == pytest.approx(length_m)
+    assert found.both_j == alone.both_j
+    near = forecast_along(calm, flat(length_m), None, 1e-3, {"bay": 0.2 * range_m})
+    # From x the way back to the dock is x - 0.2, so that 2 x - 0.2 is at most the range.
+    assert alone.turn_m < near.turn_m < 0.6 * range_m and near.turn_m == pytest.approx(
+        0.1 * range_m + alone.turn_m, rel=0.02
+    )
+    profile = tmp_path / "hill.csv"
+    profile.write_text("distance_m,elevation_m\n0,0\n1000,30\n2000,10\n")
+    main(Args("husky", route=str(profile), docks=("bay=1700", "hut=1800,-90")))
+    printed = capsys.readouterr().out
+    assert "of getting there" in printed and "Advised at its end: hut" in " ".join(printed.split())
+
+
+@pytest.mark.parametrize(
+    ("docks", "said"),
+    [
+        ("bay", "--docks 'bay' is not allowed; give NAME=EAST,NORTH or NAME=METRES"),
+        ("bay=1,2,3", "--docks 'bay=1,2,3' is not allowed"),
+        ("bay=nan", "--docks 'bay=nan' is not allowed"),
+        ("bay=1e7", "dock 'bay' = 10000000.0 is not allowed; give metres from home along the way, 0 to "),
+    ],
+)
+def test_docks_that_cannot_be_used(docks: str, said: str) -> None:
+    with pytest.raises(CompanionError, match=said):
+        main(Args("husky", route="box", docks=(docks,)))
+
+
 def test_what_cannot_be_asked(tmp_path: Path) -> None:
     with pytest.raises(RangeError, match="not allowed with --route"):
         main(Args("husky", route="box", duty=0.5))
+    with pytest.raises(RangeError, match="--docks is for --route"):
+        main(Args("husky", docks=("bay=3",)))
+    with pytest.raises(CompanionError, match="names 'bay' twice"):
+        main(Args("husky", route="box", docks=("bay=0", "bay=1")))
     with pytest.raises(RouteError, match="neither a known route nor a file"):
         main(Args("husky", route=str(tmp_path / "none.gpx")))
     with pytest.raises(CompanionError, match="risk = 3"):

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from rich.console import Console
 
 from homeward import quantities
 from homeward.commands.watch import Args, main
-from homeward.companion import Companion, CompanionError
+from homeward.companion import Companion, CompanionError, HomeOption
 from homeward.diagnosis import RecordingError, read_recording
 from homeward.diagnosis.fit.replay import current_a
 from homeward.diagnosis.read.signals import signals
@@ -168,6 +169,10 @@ def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: py
     assert "<li>run1.csv: read with cells separated by semicolons</li>" in page
     assert page.count('role="img" aria-label="energy of the rest, kJ, over the way left in m, of 2 runs: ') == 1
     assert page.count("<tr><td>run1.csv</td>") == 6, "moments of each run as a table"
+    assert "probability integral transform" in page and "of 2 runs" in page
+    scored = find_spec("scoringrules") is not None
+    assert ('<th class="n">CRPS</th>' in page) is scored and ("No CRPS" in printed) is not scored
+    assert ("No CRPS and no interval score" in page) is not scored
     assert '"dragmode":false' in page, "a finger that scrolls would zoom, and no key would undo it"
     moments = pd.read_csv(tmp_path / "out" / "watch.csv")
     assert set(moments["run"]) == set(map(str, paths)) and (moments["low_j"] < moments["high_j"]).all()
@@ -187,6 +192,12 @@ def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: l
     text = console.export_text()
     for part in ("battery", "way home", "point of no return", "no power for 3 s", "40 min"):
         assert part in text
+    spread = runs[0].advice.energy_home_j
+    others = (HomeOption("bay", 900.0, spread, spread, 0.25, False),)
+    console.print(view("run0", replace(runs[0].advice, home="hut", others=others), 2400.0, 1.728e6, ()))
+    several = console.export_text()
+    for part in ("way to hut", "or bay", "900 m, 25.00%", "probability of getting there"):
+        assert part in several
     energy = quantities.energy(runs[0].advice.energy_left_j.high)
     assert re.search(rf"\n│ +[^━\n]+ to {re.escape(energy)}\) +│\n", text)  # whole, on a line of its own
 

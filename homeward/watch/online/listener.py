@@ -79,11 +79,13 @@ class Heard(NamedTuple):
         time_s: Time, s.
         reading: Keyword arguments of `Companion.update`.
         charged: State of charge to which the battery was charged or swapped, None if it was not.
+        by_charger: Whether that was a charge: since the robot drove last, a current flowed into the battery.
     """
 
     time_s: float
     reading: dict[str, Any]
     charged: float | None = None
+    by_charger: bool = False
 
 
 def _key(topic: Topic) -> tuple[str, str]:
@@ -107,6 +109,7 @@ class Listener:
 
     SAVED: ClassVar = (
         "odometry", "_charge", "_per_cent", "_as_charging", "_as_discharging", "_voltage_v", "_turned_rad",
+        "_on_charger",
     )  # fmt: skip
 
     def __init__(self, mapping: Topics | None, max_speed_mps: float) -> None:
@@ -132,6 +135,7 @@ class Listener:
         self._voltage_v, self._per_cent = math.nan, False
         self._as_charging = self._as_discharging = 0  # readings of the current while driving, by their sign
         self._turned_rad: float | None = None
+        self._on_charger = False
         self._past: deque[tuple[float, float, float]] = deque()  # time, acceleration, speed
 
     def offer(self, topics: Mapping[str, str]) -> None:
@@ -319,6 +323,8 @@ class Listener:
             "speed_mps", 0.5 * (values.get("wheel_left_mps", math.nan) + values.get("wheel_right_mps", math.nan))
         )
         reading: dict[str, Any] = {"speed_mps": speed, "sensing_hz": values.get("sensing_hz")}
+        if abs(speed) > logs_thresholds.STANDSTILL_MPS:
+            self._on_charger = False
         reading |= self._power(values, speed, now_s)
         if "soc" in values:
             self._per_cent |= CHANNELS["soc"].high < values["soc"] <= _PER_CENT * CHANNELS["soc"].high
@@ -334,8 +340,9 @@ class Listener:
         possible = abs(reading.get("soc", math.nan) - 0.5) <= 0.5 + companion_thresholds.SOC_SLACK
         charged = possible and self._charge.see(reading["soc"])
         if charged:
-            self.say(f"the battery was charged or swapped: {reading['soc']:.0%}", now_s, "the battery was charged")
-        return Heard(time_s, reading, reading["soc"] if charged else None)
+            what = "charged" if self._on_charger else "charged or swapped"
+            self.say(f"the battery was {what}: {reading['soc']:.0%}", now_s, "the battery was charged")
+        return Heard(time_s, reading, reading["soc"] if charged else None, self._on_charger)
 
     def _heading(self, values: dict[str, float], place: tuple[float, float, float] | None, dt_s: float) -> float:
         """The heading by odometry, else as recorded or by an IMU, else by turning rates from east."""
@@ -370,6 +377,7 @@ class Listener:
                     "of BatteryState; it is used as discharge", now_s,
                 )  # fmt: skip
         if current < 0.0 and not abs(speed) > logs_thresholds.STANDSTILL_MPS:
+            self._on_charger = True
             return {}  # charging, which does not show the robot's consumption
         return {"voltage_v": self._voltage_v, "current_a": current}
 

@@ -106,7 +106,11 @@ class Node:
 
     def _advise(self, heard: Heard) -> None:
         if heard.charged is not None:
-            self.companion.swap_battery(min(max(heard.charged, 0.0), 1.0))
+            soc = min(max(heard.charged, 0.0), 1.0)
+            if heard.by_charger:
+                self.companion.charged(soc)
+            else:
+                self.companion.swap_battery(soc)
         self.advice = self.companion.update(heard.time_s, **heard.reading)
 
     def _publish(self, now_s: float) -> None:

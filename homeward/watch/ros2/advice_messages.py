@@ -9,6 +9,7 @@ from typing import Any
 
 from homeward import quantities
 from homeward.companion import Advice
+from homeward.companion.advice import HOME
 from homeward.watch.online.link import can_reach_home, reserve
 from homeward.watch.ros2.interface import OWN, PUBLISHED, name_in
 
@@ -58,7 +59,7 @@ def _status(advice: Advice | None, robot: str, warnings: Sequence[str], silent: 
         if not can_reach_home(advice):
             level, text = _ERROR, f"it may not get home: probability {advice.chance_home:.2%}"
         elif advice.turn_now:
-            level, text = max(level, _WARN), "turn now"
+            level, text = max(level, _WARN), "turn now" if advice.home == HOME else f"turn now, to {advice.home}"
         values = {
             "way_home_m": advice.way_home_m, "chance_home": advice.chance_home, "risk": advice.risk,
             "turn_in_m": advice.turn_in_m, "turn_in_s": advice.turn_in_s, "turn_now": advice.turn_now,
@@ -66,6 +67,13 @@ def _status(advice: Advice | None, robot: str, warnings: Sequence[str], silent: 
         for name in ("energy_left_j", "energy_home_j", "margin_j"):
             spread = getattr(advice, name)
             values |= {name: spread.mean, f"{name}_low": spread.low, f"{name}_high": spread.high}
+        if advice.others:
+            values["home"] = advice.home
+        for other in advice.others:
+            values |= {
+                f"way_to_{other.name}_m": other.way_m, f"chance_{other.name}": other.chance,
+                f"margin_{other.name}_j": other.margin_j.mean,
+            }  # fmt: skip
     said = [(name, f"{value:.6g}" if isinstance(value, float) else str(value)) for name, value in values.items()]
     said += [("warning", warning) for warning in warnings]
     return {

@@ -1,22 +1,10 @@
-"""The benchmark of coverage: scores by their definitions, and a part run."""
+"""The benchmark of coverage: what is drawn, and a part run."""
 
 from pathlib import Path
 
-import numpy as np
 import pytest
-from scipy.stats import t as student
 
-from benchmarks.on_the_robot.range_coverage import Args, CoverageError, coverage, crps, main
-from homeward.estimation.thresholds import DEGREES
-
-
-@pytest.mark.parametrize("truth", [3.0, 5.0, 9.5])
-def test_crps_is_the_integral_that_defines_it(truth: float) -> None:
-    x = np.linspace(-200.0, 200.0, 400_001)
-    square = (student.cdf((x - 5.0) / 1.5, DEGREES) - (x >= truth)) ** 2
-    assert float(crps(np.array(5.0), np.array(1.5), np.array(truth))) == pytest.approx(
-        np.trapezoid(square, x), rel=1e-3
-    )
+from benchmarks.on_the_robot.range_coverage import Args, CoverageError, coverage, main
 
 
 def test_what_is_not_independent_is_drawn_together() -> None:
@@ -29,6 +17,7 @@ def test_what_is_not_independent_is_drawn_together() -> None:
 
 def test_a_rover_is_diagnosed_and_watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mujoco")
+    pytest.importorskip("scoringrules", reason="needs the extra scores")
     from benchmarks.concealed.plants import rover_scenarios
 
     monkeypatch.setattr(rover_scenarios, "RUN_S", 30.0)

@@ -135,8 +135,20 @@ def test_a_charge_is_heard() -> None:
     bench = Bench()
     bench.feed(25, battery_state=lambda t: battery(t, percentage=0.2), odom=drive)
     heard = bench.feed(1, battery_state=lambda t: battery(t, percentage=1.0), odom=drive)
-    assert heard is not None and heard.charged == 1.0
+    assert heard is not None and heard.charged == 1.0 and not heard.by_charger
     assert bench.listener.warnings(2.6) == ["the battery was charged or swapped: 100%"]
+
+
+def test_a_current_into_a_battery_that_stands_is_a_charger() -> None:
+    bench = Bench()
+    bench.feed(25, battery_state=lambda t: battery(t, percentage=0.2), odom=drive)
+    stands = {"odom": lambda t: odometry(t, 2.5, 0.0)}
+    bench.feed(1, battery_state=lambda t: battery(t, current=3.0, percentage=0.25), **stands)
+    heard = bench.feed(1, battery_state=lambda t: battery(t, current=3.0, percentage=0.6), **stands)
+    assert heard is not None and heard.charged == 0.6 and heard.by_charger
+    assert bench.listener.warnings(2.7) == ["the battery was charged: 60%"]
+    again = bench.feed(1, battery_state=lambda t: battery(t, percentage=0.6), odom=drive)
+    assert again is not None and again.charged is None and not again.by_charger
 
 
 def test_the_topic_that_the_mapping_prefers_speaks_as_soon_as_it_does() -> None:

@@ -13,10 +13,11 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from homeward.companion import Companion
+from homeward.watch.online.listener import Heard
 from homeward.watch.online.node import PERIOD_S, Node
 from homeward.watch.ros2.idl import struct_of
 from homeward.watch.ros2.network import Network
-from tests.companion.robots import HUSKY
+from tests.companion.robots import HUSKY, Driven
 from tests.watch.ros2.simulated_robot import DOMAIN, LONGEST_S, robot
 
 pytestmark = pytest.mark.usefixtures("loopback")
@@ -54,6 +55,17 @@ class Others:
             for one in reader.take(100):
                 self.last[name] = one
         return self.last.keys() == self._readers.keys()
+
+
+def test_a_charge_keeps_what_is_known_of_the_battery_and_a_swap_does_not() -> None:
+    left = []
+    for by_charger in (True, False):
+        node = Node(Companion(HUSKY, home="here"), Network(DOMAIN))
+        Driven(health=0.85, every_s=25.0).drive(node.companion, 0.0, 3000.0)
+        node._advise(Heard(3600.0, {"speed_mps": 0.0}, 1.02, by_charger))
+        assert node.advice is not None
+        left.append(node.advice.energy_left_j)
+    assert left[0].sd < 0.8 * left[1].sd and left[0].mean < left[1].mean
 
 
 def test_lost_messages_a_dead_publisher_and_a_restart() -> None:

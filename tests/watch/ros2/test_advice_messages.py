@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
-from homeward.companion import Advice, Companion
+from homeward.companion import Advice, Companion, HomeOption
 from homeward.watch.online.link import can_reach_home, reserve
 from homeward.watch.ros2.advice_messages import messages
 from homeward.watch.ros2.idl import message
@@ -78,6 +78,16 @@ def test_the_level_of_the_diagnostics_is_the_worst_that_is_known(
     assert float(said["way_home_m"]) == pytest.approx(100.0)
     assert float(said["margin_j_low"]) < float(said["margin_j"]) < float(said["margin_j_high"])
     assert said.get("warning") == (warnings[0] if warnings else None)
+
+
+def test_of_several_homes_the_diagnostics_name_all(advice: Advice) -> None:
+    spread = advice.energy_home_j
+    other = HomeOption("bay", 900.0, spread, spread, 0.25, False)
+    given = dataclasses.replace(advice, turn_now=True, home="hut", others=(other,))
+    (status,) = published(given)["/diagnostics"].status
+    said = {pair.key: pair.value for pair in status.values}
+    assert status.message == "turn now, to hut" and said["home"] == "hut"
+    assert (said["way_to_bay_m"], said["chance_bay"]) == ("900", "0.25")
 
 
 def test_before_the_first_advice_there_are_diagnostics_alone() -> None:
