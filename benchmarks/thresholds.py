@@ -27,9 +27,9 @@ ERRORS = frozenset({"GAIN_ERROR", "GAUGE_GAIN_SD", "CURVE_SD", "CAPACITY_SD", "S
 def named() -> dict[str, set[str]]:
     """Files of the diagnosis that read each threshold, by its name."""
     readers: dict[str, set[str]] = {}
-    for node in ast.parse(THRESHOLDS.read_text()).body:
-        if isinstance(node, ast.Assign):
-            for target in node.targets:
+    for statement in ast.parse(THRESHOLDS.read_text()).body:
+        if isinstance(statement, ast.Assign):
+            for target in statement.targets:
                 parts = target.elts if isinstance(target, ast.Tuple) else [target]
                 readers |= {part.id: set() for part in parts if isinstance(part, ast.Name)}
     for path in sorted(FOLDER.rglob("*.py")):

@@ -28,6 +28,7 @@ from mkdocs.structure.files import File
 from docs import reference_scores as reference
 from homeward.agents.registry import AGENTS
 from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.conditions import CONDITIONS
 from homeward.diagnosis.explain.menu import MENU, SAMPLES, Manoeuvre
 from homeward.envs import IDS
 from homeward.envs.actions import action_space
@@ -47,7 +48,10 @@ LOG = logging.getLogger("mkdocs.plugins.generate")
 
 _END = "<!-- end of generated -->"
 _MARK = re.compile(r"^<!-- generated: (\w+) ?(.*?) -->$", re.MULTILINE)
-_FILLED = re.compile(rf"^(<!-- generated: .*? -->)\n\n.*?\n\n{_END}$", re.MULTILINE | re.DOTALL)
+# A part ends before the next begins: a comment that is new has no end yet.
+_FILLED = re.compile(
+    rf"^(<!-- generated: [^\n]*? -->)\n\n(?:(?!<!-- generated: ).)*?\n\n{_END}$", re.MULTILINE | re.DOTALL
+)
 _COMMENTS = re.compile(rf"^(?:<!-- generated: .*? -->\n\n|\n{_END}\n)", re.MULTILINE)
 
 ENTERS = {
@@ -340,6 +344,15 @@ def _effect_link(name: str) -> str:
     return f"[`{name}`](effects.md#{name})"
 
 
+def conditions() -> str:
+    """Conditions under which an effect is named."""
+    rows = [
+        (condition.name, condition.asks, f"{condition.side} {condition.limit_in_words}", condition.applies_to)
+        for condition in CONDITIONS
+    ]
+    return table(("condition", "what is compared", "limit", "applies to"), rows)
+
+
 def counts() -> str:
     """How many hypotheses there are."""
     return (
@@ -377,7 +390,8 @@ def worked_case() -> str:
 GENERATED: dict[str, Callable[..., str]] = {
     one.__name__: one
     for one in (
-        agents, causes, channels, counts, difficulties, drives, effects, features, gauges, instruments, missions, bench,
+        agents, causes, channels, conditions, counts, difficulties, drives, effects, features, gauges, instruments,
+        missions, bench,
         reference_scores, results, robot_file, robots, spaces, worked_case,
     )
 }  # fmt: skip
