@@ -409,7 +409,7 @@ class Companion:
 
     def _way_home(self) -> WayHome:
         """The way home from here: along the way out, or another one."""
-        unsure_m = thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m
+        unsure_m = self._way.unsure_m
         if self._other_way is not None and self._other_way_m is not None:
             ways = along_route(self._other_way, self._other_way_m, self.vehicle.cruise_mps)
         elif self._way.moved_home is not None:

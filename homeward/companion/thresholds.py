@@ -168,9 +168,9 @@ Chosen: four deviations of a difference."""
 POSITION_LEARNS = 0.02
 """Weight of a position in the estimated noise of positions. Chosen: fifty count."""
 
-POSITION_DOUBT = 13.8
-"""Squared standard deviations, of both axes, beyond which a position is followed rather than filtered. Chosen: white
-noise exceeds it once in a thousand positions (chi-squared with two degrees of freedom)."""
+POSITION_DOUBT = 1e-3
+"""Probability with which white noise exceeds the distance from which a position is followed rather than filtered.
+Chosen: once in a thousand positions, which is 3.7 standard deviations."""
 
 STILL_M, DRIVEN_M = 0.2, 20.0
 """Distance by which positions must have moved when the speed integrates to this, m. Chosen: 1 %, a tenth of the error

@@ -87,7 +87,7 @@ def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
         assert back.turn_now or robot.xy[0] < 12.0, robot.xy
     stood = [one.update(robot.time_s + k, speed_mps=0.0, power_w=20.0, position=tuple(rng.normal(scale=1.5, size=2)))
              for k in range(1, 60)]  # fmt: skip
-    assert not any(advice.turn_now for advice in stood) and max(advice.way_home_m for advice in stood) > 1.0
+    assert not any(advice.turn_now for advice in stood) and max(advice.way_home_m for advice in stood) < POSITION_M
     assert stood[-1].warnings == ()  # noise is not absurd
 
 
