@@ -442,6 +442,7 @@ class Companion:
         names = best_first(reached)
         home, now = ways[names[0]], reached[names[0]]
         self._check_rise(now.left.mean)
+        self._check_cutoff()
 
         def low_after_j(onwards_m: float) -> float:
             return estimator.leaves(home, onwards_m).low_j
@@ -490,14 +491,23 @@ class Companion:
             share = rises_j / self.vehicle.full_j
             self._readings.say(f"{kind} by {share:.1%} of the battery: what is read shows a fuller one", kind)
 
+    def _check_cutoff(self) -> None:
+        """Say if the battery may be cut off under load, however full it is."""
+        if self._estimator.battery.fails <= self.risk:
+            return
+        kind = "the voltage under load"
+        text = f"{kind} may fall to the cut-off on the way home, however full the battery is: drive slower"
+        self._readings.say(text if self._cutoff_v is not None else f"{text}, or give cutoff_v= if it is lower", kind)
+
     def _cutoff_words(self) -> str:
         """Down to which voltage the battery is used."""
-        if self.robot.curve.mean_v > 0.0:
-            told = "no cut-off voltage was given: that usual for its cells" if self._cutoff_v is None else "given"
-            return f"the battery is usable down to its cut-off voltage under load ({told})"
         if self._cutoff_v is not None:
-            return "the battery is usable until empty: a cut-off voltage needs a chemistry in the robot's file"
-        return "the battery is usable until empty: no cut-off voltage was given"
+            return "the battery is usable down to its cut-off voltage under load (given)"
+        if self.robot.curve.mean_v > 0.0:
+            usual = "that usual for its cells"
+        else:
+            usual = "that usual for cells of any chemistry, once voltage and current are read"
+        return f"the battery is usable down to its cut-off voltage under load (none was given: {usual})"
 
     def _off_route(self) -> tuple[str, ...]:
         off_m = self._way.off_route_m
