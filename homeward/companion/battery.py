@@ -27,7 +27,7 @@ from homeward.companion import thresholds
 from homeward.companion.gauge import FOLLOWS, JUMPED, GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_at, charge_share, energy_share, open_circuit_v
-from homeward.physics.cells import Cells, cold_resistance
+from homeward.physics.cells import MOST_COLD_TIMES, Cells, any_cell, cold_resistance, most_fall
 
 Floats = NDArray[np.float64]
 
@@ -36,11 +36,13 @@ CAPACITIES, STARTS = 61, 25
 _PARTS = np.array([0.0, 1e-4, 1e-3, 5e-3, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 1.0])
 """Ends of the shares of probability in which the energy left is told; chosen: fine where risks are."""
 PARTS = len(_PARTS) - 1
-_SAGS = np.array([-3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 2.5, 3.5])
-_SAG_WEIGHTS = np.diff(ndtr(np.array([-np.inf, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0, np.inf])))
-"""Deviations of the voltage under load at which the cut-off is asked for, and their probabilities. Chosen: the last has
-that of the default risk."""
+_SAG_ENDS = np.array([-np.inf, -1.0, 0.0, 1.0, 2.0, 2.5, 3.09, np.inf])
+_SAG_WEIGHTS = np.diff(ndtr(_SAG_ENDS))
+_SAGS = -np.diff(np.exp(-0.5 * _SAG_ENDS**2)) / math.sqrt(2.0 * math.pi) / _SAG_WEIGHTS
+"""Deviations of the voltage under load for which the end is asked, the means of these parts of a normal distribution,
+and their probabilities. Chosen: the last has the default risk."""
 _OFFSET, _FAST, _SLOW = range(3)
+_S_PER_H = 3600.0
 _FACTOR_STEPS = 41
 _LEAST_LIKELIHOOD = 1e-12
 _IMPOSSIBLE = 1e-300  # added to weights before they are divided by their sum, which may be zero
@@ -119,13 +121,14 @@ class BatteryBelief:
         trust: What is believed of the gauge.
         totals: Energy from the start until empty or cut off, by parts of the probability, shape (PARTS,), rising.
         weights: Probability of each part, shape (PARTS,).
-        fails: Probability that the voltage under load falls to the cut-off on the way home, full or not.
+        fails: Probability that the voltage under load falls to the cut-off within as long as the robot drove, full or
+            not.
     """
 
     SAVED: ClassVar = (
         "trust", "totals", "weights", "_capacity", "_holds", "_volts", "_volts_covariance", "_charge",
-        "_cutoff", "_rate", "_slow_rate", "_most_slow_rate", "_start_charge", "_told", "_most", "_drawn", "_cold",
-        "_used", "fails",
+        "_cutoff", "_rate", "_planned_rate", "_time_s", "_slow_rate", "_most_slow_rate", "_start_charge", "_told",
+        "_most", "_drawn", "_cold", "_most_cold", "_used", "fails",
     )  # fmt: skip
 
     def __init__(self, cells: Cells, prior: Prior, capacity_is_fitted: bool, cutoff_v: float | None) -> None:
@@ -147,15 +150,17 @@ class BatteryBelief:
         self.trust = GaugeTrust(weights, self._prior, starts, *self._counted(derating), rate_per_h)
         self._holds = np.ones(CAPACITIES * STARTS)
         self._cutoff = self._usual_cutoff
-        self._rate, self._slow_rate, self._most_slow_rate = rate_per_h, 0.0, rate_per_h
+        self._rate, self._planned_rate = rate_per_h, rate_per_h
+        self._slow_rate, self._most_slow_rate, self._time_s = 0.0, rate_per_h, 0.0
         self._most, self._drawn, self._used = math.inf, 0.0, 0.0
         self._charge = starts.copy()
         self._cold = cold_resistance(conditions.temperature_c)
+        self._most_cold = cold_resistance(conditions.temperature_c, MOST_COLD_TIMES)
         self._volts = np.zeros((CAPACITIES * STARTS, 3))
         self._volts[:, _FAST] = self._volts[:, _SLOW] = self._cold * thresholds.RESISTANCE
         self._volts_covariance = np.diag([self._curve_variance, self._resistance_variance, self._resistance_variance])
         shown = math.nan if start.told else start.charge
-        self.see(Witnesses(0.0, 0.0, math.nan, math.nan, -math.inf, shown))
+        self.see(Witnesses(0.0, 0.0, math.nan, math.nan, -math.inf, shown, 0.0))
 
     def recharge(self, charge: float) -> None:
         """Go on with the same battery at another charge, which somebody tells.
@@ -269,7 +274,9 @@ class BatteryBelief:
     def _fits_voltage(self, charge_before: Floats, read: Witnesses) -> Floats:
         """Likelihood of the voltage, and update of resistance and curve."""
         cells = self._cells
+        self._time_s += read.time_s if math.isfinite(read.time_s) else 0.0
         if not math.isfinite(read.voltage_v + read.current_a):
+            self._polarise(self._planned_rate, read.time_s)
             return np.ones_like(self._charge)
         rate = cells.rate_per_h(read.current_a)
         # Protections cut off within seconds: the largest load on the way counts, not the mean.
@@ -291,7 +298,8 @@ class BatteryBelief:
         if not math.isfinite(self._cutoff_v):
             # Nobody said where it is cut off: not there, for it drives.
             self._cutoff = min(self._cutoff, read.voltage_v / cells.mean_v)
-        return np.asarray(inlier + outlier)
+        # The voltage of cells of unknown chemistry does not tell their charge.
+        return np.asarray(inlier + outlier) if cells.has_curve else np.ones_like(self._charge)
 
     def _polarise(self, rate: float, time_s: float) -> float:
         """Mean rate that the slow half of the resistance feels in a window."""
@@ -314,18 +322,21 @@ class BatteryBelief:
         return stays, fade @ self._volts_covariance @ fade + renewed
 
     def _at_rest(self) -> Floats:
-        """Open-circuit voltage by the curve, relative; constant without one."""
+        """Open-circuit voltage by the curve, or by the mean of all chemistries, relative."""
         cells = self._cells
-        return (
-            open_circuit_v(cells.curve, self._charge) / cells.mean_v if cells.has_curve else np.ones_like(self._charge)
-        )
+        return open_circuit_v(cells.curve, self._charge) / cells.mean_v if cells.has_curve else any_cell(self._charge)
 
     def _tell(self) -> None:
         """Tell the energy from the start until empty by parts of the probability."""
-        kept, kept_weights = self._kept()
+        kept, lasts_s, sag_weights = self._under_load()
         until_empty = energy_share(self._cells.curve, self.trust.start) - kept
-        totals = np.minimum(np.maximum(until_empty * self._capacity, self._used), self._most).ravel()
-        weights = (kept_weights[:, None] * self.trust.weights).ravel()
+        knows_pace = self._used > 0.0 and self._time_s > 0.0
+        draws_per_s = self._used / self._time_s if knows_pace else self._planned_rate / _S_PER_H
+        ends = np.isfinite(lasts_s)
+        until_cut_off = np.where(ends, self._used + draws_per_s * np.where(ends, lasts_s, 0.0), math.inf)
+        totals = np.minimum(np.maximum(until_empty * self._capacity, self._used), until_cut_off)
+        totals = np.minimum(totals, self._most).ravel()
+        weights = (sag_weights[:, None] * self.trust.weights).ravel()
         order = np.argsort(totals, kind="stable")
         ordered, weights = totals[order], weights[order]
         reached = np.concatenate([[0.0], np.cumsum(weights)])
@@ -336,30 +347,56 @@ class BatteryBelief:
         self.weights = np.diff(_PARTS)
         self.totals = np.diff(moment_at_end) / self.weights
 
-    def _kept(self) -> tuple[Floats, Floats]:
-        """Share of the energy that stays in the battery when its voltage under load reaches the cut-off.
-
-        It is asked for after the way home, which takes as much as the way out took.
+    def _under_load(self) -> tuple[Floats, Floats, Floats]:
+        """How a battery ends under the largest load so far, by deviation of its voltage and battery.
 
         Returns:
-            By deviation of that voltage and battery, shape (deviations, n), and the probability of each deviation.
+            Share of the energy that stays in it below the cut-off, shape (deviations, n); time until its slow half
+            takes the voltage to the cut-off although it is not empty, s, infinite if that does not happen, of the same
+            shape; and the probability of each deviation.
         """
-        cells = self._cells
+        cells, n = self._cells, len(self._charge)
         knows_voltage = self._volts_covariance[_FAST, _FAST] < self._resistance_variance
         self.fails = 0.0
         if not (cells.has_curve or knows_voltage):
-            return np.zeros((1, len(self._charge))), np.ones(1)
-        row = np.array([1.0, -max(self._rate, 0.0), -max(self._most_slow_rate, 0.0)])
-        stays, covariance = self._predicted(self._drawn)
-        rises = self._volts @ (row * (stays, 1.0, 1.0))
-        sag_error = thresholds.SAG_ERROR * row[1] * self.resistance
-        deviation = math.sqrt(float(row @ covariance @ row) + sag_error**2 + self._cutoff_sd**2)
-        at_rest = self._cutoff - rises + _SAGS[:, None] * deviation
-        self.fails = float(_SAG_WEIGHTS @ (at_rest > self._at_rest()) @ self.trust.weights)
+            return np.zeros((1, n)), np.full((1, n), math.inf), np.ones(1)
+        at_rest = self._at_rest()
         if not cells.has_curve:
-            # Where on its curve a battery of unknown chemistry is, nobody knows: it holds its voltage or does not.
-            return np.where(at_rest > 1.0, 1.0, 0.0), _SAG_WEIGHTS
-        return np.asarray(energy_share(cells.curve, charge_at(cells.curve, at_rest))), _SAG_WEIGHTS
+            # Where on its curve a battery of unknown chemistry is, nobody knows.
+            at_rest = at_rest - most_fall(self._charge, self._drawn)
+        now, settled = self._needs(self._slow_rate), self._needs(max(self._most_slow_rate, self._slow_rate))
+        rise = settled - now
+        share = np.where(rise > 0.0, (at_rest - now) / np.maximum(rise, 1e-12), np.where(at_rest > now, 1.0, 0.0))
+        with np.errstate(divide="ignore"):
+            lasts_s = -thresholds.POLARISES_S * np.log(1.0 - np.clip(share, 0.0, 1.0))
+        self.fails = float(_SAG_WEIGHTS @ (lasts_s < self._time_s) @ self.trust.weights)
+        if not cells.has_curve:
+            return np.zeros_like(now), lasts_s, _SAG_WEIGHTS
+        needs = np.where(settled > at_rest, -math.inf, settled)
+        return np.asarray(energy_share(cells.curve, charge_at(cells.curve, needs))), lasts_s, _SAG_WEIGHTS
+
+    def _needs(self, slow_rate: float) -> Floats:
+        """Open-circuit voltage at which the battery is cut off, by deviation and battery, shape (deviations, n).
+
+        It is asked for after the way home, which takes as much as the way out took.
+
+        Args:
+            slow_rate: Rate that the slow half of the resistance feels then.
+        """
+        row = np.array([1.0, -max(self._rate, 0.0), -max(slow_rate, 0.0)])
+        stays, covariance = self._predicted(self._drawn if self._cells.has_curve else 0.0)
+        above = stays * self._volts[:, _OFFSET]
+        sags = -self._volts[:, _FAST:] @ row[_FAST:]
+        sag_error = thresholds.SAG_ERROR * float(self.trust.weights @ sags)
+        of_voltage = math.hypot(math.sqrt(float(row @ covariance @ row)), sag_error)
+        of_curve = math.sqrt(covariance[_OFFSET, _OFFSET])
+        # Cut-offs and resistances have limits, which the tails of a normal distribution have not.
+        most_cutoff = math.sqrt(3.0) * self._cutoff_sd
+        half_ohms = self._most_cold * (thresholds.RESISTANCE + math.sqrt(1.5) * thresholds.RESISTANCE_SD)
+        most_sags = np.maximum(sags, -half_ohms * float(row[_FAST:].sum()))
+        beyond = np.minimum(_SAGS * math.hypot(of_voltage, self._cutoff_sd), most_cutoff + _SAGS * of_voltage)
+        needs = np.minimum(sags + beyond[:, None], most_sags + (most_cutoff + _SAGS * of_curve)[:, None])
+        return np.asarray(self._cutoff - above + needs)
 
     @property
     def start(self) -> Start:

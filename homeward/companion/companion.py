@@ -229,7 +229,9 @@ class Companion:
         self._note(reading, step)
         self._ask_policy(reading, step)
         self._window.add(reading, step, *self._estimator.model(reading, step))
-        if self._window.time_s >= self._window_s * (1.0 - 1e-6):
+        # The first voltage under load says at once whether the battery holds it.
+        is_first = self._estimator.windows == 0 and self._window.time_s > 0.0 and math.isfinite(reading.voltage_v)
+        if is_first or self._window.time_s >= self._window_s * (1.0 - 1e-6):
             self._flush()
 
     def _ask_policy(self, reading: Reading, step: Step) -> None:

@@ -10,7 +10,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from homeward.physics.battery import FLAT, Curve
+import numpy as np
+from numpy.typing import NDArray
+
+from homeward.physics.battery import CHEMISTRIES, FLAT, Curve, curve_of, open_circuit_v
 from homeward.physics.robot import Robot
 
 _S_PER_H = 3600.0
@@ -23,7 +26,7 @@ class CellFacts(NamedTuple):
 
     Attributes:
         curve_sd: Standard deviation of the open-circuit voltage of one cell about the curve, relative; without a curve,
-            of its change while a fifth of the charge is drawn.
+            about the mean of all chemistries.
         cold_per_k: Share of the capacity that is lost per kelvin below 25 C.
         peukert: Exponent of Peukert's law.
         label_h: Hours in which the charge on the label is drawn.
@@ -55,8 +58,9 @@ FACTS = {
     # the spread counts three times. Chosen.
     "lead_acid": CellFacts(0.030 / 2.05, (0.006, 0.010), (1.05, 1.25), (5.0, 20.0), cutoff=1.75 / 2.054),
     OWN_CURVE: CellFacts(0.005, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
-    # The curves of homeward.physics.battery change by 2 to 5 % while a fifth of the charge is drawn. Usual cut-offs are
-    # 3.0 of 3.6 V (nmc), 3.3 of 3.7 V (lipo), 2.8 of 3.2 V (lfp), 1.75 of 2 V (lead) and 1.0 of 1.2 V (nickel).
+    # The curves of homeward.physics.battery, over the voltages on their labels, are within 1 % of their mean in
+    # mid-charge and within 5 % at the ends: 3 % (root of the mean square). Usual cut-offs are 3.0 of 3.6 V (nmc), 3.3
+    # of 3.7 V (lipo), 2.8 of 3.2 V (lfp), 1.75 of 2 V (lead) and 1.0 of 1.2 V (nickel).
     FLAT: CellFacts(0.03, (0.0, 0.010), (1.0, 1.0), (1.0, 5.0), cutoff=0.86, cutoff_sd=0.025),
 }
 """A curve that a user measured is within half a per cent: a meter's error. A flat battery may be of any chemistry."""
@@ -64,24 +68,61 @@ FACTS = {
 WARM_C = 25.0
 """Temperature of labels, C."""
 
-_ZERO_C_K = 273.15
-_ACTIVATION_K = math.log(4.0) / (1.0 / (_ZERO_C_K - 20.0) - 1.0 / (_ZERO_C_K + WARM_C))
-"""Of the resistance, by Arrhenius' law: at -20 C it is three to five times that of a warm cell
-(ansh-bohrey.github.io)."""
+_ZERO_C_K, _COLD_C = 273.15, -20.0
+COLD_TIMES, MOST_COLD_TIMES = 4.0, 5.0
+"""Resistance at -20 C over that of a warm cell: three to five times (ansh-bohrey.github.io)."""
 
 
-def cold_resistance(temperature_c: float) -> float:
-    """Resistance of cells over that of warm ones.
+def cold_resistance(temperature_c: float, times: float = COLD_TIMES) -> float:
+    """Resistance of cells over that of warm ones, by Arrhenius' law.
 
     Args:
         temperature_c: Of the cells, C; NaN: they are warm.
+        times: The same at -20 C.
 
     >>> round(cold_resistance(-20.0), 3), round(cold_resistance(0.0), 1), cold_resistance(30.0)
     (4.0, 2.0, 1.0)
     """
     if not temperature_c < WARM_C:
         return 1.0
-    return math.exp(_ACTIVATION_K * (1.0 / (_ZERO_C_K + temperature_c) - 1.0 / (_ZERO_C_K + WARM_C)))
+    warm_per_k, cold_per_k, here_per_k = (1.0 / (_ZERO_C_K + at_c) for at_c in (WARM_C, _COLD_C, temperature_c))
+    return float(times ** ((here_per_k - warm_per_k) / (cold_per_k - warm_per_k)))
+
+
+_LABEL_V = {"nmc": 3.6, "lipo": 3.7, "lfp": 3.2, "lead_acid": 2.0}
+"""Voltage that is printed on a cell, V."""
+_CURVES = {name: curve_of(CHEMISTRIES[name]) for name in _LABEL_V}
+
+
+def any_cell(charge: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Open-circuit voltage of a cell over that on its label, the mean of all chemistries.
+
+    Args:
+        charge: State of charge, 0 to 1.
+
+    >>> any_cell(np.array([1.0, 0.5, 0.0])).round(2)
+    array([1.1 , 1.03, 0.89])
+    """
+    each = [open_circuit_v(_CURVES[name], charge) / label_v for name, label_v in _LABEL_V.items()]
+    return np.asarray(np.mean(each, axis=0))
+
+
+def most_fall(charge: NDArray[np.float64], drawn: float) -> NDArray[np.float64]:
+    """Largest fall of the open-circuit voltage of a cell of any chemistry, over that on its label.
+
+    Args:
+        charge: State of charge, 0 to 1.
+        drawn: Share of charge that is drawn.
+
+    >>> most_fall(np.array([1.0, 0.5, 0.1]), 0.1).round(3)
+    array([0.027, 0.021, 0.123])
+    """
+    after = np.maximum(charge - drawn, 0.0)
+    falls = [
+        (open_circuit_v(_CURVES[name], charge) - open_circuit_v(_CURVES[name], after)) / label_v
+        for name, label_v in _LABEL_V.items()
+    ]
+    return np.asarray(np.max(falls, axis=0))
 
 
 class Cells(NamedTuple):
