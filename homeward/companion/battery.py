@@ -197,7 +197,7 @@ class BatteryBelief:
         self._start_charge, self._told = charge, True
         self._charge, self._holds, self._most = starts.copy(), np.ones_like(starts), math.inf
         # At the charger the cells have rested, and the way from here is a new one.
-        self._slow_rate = self._drawn = self._used = 0.0
+        self._slow_rate = self._drawn = self._used = self._time_s = 0.0
         self._tell()
 
     def _fade_curve(self, moved: float) -> Floats:
