@@ -4,8 +4,10 @@ A possible battery has a capacity and a state of charge at the start. The energy
 gives its charge at any time. Three witnesses weigh it:
 
 * The robot drives: a battery that would be empty is out.
-* The voltage: the open-circuit voltage at its charge, less the resistance times the current. The resistance, and by how
-  much these cells are above their curve, are estimated for each possible battery by a Kalman filter.
+* The voltage: the open-circuit voltage at its charge, less the resistance times the current, of which one half acts at
+  once and the other slowly (Thevenin's circuit with one pair of resistance and capacity; Plett, Journal of Power
+  Sources 134, 2004). Both, and by how much these cells are above their curve, are estimated for each possible battery
+  by a Kalman filter. What the voltage under load keeps below the cut-off is not counted, within the errors of all.
 * The gauge, as far as it is believed (`homeward.companion.gauge`).
 
 Energies are as metered, over the energy of a full battery by the robot's file.
@@ -25,7 +27,7 @@ from homeward.companion import thresholds
 from homeward.companion.gauge import FOLLOWS, JUMPED, GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_at, charge_share, energy_share, open_circuit_v
-from homeward.physics.cells import Cells
+from homeward.physics.cells import MOST_COLD_TIMES, Cells, any_cell, cold_resistance, most_fall
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +36,13 @@ CAPACITIES, STARTS = 61, 25
 _PARTS = np.array([0.0, 1e-4, 1e-3, 5e-3, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 1.0])
 """Ends of the shares of probability in which the energy left is told; chosen: fine where risks are."""
 PARTS = len(_PARTS) - 1
+_SAG_ENDS = np.array([-np.inf, -1.0, 0.0, 1.0, 2.0, 2.5, 3.09, np.inf])
+_SAG_WEIGHTS = np.diff(ndtr(_SAG_ENDS))
+_SAGS = -np.diff(np.exp(-0.5 * _SAG_ENDS**2)) / math.sqrt(2.0 * math.pi) / _SAG_WEIGHTS
+"""Deviations of the voltage under load for which the end is asked, the means of these parts of a normal distribution,
+and their probabilities. Chosen: the last has the default risk."""
+_OFFSET, _FAST, _SLOW = range(3)
+_S_PER_H = 3600.0
 _FACTOR_STEPS = 41
 _LEAST_LIKELIHOOD = 1e-12
 _IMPOSSIBLE = 1e-300  # added to weights before they are divided by their sum, which may be zero
@@ -60,6 +69,7 @@ class Conditions(NamedTuple):
         gain_sd: Relative standard deviation of the energy drawn, as of the meter.
         modelled_sd: The same, if no power is read and the model takes the meter's place; 0 otherwise.
         metered_share: Share of the energy out of the cells that the meter measures.
+        models_cold: Whether the robot's own model counts what the cold takes from the battery.
     """
 
     temperature_c: float = math.nan
@@ -67,6 +77,12 @@ class Conditions(NamedTuple):
     gain_sd: float = 0.0
     modelled_sd: float = 0.0
     metered_share: float = 1.0
+    models_cold: bool = False
+
+    @property
+    def cells_c(self) -> float:
+        """Temperature by which the cells give less, C: what the robot's own model counts does not count twice."""
+        return math.nan if self.models_cold else self.temperature_c
 
 
 class Witnesses(NamedTuple):
@@ -79,6 +95,7 @@ class Witnesses(NamedTuple):
         current_a: Mean current, A.
         peak_a: Largest current, A; minus infinity: none was read.
         gauge: State of charge as shown, 0 to 1.
+        time_s: Length of the window, s.
     """
 
     used: float
@@ -87,6 +104,7 @@ class Witnesses(NamedTuple):
     current_a: float
     peak_a: float
     gauge: float
+    time_s: float = math.inf
 
 
 class BatteryBelief:
@@ -103,21 +121,25 @@ class BatteryBelief:
         trust: What is believed of the gauge.
         totals: Energy from the start until empty or cut off, by parts of the probability, shape (PARTS,), rising.
         weights: Probability of each part, shape (PARTS,).
+        fails: Probability that the voltage under load falls to the cut-off within as long as the robot drove, full or
+            not.
     """
 
     SAVED: ClassVar = (
         "trust", "totals", "weights", "_capacity", "_holds", "_volts", "_volts_covariance", "_charge",
-        "_rate", "_start_charge", "_told", "_most",
+        "_cutoff", "_rate", "_planned_rate", "_time_s", "_slow_rate", "_most_slow_rate", "_start_charge", "_told",
+        "_most", "_drawn", "_cold", "_most_cold", "_used", "fails",
     )  # fmt: skip
 
     def __init__(self, cells: Cells, prior: Prior, capacity_is_fitted: bool, cutoff_v: float | None) -> None:
         self._cells, self._prior, self._capacity_is_fitted = cells, prior, capacity_is_fitted
-        self._cutoff, self._cutoff_v = cells.cutoff(cutoff_v), -math.inf if cutoff_v is None else cutoff_v
+        self._cutoff_v = -math.inf if cutoff_v is None else cutoff_v
+        self._usual_cutoff, self._cutoff_sd = cells.cutoff(cutoff_v)
         self.begin(Start(), Conditions())
 
     def begin(self, start: Start, conditions: Conditions) -> None:
         """Begin with a battery of which only the prior is known."""
-        derating = self._cells.derating(conditions.temperature_c, conditions.rate_per_h)
+        derating = self._cells.derating(conditions.cells_c, conditions.rate_per_h)
         capacity, capacity_weight = self._capacities(derating, conditions)
         charge, charge_weight = _starts(start)
         self._start_charge, self._told = start.charge, start.told
@@ -127,14 +149,18 @@ class BatteryBelief:
         rate_per_h = conditions.rate_per_h
         self.trust = GaugeTrust(weights, self._prior, starts, *self._counted(derating), rate_per_h)
         self._holds = np.ones(CAPACITIES * STARTS)
-        self._rate = rate_per_h
-        self._most = math.inf
+        self._cutoff = self._usual_cutoff
+        self._rate, self._planned_rate = rate_per_h, rate_per_h
+        self._slow_rate, self._most_slow_rate, self._time_s = 0.0, rate_per_h, 0.0
+        self._most, self._drawn, self._used = math.inf, 0.0, 0.0
         self._charge = starts.copy()
-        self._volts = np.zeros((CAPACITIES * STARTS, 2))
-        self._volts[:, 1] = thresholds.RESISTANCE
-        self._volts_covariance = np.diag([self._curve_variance, thresholds.RESISTANCE_SD**2])
+        self._cold = cold_resistance(conditions.temperature_c)
+        self._most_cold = cold_resistance(conditions.temperature_c, MOST_COLD_TIMES)
+        self._volts = np.zeros((CAPACITIES * STARTS, 3))
+        self._volts[:, _FAST] = self._volts[:, _SLOW] = self._cold * thresholds.RESISTANCE
+        self._volts_covariance = np.diag([self._curve_variance, self._resistance_variance, self._resistance_variance])
         shown = math.nan if start.told else start.charge
-        self.see(Witnesses(0.0, 0.0, math.nan, math.nan, -math.inf, shown))
+        self.see(Witnesses(0.0, 0.0, math.nan, math.nan, -math.inf, shown, 0.0))
 
     def recharge(self, charge: float) -> None:
         """Go on with the same battery at another charge, which somebody tells.
@@ -170,18 +196,15 @@ class BatteryBelief:
         self.trust.recharge(new_joint, starts, gain_mean, gain_variance)
         self._start_charge, self._told = charge, True
         self._charge, self._holds, self._most = starts.copy(), np.ones_like(starts), math.inf
+        # At the charger the cells have rested, and the way from here is a new one.
+        self._slow_rate = self._drawn = self._used = self._time_s = 0.0
         self._tell()
 
     def _fade_curve(self, moved: float) -> Floats:
-        """Fade what is known of the curve over a change of the charge; returns the covariance then.
-
-        The error of the curve is another one some tenths of the charge further on, the resistance a little.
-        """
-        stays = math.exp(-moved / thresholds.CURVE_ERROR_LASTS)
-        self._volts[:, 0] *= stays
-        fade = np.diag([stays, 1.0])
-        renewed = np.diag([self._curve_variance * (1.0 - stays * stays), thresholds.RESISTANCE_SD**2 * moved])
-        return np.asarray(fade @ self._volts_covariance @ fade + renewed)
+        """Fade what is known of the curve over a change of the charge; returns the covariance then."""
+        stays, covariance = self._predicted(moved)
+        self._volts[:, _OFFSET] *= stays
+        return covariance
 
     def _capacities(self, derating: tuple[float, float], conditions: Conditions) -> tuple[Floats, Floats]:
         """Capacities and their probabilities: the product of what is uncertain about them."""
@@ -196,7 +219,9 @@ class BatteryBelief:
         steps = shares[:: _FACTOR_STEPS // 8]
         derated = derating[0] + (derating[1] - derating[0]) * shares
         # What is lost in the resistance is not metered at the terminals.
-        sag = 1.0 - self._cells.beyond_label_per_h(conditions.rate_per_h) * thresholds.RESISTANCE * 2.0 * steps
+        half_ohms = thresholds.RESISTANCE + math.sqrt(3.0) * thresholds.RESISTANCE_SD * (2.0 * steps - 1.0)
+        ohms = 2.0 * cold_resistance(conditions.cells_c) * half_ohms
+        sag = 1.0 - self._cells.beyond_label_per_h(conditions.rate_per_h) * ohms
         metered = np.maximum(1.0 + conditions.gain_sd * ndtri(steps), 0.1)
         modelled = 1.0 + math.sqrt(3.0) * conditions.modelled_sd * (2.0 * steps - 1.0)
         factors = [self._aged, derated, np.maximum(sag, 0.1), metered, np.maximum(modelled, 0.1)]
@@ -220,11 +245,15 @@ class BatteryBelief:
 
     @property
     def _curve_variance(self) -> float:
-        return self._cells.facts.curve_sd**2 + thresholds.VOLTAGE_GAIN_SD**2 if self._cells.has_curve else 0.0
+        return self._cells.facts.curve_sd**2 + thresholds.VOLTAGE_GAIN_SD**2
+
+    @property
+    def _resistance_variance(self) -> float:
+        return (self._cold * thresholds.RESISTANCE_SD) ** 2
 
     def see(self, read: Witnesses) -> None:
         """Weigh the possible batteries by what was read in a window."""
-        charge_before = self._charge
+        charge_before, self._used = self._charge, read.used
         energy = energy_share(self._cells.curve, self.trust.start) - read.used / self._capacity
         self._charge = charge_share(self._cells.curve, np.clip(energy, 0.0, 1.0))
         likelihood = self._drives(energy, read) * self._fits_voltage(charge_before, read)
@@ -245,16 +274,19 @@ class BatteryBelief:
     def _fits_voltage(self, charge_before: Floats, read: Witnesses) -> Floats:
         """Likelihood of the voltage, and update of resistance and curve."""
         cells = self._cells
-        if not cells.has_curve or not math.isfinite(read.voltage_v + read.current_a):
+        self._time_s += read.time_s if math.isfinite(read.time_s) else 0.0
+        if not math.isfinite(read.voltage_v + read.current_a):
+            self._polarise(self._planned_rate, read.time_s)
             return np.ones_like(self._charge)
         rate = cells.rate_per_h(read.current_a)
         # Protections cut off within seconds: the largest load on the way counts, not the mean.
         self._rate = max(self._rate, rate, cells.rate_per_h(read.peak_a))
+        slow_rate = self._polarise(rate, read.time_s)
         moved = abs(float(self.trust.weights @ (self._charge - charge_before)))
+        self._drawn += moved
         covariance = self._fade_curve(moved)
-        row = np.array([1.0, -rate])
-        at_rest = open_circuit_v(cells.curve, self._charge) / cells.curve.mean_v
-        surprise = read.voltage_v / cells.curve.mean_v - (at_rest + self._volts @ row)
+        row = np.array([1.0, -rate, -slow_rate])
+        surprise = read.voltage_v / cells.mean_v - (self._at_rest() + self._volts @ row)
         noise = math.hypot(thresholds.VOLTAGE_NOISE, thresholds.SAG_ERROR * rate * self.resistance)
         variance = float(row @ covariance @ row) + noise**2
         density = np.exp(-0.5 * surprise**2 / variance)
@@ -263,31 +295,108 @@ class BatteryBelief:
         gain = covariance @ row / variance
         self._volts += (surprise * inlier / (inlier + outlier))[:, None] * gain
         self._volts_covariance = covariance - np.outer(gain, gain) * variance
-        return np.asarray(inlier + outlier)
+        if not math.isfinite(self._cutoff_v):
+            # Nobody said where it is cut off: not there, for it drives.
+            self._cutoff = min(self._cutoff, read.voltage_v / cells.mean_v)
+        # The voltage of cells of unknown chemistry does not tell their charge.
+        return np.asarray(inlier + outlier) if cells.has_curve else np.ones_like(self._charge)
+
+    def _polarise(self, rate: float, time_s: float) -> float:
+        """Mean rate that the slow half of the resistance feels in a window."""
+        before = self._slow_rate
+        lags = math.exp(-time_s / thresholds.POLARISES_S)
+        self._slow_rate = rate + (before - rate) * lags
+        mean_lag = (1.0 - lags) * thresholds.POLARISES_S / time_s if 0.0 < time_s < math.inf else lags
+        self._most_slow_rate = max(self._most_slow_rate, self._slow_rate)
+        return rate + (before - rate) * mean_lag
+
+    def _predicted(self, moved: float) -> tuple[float, Floats]:
+        """What stays of the curve's error when a share of the charge was drawn, and the covariance of the voltage then.
+
+        The error of the curve is another one some tenths of the charge further on, the resistance a little.
+        """
+        stays = math.exp(-moved / thresholds.CURVE_ERROR_LASTS)
+        fade = np.diag([stays, 1.0, 1.0])
+        ohms = self._resistance_variance * moved
+        renewed = np.diag([self._curve_variance * (1.0 - stays * stays), ohms, ohms])
+        return stays, fade @ self._volts_covariance @ fade + renewed
+
+    def _at_rest(self) -> Floats:
+        """Open-circuit voltage by the curve, or by the mean of all chemistries, relative."""
+        cells = self._cells
+        return open_circuit_v(cells.curve, self._charge) / cells.mean_v if cells.has_curve else any_cell(self._charge)
 
     def _tell(self) -> None:
         """Tell the energy from the start until empty by parts of the probability."""
-        until_empty = energy_share(self._cells.curve, self.trust.start) - self._energy_at_cutoff()
-        totals = np.minimum(until_empty * self._capacity, self._most)
+        kept, lasts_s, sag_weights = self._under_load()
+        until_empty = energy_share(self._cells.curve, self.trust.start) - kept
+        knows_pace = self._used > 0.0 and self._time_s > 0.0
+        draws_per_s = self._used / self._time_s if knows_pace else self._planned_rate / _S_PER_H
+        ends = np.isfinite(lasts_s)
+        until_cut_off = np.where(ends, self._used + draws_per_s * np.where(ends, lasts_s, 0.0), math.inf)
+        totals = np.minimum(np.maximum(until_empty * self._capacity, self._used), until_cut_off)
+        totals = np.minimum(totals, self._most).ravel()
+        weights = (sag_weights[:, None] * self.trust.weights).ravel()
         order = np.argsort(totals, kind="stable")
-        ordered, weights = totals[order], self.trust.weights[order]
+        ordered, weights = totals[order], weights[order]
         reached = np.concatenate([[0.0], np.cumsum(weights)])
         reached /= reached[-1]
         # Mass and moment up to each end, so that a possible battery may be in two parts.
         moments = np.concatenate([[0.0], np.cumsum(weights * ordered)])
-        moment_at_end = np.interp(_PARTS, reached, moments / self.trust.weights.sum())
+        moment_at_end = np.interp(_PARTS, reached, moments / weights.sum())
         self.weights = np.diff(_PARTS)
         self.totals = np.diff(moment_at_end) / self.weights
 
-    def _energy_at_cutoff(self) -> Floats | float:
-        """Share of the energy that stays in the battery when its voltage under load reaches the cut-off."""
-        if not self._cells.has_curve or math.isnan(self._cutoff):
-            return 0.0
-        curve = self._cells.curve
-        resistance = np.maximum(self._volts[:, 1], 0.0)
-        told = math.isfinite(self._cutoff_v)
-        rate = max(self._rate, 0.0) if told else self._cells.beyond_label_per_h(self._rate)
-        return np.asarray(energy_share(curve, charge_at(curve, self._cutoff + resistance * rate)))
+    def _under_load(self) -> tuple[Floats, Floats, Floats]:
+        """How a battery ends under the largest load so far, by deviation of its voltage and battery.
+
+        Returns:
+            Share of the energy that stays in it below the cut-off, shape (deviations, n); time until its slow half
+            takes the voltage to the cut-off although it is not empty, s, infinite if that does not happen, of the same
+            shape; and the probability of each deviation.
+        """
+        cells, n = self._cells, len(self._charge)
+        knows_voltage = self._volts_covariance[_FAST, _FAST] < self._resistance_variance
+        self.fails = 0.0
+        if not (cells.has_curve or knows_voltage):
+            return np.zeros((1, n)), np.full((1, n), math.inf), np.ones(1)
+        at_rest = self._at_rest()
+        if not cells.has_curve:
+            # Where on its curve a battery of unknown chemistry is, nobody knows.
+            at_rest = at_rest - most_fall(self._charge, self._drawn)
+        now, settled = self._needs(self._slow_rate), self._needs(max(self._most_slow_rate, self._slow_rate))
+        rise = settled - now
+        share = np.where(rise > 0.0, (at_rest - now) / np.maximum(rise, 1e-12), np.where(at_rest > now, 1.0, 0.0))
+        with np.errstate(divide="ignore"):
+            lasts_s = -thresholds.POLARISES_S * np.log(1.0 - np.clip(share, 0.0, 1.0))
+        self.fails = float(_SAG_WEIGHTS @ (lasts_s < self._time_s) @ self.trust.weights)
+        if not cells.has_curve:
+            return np.zeros_like(now), lasts_s, _SAG_WEIGHTS
+        needs = np.where(settled > at_rest, -math.inf, settled)
+        return np.asarray(energy_share(cells.curve, charge_at(cells.curve, needs))), lasts_s, _SAG_WEIGHTS
+
+    def _needs(self, slow_rate: float) -> Floats:
+        """Open-circuit voltage at which the battery is cut off, by deviation and battery, shape (deviations, n).
+
+        It is asked for after the way home, which takes as much as the way out took.
+
+        Args:
+            slow_rate: Rate that the slow half of the resistance feels then.
+        """
+        row = np.array([1.0, -max(self._rate, 0.0), -max(slow_rate, 0.0)])
+        stays, covariance = self._predicted(self._drawn if self._cells.has_curve else 0.0)
+        above = stays * self._volts[:, _OFFSET]
+        sags = -self._volts[:, _FAST:] @ row[_FAST:]
+        sag_error = thresholds.SAG_ERROR * float(self.trust.weights @ sags)
+        of_voltage = math.hypot(math.sqrt(float(row @ covariance @ row)), sag_error)
+        of_curve = math.sqrt(covariance[_OFFSET, _OFFSET])
+        # Cut-offs and resistances have limits, which the tails of a normal distribution have not.
+        most_cutoff = math.sqrt(3.0) * self._cutoff_sd
+        half_ohms = self._most_cold * (thresholds.RESISTANCE + math.sqrt(1.5) * thresholds.RESISTANCE_SD)
+        most_sags = np.maximum(sags, -half_ohms * float(row[_FAST:].sum()))
+        beyond = np.minimum(_SAGS * math.hypot(of_voltage, self._cutoff_sd), most_cutoff + _SAGS * of_voltage)
+        needs = np.minimum(sags + beyond[:, None], most_sags + (most_cutoff + _SAGS * of_curve)[:, None])
+        return np.asarray(self._cutoff - above + needs)
 
     @property
     def start(self) -> Start:
@@ -297,7 +406,7 @@ class BatteryBelief:
     @property
     def resistance(self) -> float:
         """Sag of the voltage at a rate of one charge an hour, over the mean open-circuit voltage."""
-        return float(self.trust.weights @ self._volts[:, 1])
+        return float(self.trust.weights @ (self._volts[:, _FAST] + self._volts[:, _SLOW]))
 
     @property
     def charge(self) -> float:

@@ -229,7 +229,9 @@ class Companion:
         self._note(reading, step)
         self._ask_policy(reading, step)
         self._window.add(reading, step, *self._estimator.model(reading, step))
-        if self._window.time_s >= self._window_s * (1.0 - 1e-6):
+        # The first voltage under load says at once whether the battery holds it.
+        is_first = self._estimator.windows == 0 and self._window.time_s > 0.0 and math.isfinite(reading.voltage_v)
+        if is_first or self._window.time_s >= self._window_s * (1.0 - 1e-6):
             self._flush()
 
     def _ask_policy(self, reading: Reading, step: Step) -> None:
@@ -409,7 +411,7 @@ class Companion:
 
     def _way_home(self) -> WayHome:
         """The way home from here: along the way out, or another one."""
-        unsure_m = thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m
+        unsure_m = self._way.unsure_m
         if self._other_way is not None and self._other_way_m is not None:
             ways = along_route(self._other_way, self._other_way_m, self.vehicle.cruise_mps)
         elif self._way.moved_home is not None:
@@ -442,6 +444,7 @@ class Companion:
         names = best_first(reached)
         home, now = ways[names[0]], reached[names[0]]
         self._check_rise(now.left.mean)
+        self._check_cutoff()
 
         def low_after_j(onwards_m: float) -> float:
             return estimator.leaves(home, onwards_m).low_j
@@ -490,14 +493,23 @@ class Companion:
             share = rises_j / self.vehicle.full_j
             self._readings.say(f"{kind} by {share:.1%} of the battery: what is read shows a fuller one", kind)
 
+    def _check_cutoff(self) -> None:
+        """Say if the battery may be cut off under load, however full it is."""
+        if self._estimator.battery.fails <= self.risk:
+            return
+        kind = "the voltage under load"
+        text = f"{kind} may fall to the cut-off on the way home, however full the battery is: drive slower"
+        self._readings.say(text if self._cutoff_v is not None else f"{text}, or give cutoff_v= if it is lower", kind)
+
     def _cutoff_words(self) -> str:
         """Down to which voltage the battery is used."""
-        if self.robot.curve.mean_v > 0.0:
-            told = "no cut-off voltage was given: that usual for its cells" if self._cutoff_v is None else "given"
-            return f"the battery is usable down to its cut-off voltage under load ({told})"
         if self._cutoff_v is not None:
-            return "the battery is usable until empty: a cut-off voltage needs a chemistry in the robot's file"
-        return "the battery is usable until empty: no cut-off voltage was given"
+            return "the battery is usable down to its cut-off voltage under load (given)"
+        if self.robot.curve.mean_v > 0.0:
+            usual = "that usual for its cells"
+        else:
+            usual = "that usual for cells of any chemistry, once voltage and current are read"
+        return f"the battery is usable down to its cut-off voltage under load (none was given: {usual})"
 
     def _off_route(self) -> tuple[str, ...]:
         off_m = self._way.off_route_m

@@ -28,6 +28,7 @@ from homeward.estimation.prior import GAIN, PER_CAPACITY, ROLLING, USED, WEIGHT
 from homeward.estimation.tails import deviations
 from homeward.physics import Robot
 from homeward.physics.cells import cells_of
+from homeward.physics.effects import cold_battery
 from homeward.physics.jit import announce_compilation
 from homeward.physics.kernel import full_charge
 from homeward.physics.plain import plain
@@ -142,7 +143,7 @@ class HomeEstimator:
         self._places, self._forecast_mps = places, forecast_mps or (0.0, 0.0)
         self.known, self.at_terminals = known, False
         self.vehicle = vehicle_of(robot, place_m, cruise_mps)
-        self._record = plain(robot.record())
+        self._record, self._temperature_c = plain(robot.record()), math.nan
         self._estimator = Estimator(self.vehicle, known.prior, places, 1)
         self._cells = cells_of(robot)
         self._rate_per_h = 3600.0 * self._modelled_w(robot, self.vehicle.cruise_mps) / self.vehicle.full_j
@@ -154,7 +155,18 @@ class HomeEstimator:
         """Power by the model of a robot with a full battery at a steady speed on level ground, W."""
         record, state = plain(robot.record()), plain(full_charge(robot))
         state["step_s"] = 1.0
-        return float(modelled_power(self.vehicle, record, state, speed_mps, 0.0, 0.0, 0.0, 0.0, 1.0)[0])
+        air_c = self._air_c
+        return float(modelled_power(self.vehicle, record, state, speed_mps, 0.0, 0.0, 0.0, 0.0, 1.0, air_c)[0])
+
+    @property
+    def _air_c(self) -> float:
+        """Temperature of the air for the robot's own model, C: that at which it was measured, if none was read."""
+        return self._temperature_c if math.isfinite(self._temperature_c) else thresholds.MODEL_C
+
+    @property
+    def _models_cold(self) -> bool:
+        """Whether the robot's own model counts what the battery loses in the cold, so that its cells do not, too."""
+        return cold_battery.EFFECT.id in self._robot.active_effects
 
     @property
     def _metered_share(self) -> float:
@@ -194,6 +206,7 @@ class HomeEstimator:
         self._state = plain(full_charge(self._robot))
         self.has_power: bool | None = None
         self._temperature_c = math.nan
+        self._take_meter()
         east_mps, north_mps = np.array(self._forecast_mps)[:, None]
         self._estimator.begin(_ONE, east_mps, north_mps)
         self._estimator.state["hypotheses"]["covariance"][..., WEIGHT, WEIGHT] += self.known.weight_sd**2
@@ -267,14 +280,16 @@ class HomeEstimator:
         """Replace the battery by one of which only the prior and the charge are known."""
         self._forget_used()
         conditions = Conditions(
-            self._temperature_c, self._rate_per_h, self.known.prior.gain_sd, self._modelled_sd, self._metered_share
+            self._temperature_c, self._rate_per_h, self.known.prior.gain_sd, self._modelled_sd, self._metered_share,
+            self._models_cold,
         )  # fmt: skip
         self.battery.begin(start, conditions)
 
     @property
     def of_cells(self) -> str:
         """What is assumed of the battery's cells, a sentence."""
-        least, most = self._cells.derating(self._temperature_c, self._rate_per_h)
+        by_cells_c = math.nan if self._models_cold else self._temperature_c
+        least, most = self._cells.derating(by_cells_c, self._rate_per_h)
         warm = "warm, as no temperature was read"
         air = f"at {self._temperature_c:.0f} C" if math.isfinite(self._temperature_c) else warm
         share = f"{least:.0%} to {most:.0%}" if least < most else f"{most:.0%}"
@@ -285,6 +300,7 @@ class HomeEstimator:
         if math.isfinite(self._temperature_c) or not math.isfinite(temperature_c):
             return False
         self._temperature_c = temperature_c
+        self._take_meter()
         return True
 
     def _see_power(self, power_w: float) -> None:
@@ -316,7 +332,7 @@ class HomeEstimator:
         self._state["speed_mps"], self._state["step_s"] = before, reading.dt_s
         powers: tuple[float, float, float] = modelled_power(
             self.vehicle, self._record, self._state, speed, reading.sensing_hz, (speed - before) / reading.dt_s, sine,
-            turn / reading.dt_s if math.isfinite(turn) else 0.0, 1.0,
+            turn / reading.dt_s if math.isfinite(turn) else 0.0, 1.0, self._air_c,
         )  # fmt: skip
         if math.isfinite(reading.speed_mps):
             self.speed_mps = reading.speed_mps
@@ -350,7 +366,7 @@ class HomeEstimator:
         voltage_v, current_a = window.electric
         used, variance = float(estimate.mean[0, USED]), float(estimate.covariance[0, USED, USED])
         used_sd = math.sqrt(max(variance, 0.0))
-        self.battery.see(Witnesses(used, used_sd, voltage_v, current_a, window.peak_a, window.soc))
+        self.battery.see(Witnesses(used, used_sd, voltage_v, current_a, window.peak_a, window.soc, window.time_s))
         self.windows += 1
         place_m, here = self.vehicle.place_m, place_of(self.vehicle, position_m, self._extra)
         self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)

@@ -1,5 +1,7 @@
 """Positions filtered by dead reckoning, so that their noise does not become a longer trail.
 
+What corrects the place corrects the trail behind it too, as far as both share their error (`Correction`).
+
 Two numbers are learned from the differences between the change of the positions and that by speed and heading. Their
 variance is twice that of a position, as noise of one reading is in two differences. Their mean is the error of dead
 reckoning, as noise cancels in it.
@@ -8,7 +10,7 @@ reckoning, as noise cancels in it.
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,19 @@ from homeward.companion import thresholds
 Pair = NDArray[np.float64]
 _NONE = np.zeros(2)
 _AXES = 2
+_FEWEST = 2  # differences that have a mean and a deviation
+
+
+class Correction(NamedTuple):
+    """What a position changes, for a fixed-point smoother of earlier places (Anderson & Moore, 1979, chapter 7).
+
+    Attributes:
+        moved: By how much the place was corrected, east and north, m.
+        shared: Part of that by which the place at the position before was off, too, 0 to 1.
+    """
+
+    moved: Pair
+    shared: float
 
 
 class PositionFilter:
@@ -28,61 +43,99 @@ class PositionFilter:
     """
 
     SAVED: ClassVar = (
-        "place", "_variance", "_last", "_reckoned", "_reckoned_m", "_mean", "_square", "_count",
+        "place", "_variance", "_last", "_reckoned", "_drift", "_knows", "_mean", "_square", "_count",
     )  # fmt: skip
 
     def __init__(self, place: Pair) -> None:
         self.place = place
         self._variance = math.inf
         self._last = np.full(_AXES, math.nan)
-        self._reckoned, self._reckoned_m = np.zeros(_AXES), 0.0
+        self._reckoned, self._drift, self._knows = np.zeros(_AXES), 0.0, True
         self._mean, self._square, self._count = np.zeros(_AXES), 0.0, 0
 
-    def reckon(self, moved: Pair) -> None:
-        """Dead reckoning: the robot moved by east and north, m."""
+    def reckon(self, moved: Pair, error: float = thresholds.DEAD_RECKONING_ERROR) -> None:
+        """Dead reckoning: the robot moved by east and north, m.
+
+        Args:
+            moved: The change.
+            error: Its relative standard deviation; 1 where it is a guess, from which no noise is learned.
+        """
         self.place = self.place + moved
         self._reckoned = self._reckoned + moved
-        self._reckoned_m += float(np.hypot(*moved))
+        self._drift = math.hypot(self._drift, error * float(np.hypot(*moved)))
+        self._knows &= error < 1.0
 
-    def see(self, position: Pair, reckons: bool) -> None:
+    def see(self, position: Pair, reckons: bool) -> Correction:
         """Process a position.
 
         Args:
             position: As read.
             reckons: Whether dead reckoning covers the time since the last one; if not, the position is taken as it is.
         """
+        before = self.place
+        shared = 0.0
         if not reckons or not np.isfinite(self._last).all():
             self.place, self._variance = position.copy(), math.inf
         else:
-            self._learn(position - self._last - self._reckoned)
-            self._update(position)
+            if self._knows:
+                self._learn(position - self._last - self._reckoned)
+            shared = self._update(position)
         self._last = position.copy()
-        self._reckoned, self._reckoned_m = _NONE.copy(), 0.0
+        self._reckoned, self._drift, self._knows = _NONE.copy(), 0.0, True
+        return Correction(self.place - before, shared)
 
     def _learn(self, difference: Pair) -> None:
         """Learn from the change of the positions less that of dead reckoning."""
+        noise_before = self.noise_variance
         self._count += 1
         weight = max(1.0 / self._count, thresholds.POSITION_LEARNS)
         self._mean = self._mean + weight * (difference - self._mean)
         self._square += weight * (float(difference @ difference) - self._square)
+        # What a few differences said of the noise is also what the place was thought to be within.
+        if math.isfinite(self._variance) and self.noise_variance > noise_before > 0.0 and self._counted == self._count:
+            self._variance *= self.noise_variance / noise_before
+
+    @property
+    def _counted(self) -> float:
+        """Differences that count."""
+        return min(self._count, 1.0 / thresholds.POSITION_LEARNS)
 
     @property
     def noise_variance(self) -> float:
         """Variance of the noise of a position along an axis, m^2."""
-        own = max(self._square - float(self._mean @ self._mean), 0.0)
+        if self._count < _FEWEST:
+            return self._square / (2.0 * _AXES)  # a single difference has no mean: all of it may be noise
+        own = max(self._square - float(self._mean @ self._mean), 0.0) * self._counted / (self._counted - 1.0)
         return own / (2.0 * _AXES)
 
-    def _update(self, position: Pair) -> None:
-        noise = self.noise_variance
-        counted = min(self._count, 1.0 / thresholds.POSITION_LEARNS)
+    @property
+    def variance(self) -> float:
+        """Variance of the place along an axis, m^2."""
+        return self._variance if math.isfinite(self._variance) else self.noise_variance
+
+    @property
+    def _doubt(self) -> float:
+        """Squared standard deviations, of both axes, that noise exceeds with the probability `POSITION_DOUBT`.
+
+        The deviation is known from a few differences: twice the quantile of an F distribution with two degrees of
+        freedom, which a chi-squared one becomes with many.
+        """
+        freedom = _AXES * max(self._counted - 1.0, 1.0)
+        return float(freedom * (thresholds.POSITION_DOUBT ** (-_AXES / freedom) - 1.0))
+
+    def _update(self, position: Pair) -> float:
+        """Correct the place; returns the share of the correction that the place before has, too."""
+        noise, doubt = self.noise_variance, self._doubt
         # A sum of differences holds the noise of its ends only.
-        of_ends = 2.0 * _AXES * noise / counted**2
-        reckoning = max(float(self._mean @ self._mean) - of_ends, 0.0) / _AXES
-        drift = reckoning + (thresholds.DEAD_RECKONING_ERROR * self._reckoned_m) ** 2
+        of_ends = 2.0 * _AXES * noise / max(self._counted, 1.0) ** 2
+        mean_square = float(self._mean @ self._mean)
+        reckoning = mean_square / _AXES if mean_square > doubt * of_ends / _AXES else 0.0
+        before = self.variance
         surprise = position - self.place
-        predicted = self._variance + drift if math.isfinite(self._variance) else noise
+        predicted = before + reckoning + self._drift**2
         # A surprise beyond the noise is a jump of the positions, or dead reckoning that went wrong: it is followed.
-        predicted = max(predicted, float(surprise @ surprise) / thresholds.POSITION_DOUBT - noise)
+        predicted = max(predicted, float(surprise @ surprise) / doubt - noise)
         gain = predicted / max(predicted + noise, 1e-12)
         self.place = self.place + gain * surprise
         self._variance = (1.0 - gain) * predicted
+        return before / max(predicted, 1e-12)

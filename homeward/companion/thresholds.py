@@ -72,10 +72,14 @@ EMPTY_SD = 0.005
 
 # --- Voltage ----------------------------------------------------------------------------------------------------------
 
-RESISTANCE, RESISTANCE_SD = 0.08, 0.06
-"""Resistance of a battery before it is known, as the share of its voltage that it sags at a rate of one charge an hour,
-and its standard deviation. Cells of 0.14 to 0.21 Ohm Ah sag by 4 to 6 % when new and warm; at the end of life it is
-twice that, and at -20 C three to five times (ansh-bohrey.github.io)."""
+RESISTANCE, RESISTANCE_SD = 0.04, 0.016
+"""Either half of the resistance of a warm battery before it is known, the one that acts at once and the slow one, as
+the share of its voltage that it sags at a rate of one charge an hour; standard deviation. Cells of 0.14 to 0.21 Ohm Ah
+sag by 4 to 6 % when new, and twice that at the end of life (ansh-bohrey.github.io): together 4 to 12 %, uniformly."""
+
+POLARISES_S = 300.0
+"""Time constant with which the slow half of the voltage follows the current, s. Diffusion in cells takes 100 to 1000 s
+(Waag, Kaebitz & Sauer, Applied Energy 102, 2013); chosen: their geometric mean."""
 
 CURVE_ERROR_LASTS = 0.2
 """Charge over which the error of an open-circuit curve becomes another one. Chosen: the published curves of cells of
@@ -83,7 +87,7 @@ one chemistry cross their mean some times."""
 
 VOLTAGE_GAIN_SD, VOLTAGE_NOISE, SAG_ERROR = 0.005, 0.002, 0.15
 """Relative errors of the voltage: of the sensor's gain, of the mean of a window, and as a share of the sag. Chosen: a
-divider of resistors of 1 % that was trimmed; slow polarisation follows the load within a window only in part."""
+divider of resistors of 1 % that was trimmed; polarisation has more time constants than one, and saturates."""
 
 VOLTAGE_OUTLIERS, VOLTAGE_RANGE = 0.01, 0.5
 """Probability that a voltage is anywhere within a range, relative. Chosen as GAUGE_OUTLIERS."""
@@ -168,9 +172,9 @@ Chosen: four deviations of a difference."""
 POSITION_LEARNS = 0.02
 """Weight of a position in the estimated noise of positions. Chosen: fifty count."""
 
-POSITION_DOUBT = 13.8
-"""Squared standard deviations, of both axes, beyond which a position is followed rather than filtered. Chosen: white
-noise exceeds it once in a thousand positions (chi-squared with two degrees of freedom)."""
+POSITION_DOUBT = 1e-3
+"""Probability with which white noise exceeds the distance from which a position is followed rather than filtered.
+Chosen: once in a thousand positions, which is 3.7 standard deviations."""
 
 STILL_M, DRIVEN_M = 0.2, 20.0
 """Distance by which positions must have moved when the speed integrates to this, m. Chosen: 1 %, a tenth of the error
@@ -206,6 +210,9 @@ sensors state 0.2 to 0.5 degrees for the pitch at rest."""
 
 NO_SLOPE_SD = 0.04
 """Standard deviation of a slope's sine that is not read: that of generated routes."""
+
+MODEL_C = 20.0
+"""Temperature of the air, C, for which the robot's own model counts where none is read. Chosen: a laboratory's."""
 
 DRIVEN_SHARE = 0.01
 """Way of a window, in places, above which it has an energy per metre; chosen: a robot that stands has none."""

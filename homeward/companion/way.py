@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.companion import thresholds
-from homeward.companion.positions import PositionFilter
+from homeward.companion.positions import Correction, PositionFilter
 from homeward.companion.readings import CompanionError, Position, Reading
 from homeward.estimation import WAY_DTYPE, Vehicle
 from homeward.estimation.filter import place_of
@@ -64,7 +64,7 @@ class Way:
 
     SAVED: ClassVar = (
         "crumb_m", "position_m", "reckoned_m", "off_route_m", "moved_home", "_heading_rad", "_sign", "_positions",
-        "_crumbs", "_at_m", "_count", "_told_metres",
+        "_crumbs", "_at_m", "_shares", "_count", "_told_metres", "_speed_mps",
     )  # fmt: skip
 
     def __init__(self, home: Position | str | None, route: RouteLike | None, crumb_m: float, most_m: float) -> None:
@@ -72,9 +72,10 @@ class Way:
         self.moved_home: Position | None = None
         self.position_m, self.reckoned_m = 0.0, 0.0
         self.route_m = None if route is None else float(route.place_m) * len(route.grade_rad)
-        self._heading_rad, self._sign = math.nan, 1.0
+        self._heading_rad, self._sign, self._speed_mps = math.nan, 1.0, math.nan
         self._positions = PositionFilter(np.array(home if isinstance(home, tuple) else (0.0, 0.0), dtype=np.float64))
         self._crumbs, self._at_m, self._count = np.zeros((_MOST_CRUMBS, 2)), np.zeros(_MOST_CRUMBS), 0
+        self._shares = np.zeros(_MOST_CRUMBS)  # of a correction of the place, by which each point is off, too
         self._corners: Array | None = None
         self.ends_at_home = False
         if route is not None:
@@ -104,16 +105,14 @@ class Way:
             return Step(self.position_m, way_m, reading.heading_rad, 0.0)
         heading = reading.heading_rad
         if reading.position is not None:
-            # After a charge nobody has reckoned the way: the position is taken as it is, and nothing was driven.
-            reckons = reading.dt_s > 0.0 and math.isfinite(driven_m) and math.isfinite(heading)
-            reckoned = _moved(math.copysign(driven_m, speed), heading) if reckons else None
-            moved = self._move_to(reading.position, reckoned)
+            moved = self._move_to(reading.position, driven_m, reading)
             if math.isnan(heading) and float(np.hypot(*moved)) > 0.0:
                 heading = math.atan2(moved[1], moved[0])
             way_m = driven_m if math.isfinite(driven_m) else float(np.hypot(*moved))
             if reading.dt_s == 0.0:
                 way_m = 0.0
             self._heading_rad, self.reckoned_m = heading if math.isfinite(heading) else self._heading_rad, 0.0
+            self._speed_mps = speed if math.isfinite(speed) else self._speed_mps
         else:
             way_m = self._reckon(driven_m, heading, speed)
             self.reckoned_m += way_m
@@ -121,22 +120,44 @@ class Way:
             self.position_m = self._way_home_m()
         return Step(self.position_m, way_m, heading, self.reckoned_m)
 
-    def _move_to(self, position: tuple[float, float], reckoned: Array | None) -> Array:
-        """Move to a position, filtered by dead reckoning if there was any since the last one; returns the change."""
+    def _move_to(self, position: tuple[float, float], driven_m: float, reading: Reading) -> Array:
+        """Move to a position, filtered by speed and heading where they are read; returns the change."""
         read = np.array(position, dtype=np.float64)
         if self._count == 0:
             if self.home is None:
                 raise CompanionError(
                     "home was not set: give Companion(home=(east, north)), or home='here' for the robot's first place"
                 )
-            self._lay(read if self.home == "here" else np.array(self.home, dtype=np.float64), 0.0)
+            is_here = self.home == "here"
+            self._lay(read if is_here else np.array(self.home, dtype=np.float64), 0.0)
+            # A home that is the first position is as far off as that; one that is told is where it is.
+            self._shares[0] = float(is_here)
             self._positions.see(read, reckons=False)
             return np.zeros(2)
         before = self._xy
-        if reckoned is not None:
-            self._positions.reckon(reckoned)
-        self._positions.see(read, reckoned is not None)
+        heading = reading.heading_rad
+        # After a charge nobody has reckoned the way: the position is taken as it is, and nothing was driven.
+        passed = reading.dt_s > 0.0
+        reckons = passed and math.isfinite(driven_m) and math.isfinite(heading)
+        guessed = passed and math.isfinite(self._speed_mps) and math.isfinite(self._heading_rad)
+        if reckons:
+            self._positions.reckon(_moved(math.copysign(driven_m, reading.speed_mps), heading))
+        elif guessed:
+            # As before, within all of that: one reading that is missing does not make a noisy position exact.
+            speed = reading.speed_mps if math.isfinite(reading.speed_mps) else self._speed_mps
+            as_before_m = math.copysign(min(abs(speed) * reading.dt_s, self._most_m), speed)
+            self._positions.reckon(_moved(as_before_m, heading if math.isfinite(heading) else self._heading_rad), 1.0)
+        self._correct_trail(self._positions.see(read, reckons or guessed))
         return self._xy - before
+
+    def _correct_trail(self, correction: Correction) -> None:
+        """Move the trail by what a position told of the error that it shares with the place."""
+        trail, shares = self._crumbs[: self._count], self._shares[: self._count]
+        shares *= correction.shared
+        legs_m = np.hypot(*np.diff(trail, axis=0).T)
+        trail += shares[:, None] * correction.moved
+        longer_m = np.hypot(*np.diff(trail, axis=0).T) - legs_m
+        self._at_m[1 : self._count] += np.cumsum(longer_m)
 
     @property
     def _xy(self) -> Array:
@@ -192,8 +213,9 @@ class Way:
         if self._count == _MOST_CRUMBS:  # drop every second one: memory is bounded, the trail is not
             half = _MOST_CRUMBS // 2
             self._crumbs[:half], self._at_m[:half] = self._crumbs[::2].copy(), self._at_m[::2].copy()
+            self._shares[:half] = self._shares[::2].copy()
             self._count, self.crumb_m = half, 2.0 * self.crumb_m
-        self._crumbs[self._count], self._at_m[self._count] = place, at_m
+        self._crumbs[self._count], self._at_m[self._count], self._shares[self._count] = place, at_m, 1.0
         self._count += 1
 
     def _on_route_m(self) -> float:
@@ -209,6 +231,12 @@ class Way:
         best = int(np.argmin(apart_m + thresholds.DEAD_RECKONING_ERROR * np.abs(at_m - self.position_m)))
         self.off_route_m = float(apart_m[best])
         return float(at_m[best] + self.off_route_m)
+
+    @property
+    def unsure_m(self) -> float:
+        """Standard deviation of the way home, as far as places are not exact, m."""
+        of_place_m = 0.0 if self._count == 0 else math.sqrt(self._positions.variance)
+        return math.hypot(of_place_m, thresholds.DEAD_RECKONING_ERROR * self.reckoned_m)
 
     def noise_m(self) -> float:
         """Standard deviation of the positions along an axis, as learned so far, m."""

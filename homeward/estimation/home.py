@@ -14,11 +14,11 @@ from homeward.physics.kernel import Conditions, demand
 
 def modelled_power(
     v: Any, robots: Any, states: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, sine: float,
-    yaw_rate_radps: float, ahead: float,
+    yaw_rate_radps: float, ahead: float, temperature_c: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Power by the robot's own model, that of its drive, and the part of that for rolling, climbing and drag alone, W.
 
-    It is for still air at 20 C, where C_rr was measured.
+    It is for still air.
 
     Args:
         v: `Vehicle`.
@@ -30,13 +30,15 @@ def modelled_power(
         sine: Sine of the slope in the direction of travel.
         yaw_rate_radps: Turning rate, rad/s.
         ahead: 1 on the way out, -1 on the way home.
+        temperature_c: Of the air, C.
     """
     p, s = robots[0], states[0]
     cosine = np.sqrt(max(1.0 - sine * sine, 0.0))
     rough = p.surface_usual
-    power_w = demand(
-        p, s, Conditions(speed_mps, sensing_hz, accel_mps2, sine, cosine, yaw_rate_radps, rough, 0.0, 20.0, 0.0, ahead)
+    given = Conditions(
+        speed_mps, sensing_hz, accel_mps2, sine, cosine, yaw_rate_radps, rough, 0.0, temperature_c, 0.0, ahead
     )
+    power_w = demand(p, s, given)
     s.speed_mps = speed_mps
     return power_w, s.drive_w, modelled_driving(v, sine, speed_mps) * speed_mps
 

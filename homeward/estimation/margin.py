@@ -260,6 +260,8 @@ def quantile_of_sum(each: Any, totals: Any, weights: Any, risk: float, z: float)
     least = _PRECISELY * max(high - low, 0.0)
     while high - low > least:
         middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break  # neighbouring numbers: nothing is between them
         if chance_below(each, totals, weights, middle, negligible) > risk:
             high = middle
         else:

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from homeward.companion.positions import PositionFilter
+from homeward.companion.readings import Reading
+from homeward.companion.way import Way
 
 STEP_M, STEPS = 1.0, 600
 
@@ -50,3 +52,40 @@ def test_a_jump_of_the_positions_is_followed() -> None:
         positions.reckon(np.array([1.0, 0.0]))
         positions.see(np.array([float(step + 1), 50.0 if step > 80 else 0.0]), reckons=step > 0)
     assert positions.place == pytest.approx([100.0, 50.0], abs=1.0)
+
+
+def ways_home_m(home: tuple[float, float] | str, noise_m: float, seed: int) -> tuple[float, float]:
+    """Way home of a slow robot that drove 100 m out, its heading unread for a while, and its standard deviation."""
+    rng = np.random.default_rng(seed)
+    way = Way(home, None, crumb_m=1.0, most_m=1e4)
+    for step in range(501):
+        east, north = 0.2 * step + noise_m * rng.standard_normal(), noise_m * rng.standard_normal()
+        heading = math.nan if 200 < step < 230 else 0.0
+        way.follow(
+            Reading(
+                1.0,
+                0.2,
+                math.nan,
+                math.nan,
+                math.nan,
+                heading,
+                math.nan,
+                math.nan,
+                0.0,
+                math.nan,
+                math.nan,
+                (east, north),
+            )
+        )
+    return way.position_m, way.unsure_m
+
+
+@pytest.mark.parametrize("home", [(0.0, 0.0), "here"])
+def test_the_way_home_is_not_longer_by_the_first_positions_or_by_those_without_a_heading(
+    home: tuple[float, float] | str,
+) -> None:
+    assert ways_home_m(home, 0.0, 0)[0] == pytest.approx(100.0, abs=0.5)
+    errors_m, unsure_m = zip(*[ways_home_m(home, 10.0, seed) for seed in range(8)], strict=True)
+    assert np.abs(np.array(errors_m) - 100.0).max() < 15.0
+    assert np.abs(np.array(errors_m) - 100.0).mean() < 8.0
+    assert 0.2 < np.mean(unsure_m) < 10.0

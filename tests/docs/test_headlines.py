@@ -78,12 +78,12 @@ def diagnose_logs(results: Results) -> str:
 
 def watch_a_robot(results: Results) -> str:
     gauges = results.text("Gauges")
-    companion = re.search(r"\| all \| \d+ of (\d+), (\d+ %)", gauges)
+    companion = re.search(r"\| all \| \d+ of (\d+), ([\d.]+ %) \([^)]*\) \| (\d+ %)", gauges)
     at_half = re.search(r'\| "turn at half charge" \| \d+ of \d+, (\d+ %)', gauges)
     assert companion is not None and at_half is not None
     return (
-        f"of {companion[1]} simulated drives with old, cold packs and wrong gauges {companion[2]} strand; "
-        f"of those that turn at half charge {at_half[1]}"
+        f"of {companion[1]} simulated drives with old, cold packs and wrong gauges {companion[2]} strand, and "
+        f"{companion[3]} of the charge is left at home; of those that turn at half charge {at_half[1]} strand"
     )
 
 

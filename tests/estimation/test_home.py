@@ -63,7 +63,7 @@ def power(
 ) -> tuple[float, float, float]:  # fmt: skip
     record, state = plain(robot.record()), plain(full_charge(robot))
     total_w, drive_w, steady_w = modelled_power(
-        VEHICLE, record, state, speed_mps, sensing_hz, accel_mps2, sine, yaw_rate_radps, 1.0
+        VEHICLE, record, state, speed_mps, sensing_hz, accel_mps2, sine, yaw_rate_radps, 1.0, 20.0
     )
     assert state["speed_mps"][0] == speed_mps
     return float(total_w), float(drive_w), float(steady_w)

@@ -227,3 +227,11 @@ def test_a_sum_with_a_second_number_has_the_tails_of_student() -> None:
     for risk in (1e-6, 1e-3, 0.3):
         value = quantile_of_sum(each, totals, weights, risk, float(stdtrit(thresholds.DEGREES, risk)))
         assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(risk, rel=0.05)
+
+
+def test_the_quantile_of_a_sum_ends_where_no_number_is_between_its_parts() -> None:
+    """Energies so large that neighbouring numbers are farther apart than what is asked for."""
+    each = np.array([[0.5, -2.58978540e18, 1.0466e17, 0.0], [0.5, -2.58978540e18, 1.0466e17, -1e-12]])
+    each[1, 1] = np.nextafter(each[0, 1], 0.0)
+    value = quantile_of_sum(each, np.full(3, -1.728e6), np.full(3, 1.0 / 3.0), 1e-3, -4.785)
+    assert value == pytest.approx(-2.58978540e18 - 4.785 * 1.0466e17, rel=0.01)

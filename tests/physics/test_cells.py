@@ -30,10 +30,13 @@ def test_at_a_rate_they_give_what_peukert_says() -> None:
     assert LEAD.derating(WARM_C, 1.0) == pytest.approx((20.0**-0.25, 5.0**-0.05))
 
 
-def test_a_cut_off_is_the_one_known_or_the_usual_one_and_none_without_a_curve() -> None:
-    assert LEAD.cutoff(21.0) == pytest.approx(21.0 / LEAD.curve.mean_v)
-    assert LEAD.cutoff(None) == pytest.approx(1.75 / 2.05, rel=0.01)
-    assert math.isnan(cells_of(FLAT).cutoff(21.0))
+def test_a_cut_off_is_the_one_known_or_the_usual_one() -> None:
+    assert LEAD.cutoff(21.0) == pytest.approx((21.0 / LEAD.curve.mean_v, 0.0))
+    assert LEAD.cutoff(None)[0] == pytest.approx(1.75 / 2.05, rel=0.01)
+    assert cells_of(FLAT).cutoff(21.0) == pytest.approx((21.0 / 24.0, 0.0))
+    least, most = 3.0 / 3.6, 3.3 / 3.7  # the usual ones of any chemistry
+    usual, sd = cells_of(FLAT).cutoff(None)
+    assert least <= usual <= most and least < usual + 2.0 * sd
 
 
 def test_a_measured_curve_is_trusted_more_than_that_of_a_chemistry() -> None:

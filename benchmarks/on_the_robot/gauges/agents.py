@@ -42,6 +42,7 @@ class CompanionRun:
         crash: The exception that ended it, in a line; "" if none.
         faults: Inconsistent advice, a sentence each, without repetition.
         most_left: Largest mean of the energy left over the rated energy.
+        companion: The companion as it is after the last update.
     """
 
     turn: int | None = None
@@ -51,6 +52,7 @@ class CompanionRun:
     crash: str = ""
     faults: dict[str, int] = field(default_factory=dict)
     most_left: float = 0.0
+    companion: Companion | None = None
 
     def estimates(self, index: int) -> tuple[Estimate, Estimate] | None:
         """Energy left and energy of the way home at an update or the last before it; None before the first."""
@@ -86,7 +88,7 @@ def run_companion(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the file's pack may be unusual for its robot
         companion = Companion(robot_file, home=(0.0, 0.0), cruise_mps=cruise_mps, cutoff_v=cutoff_v, soc=told_soc)
-    run = CompanionRun()
+    run = CompanionRun(companion=companion)
     start_s = time.perf_counter()
     try:
         _read_along(companion, readings, rated_energy_j, run)

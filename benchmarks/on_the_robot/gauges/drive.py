@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -41,6 +42,7 @@ from benchmarks.on_the_robot.gauges.robots import (
 )
 from benchmarks.on_the_robot.gauges.sizes import Sizes, between
 from benchmarks.on_the_robot.gauges.way import CELL, ENERGY_J, POWER_W, SHARE, TIME_S, WayOut, drive_home, drive_out
+from homeward.companion import Companion
 
 SHARES_OF_WAY = (0.2, 0.4, 0.6, 0.8, 1.0)
 POOR_POSITIONS_M = 10.0  # the brief
@@ -107,6 +109,7 @@ class Drive:
         empty_s: Time after which the battery would be cut off on the way out.
         outcomes: By agent, and of the companion under other conditions, by their name.
         most_left: Largest mean of the energy left that the companion stated, over the energy on the label.
+        looked: What `look` of `run_drive` returned.
         updates, companion_s: Of the companion, and its computing time for them.
         seconds: Computing time of the whole drive.
     """
@@ -125,18 +128,22 @@ class Drive:
     crash: str = ""
     faults: dict[str, int] = field(default_factory=dict)
     most_left: float = 0.0
+    looked: dict[str, float] = field(default_factory=dict)
     updates: int = 0
     companion_s: float = 0.0
     seconds: float = 0.0
 
 
-def run_drive(case: Case, sizes: Sizes, table: Table | None) -> Drive:
+def run_drive(
+    case: Case, sizes: Sizes, table: Table | None, look: Callable[[Companion], dict[str, float]] | None = None
+) -> Drive:
     """Draw and drive a case; the same case gives the same drive.
 
     Args:
         case: The case.
         sizes: Sizes of everything drawn.
         table: PyBaMM's voltages for this chemistry, or None for the simulator's own circuit.
+        look: Called with the companion when it says to turn.
     """
     start_s = time.perf_counter()
     rng = np.random.default_rng([case.seed, case.number])
@@ -182,6 +189,8 @@ def run_drive(case: Case, sizes: Sizes, table: Table | None) -> Drive:
             return readings, run_companion(path, readings, robot.cruise_mps, cutoff_v, label.energy_j, case.told_soc)
 
         readings, run = ask(conditions)
+        if look is not None and run.turn is not None and run.companion is not None:
+            drive.looked = look(run.companion)
         drive.outcomes["companion"] = _outcome(run.turn, pack, way, ground, sizes)
         if paired_rng.random() < sizes.rules.paired_share:
             poor = Conditions(conditions.recorded, POOR_POSITIONS_M, 0.0, conditions.clock_when)

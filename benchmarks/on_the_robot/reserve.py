@@ -1,0 +1,174 @@
+"""What is left at home, and what the reserve of the companion consists of at the moment it says to turn.
+
+`python benchmarks/on_the_robot/reserve.py --drives 60 --seed 1` drives as `benchmarks.on_the_robot.gauges` does. What
+is left of the energy is the sum of three: the reserve that the companion keeps (energy left less that of the way home,
+by its means), by how much the true energy left is above its mean, and by how much the true way home is below its mean.
+The second table takes one doubt after another away from the companion as it is at that moment, and prints the reserve
+that it needs then.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from rich.table import Table
+from scipy.optimize import brentq
+from scipy.special import ndtr
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+
+from benchmarks.on_the_robot.gauges.__main__ import Args as Gauges
+from benchmarks.on_the_robot.gauges.__main__ import make_cases
+from benchmarks.on_the_robot.gauges.drive import Drive, run_drive
+from benchmarks.on_the_robot.gauges.sizes import read_sizes
+from benchmarks.tables import table
+from homeward import cli
+from homeward.companion import Companion
+from homeward.companion.home_estimator import HomeEstimator, WayHome
+from homeward.estimation.prior import (
+    CLIMB,
+    EAST,
+    GAIN,
+    GUST_EAST,
+    GUST_NORTH,
+    NORTH,
+    OFFSET,
+    ROLLED,
+    ROLLING,
+    TILT,
+    USED,
+    WEIGHT,
+)
+
+DOUBTS = {
+    "rolling resistance": (ROLLING, ROLLED),
+    "payload, climbs and tilt": (WEIGHT, CLIMB, TILT),
+    "wind": (EAST, NORTH, GUST_EAST, GUST_NORTH),
+    "meter": (GAIN, OFFSET, USED),
+}
+"""States of the filter, by the doubt that they are."""
+ALL, BATTERY, MODEL, TAILS = "all", "battery and gauge", "what the model omits", "tails of Student's t"
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to drive."""
+
+    drives: int = 60
+    """Drives."""
+    seed: int = 1
+    """Seed of everything drawn."""
+    jobs: int = 2
+    """Processes."""
+
+
+def reserves(companion: Companion) -> dict[str, float]:
+    """Reserve that is needed as things are, and without each doubt, over a full battery by the file."""
+    estimator = companion._estimator
+    home = companion._way_home()
+    needed = {ALL: _needs(estimator, home)}
+    battery = estimator.battery
+    totals = battery.totals.copy()
+    battery.totals[:] = battery.total
+    needed[BATTERY] = _needs(estimator, home)
+    battery.totals[:] = totals
+    known = estimator.known
+    estimator.known = known._replace(prior=known.prior._replace(model_error=0.0), uncertainty=None)
+    needed[MODEL] = _needs(estimator, home)
+    estimator.known = known
+    for name, states in DOUBTS.items():
+        kept = estimator._estimator.state.copy()
+        hypotheses = estimator._estimator.state["hypotheses"]
+        if EAST in states:
+            weights = np.exp(hypotheses["log_weight"])
+            hypotheses["mean"][..., list(states)] = np.einsum("nk,nka->na", weights, hypotheses["mean"])[
+                :, list(states)
+            ]
+        for state in states:
+            hypotheses["covariance"][..., state, :] = hypotheses["covariance"][..., :, state] = 0.0
+        needed[name] = _needs(estimator, home)
+        estimator._estimator.state[:] = kept
+    needed[TAILS] = _needs_normal(estimator, home)
+    return needed
+
+
+def _needs(estimator: HomeEstimator, home: WayHome) -> float:
+    """Mean margin less the margin at the accepted risk, over a full battery."""
+    outcome = estimator.leaves(home)
+    return (outcome.margin.mean - outcome.low_j) / estimator.vehicle.full_j
+
+
+def _needs_normal(estimator: HomeEstimator, home: WayHome) -> float:
+    """The same if the filter's normal distributions had no heavier tails."""
+    plan = estimator._plan(0.0, home.cost_j)
+    plan["unsure_j"] = home.unsure_j
+    margin = estimator._margin(plan, home.ways, home.way_m)
+    full_j, battery = estimator.vehicle.full_j, estimator.battery
+    totals_j = full_j * (battery.totals - 1.0)
+    means_j = margin.mean_j[0][:, None] + totals_j
+    weights = margin.weight[0][:, None] * battery.weights
+    sds_j = np.maximum(margin.sd_j[0], 1e-9)[:, None]
+
+    def beyond(value_j: float) -> float:
+        return float((weights * ndtr((value_j - means_j) / sds_j)).sum() - estimator._risk)
+
+    low_j = brentq(beyond, means_j.min() - 10.0 * sds_j.max(), means_j.max())
+    return float(((weights * means_j).sum() - low_j) / full_j)
+
+
+def left_over(drive: Drive) -> tuple[float, ...]:
+    """Energy left at home, reserve, and errors of both means when it turned, over the energy on the label."""
+    point = drive.points[-1]
+    label_j = drive.label.energy_j
+    reserve_j = point.left.mean_j - point.home.mean_j
+    more_left_j = point.true_left_j - point.left.mean_j
+    less_home_j = point.home.mean_j - point.true_home_j
+    return tuple(
+        part_j / label_j for part_j in (reserve_j + more_left_j + less_home_j, reserve_j, more_left_j, less_home_j)
+    )
+
+
+def main(args: Args) -> None:
+    """Drive and print both tables."""
+    sizes = read_sizes()
+    unpaired = dataclasses.replace(sizes, rules=dataclasses.replace(sizes.rules, paired_share=0.0))
+    cases = make_cases(Gauges(drives=args.drives, seed=args.seed, charged=True), "chemistry", sizes)
+    runs = (delayed(run_drive)(case, unpaired, None, reserves) for case in cases)
+    drives: list[Drive] = Parallel(n_jobs=args.jobs)(runs)
+    made = [drive for drive in drives if drive.points and drive.looked and not drive.outcomes["companion"].stranded]
+    title = f"{len(made)} of {args.drives} drives that turned on the way, seed {args.seed}; share of the label"
+    for shown in _tables(made, title):
+        cli.Terminal().show(shown)
+
+
+def _tables(drives: list[Drive], title: str) -> Iterator[Table]:
+    """Both tables."""
+    parts = np.array([left_over(drive) for drive in drives])
+    charge = np.array([drive.outcomes["companion"].left for drive in drives])
+    left = table(f"Left at home: {title}", ["what"], ["median", "mean"])
+    rows: dict[str, NDArray[np.float64]] = {
+        "charge that is left, of that at the start": charge,
+        "energy that could be drawn": parts[:, 0],
+        "   reserve that was kept": parts[:, 1],
+        "   true energy left above its mean": parts[:, 2],
+        "   true way home below its mean": parts[:, 3],
+    }
+    for name, values in rows.items():
+        left.add_row(name, f"{np.median(values):.1%}", f"{values.mean():.1%}")
+    yield left
+    needs = table(f"Reserve without a doubt: {title}", ["without"], ["median", "mean"])
+    for name in drives[0].looked:
+        values = np.array([drive.looked[name] for drive in drives])
+        needs.add_row("(all of them)" if name == ALL else name, f"{np.median(values):.1%}", f"{values.mean():.1%}")
+    yield needs
+
+
+if __name__ == "__main__":
+    sys.exit(cli.run(main, Args, __doc__, ()))
