@@ -16,7 +16,7 @@ for python in "$@"; do
     for package in made/*; do
         rm -rf venv first diagnosis ppo
         "$python" -m venv venv
-        venv/bin/python -m pip install --quiet --constraint "$root/constraints.txt" "$package[train]"
+        venv/bin/python -m pip install --quiet --constraint "$root/constraints.txt" "$package[train,diagnose]"
         venv/bin/python -m doctest -o NORMALIZE_WHITESPACE "$root/README.md"
         venv/bin/homeward range rusti --grade 5.71 --duty 0.367 >said
         venv/bin/homeward evaluate --env homeward/Survey-v0 --agents soc50 dmax_adaptive ppo --episodes 10 --out first >said

@@ -2,9 +2,11 @@
 
     python benchmarks/mutants.py --lines 30 --seed 1
 
-The lines are drawn from those of `homeward`, `envs` and `agents` that hold something to change. Each fault is made in a
-copy of the checkout and run against the tests near it: all faults against the tests of their file, those that are left
-against the tests of their folder, then against those that import their file, and then against all others.
+The lines are drawn from those of `homeward`, `envs` and `agents` as they are now, where a statement that Python
+executes holds something to change: no docstrings, imports, type hints, blocks for type checkers, protocols or
+overloads. The commit is printed, as a seed draws other lines from other code. Each fault is made in a copy of the
+checkout and run against the tests near it: all faults against the tests of their file, those that are left against the
+tests of their folder, then against those that import their file, and then against all others.
 """
 
 from __future__ import annotations
@@ -72,10 +74,32 @@ class Mutant:
 def changeable(file: Path) -> dict[int, list[int]]:
     """Nodes of a file that can be changed: their numbers in the order of `ast.walk`, by line."""
     nodes: dict[int, list[int]] = {}
-    for number, node in enumerate(ast.walk(ast.parse(file.read_text("utf-8")))):
-        if isinstance(node, ast.expr) and _change(node):
+    tree = ast.parse(file.read_text("utf-8"))
+    described = _only_described(tree)
+    for number, node in enumerate(ast.walk(tree)):
+        if isinstance(node, ast.expr) and node not in described and _change(node):
             nodes.setdefault(node.lineno, []).append(number)
     return nodes
+
+
+def _only_described(tree: ast.Module) -> set[ast.AST]:
+    """Nodes that describe code to readers and type checkers, and that no test could notice.
+
+    Docstrings and imports hold nothing that `_change` changes; these do: type hints, what stands below
+    `if TYPE_CHECKING`, and classes and functions that only say which calls there are.
+    """
+    tops: list[ast.AST] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.AnnAssign | ast.arg):
+            tops += [node.annotation] if node.annotation is not None else []
+        elif isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+            tops += node.body
+        elif isinstance(node, ast.ClassDef) and any("Protocol" in ast.unparse(base) for base in node.bases):
+            tops.append(node)
+        elif isinstance(node, ast.FunctionDef):
+            tops += [node.returns] if node.returns is not None else []
+            tops += [node] if any("overload" in ast.unparse(decorator) for decorator in node.decorator_list) else []
+    return {node for top in tops for node in ast.walk(top)}
 
 
 def mutant_of(file: Path, number: int) -> Mutant:
@@ -193,6 +217,8 @@ def _first_failure(checkout: Path, tests: list[str], seen: list[str]) -> str:
 def main(args: Args) -> None:
     """Draw the faults, try them stage by stage, and print the table."""
     console, rng = Console(), np.random.default_rng(args.seed)
+    commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
+    console.print(f"commit {commit.stdout.strip() or 'unknown'}")
     faults = dict(enumerate(drawn(args.lines, rng), 1))
     tried = {number: fault for number, fault in faults.items() if not args.only or number in args.only}
     by: dict[int, str] = {}

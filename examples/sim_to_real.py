@@ -18,9 +18,13 @@ a run is killed, the same command continues it.
 from __future__ import annotations
 
 try:
-    from homeward import installed  # noqa: F401 - it says in a line what is not installed
+    from homeward.installed import DIAGNOSE, needed
 except ModuleNotFoundError:
-    raise SystemExit("needs homeward: pip install -e '.[train]' in its checkout, or run .venv/bin/python") from None
+    raise SystemExit(
+        "needs homeward: pip install -e '.[diagnose,train]' in its checkout, or run .venv/bin/python"
+    ) from None
+
+needed("diagnose,train", *DIAGNOSE, "matplotlib", "stable_baselines3", "torch")
 
 import dataclasses
 import json

@@ -8,10 +8,20 @@ from importlib import metadata, util
 from pathlib import Path
 
 NEEDED = (
-    "cloudpickle", "filelock", "gymnasium", "jinja2", "joblib", "matplotlib", "numba", "numpy", "pandas", "plotly",
-    "pooch", "pyarrow", "rich", "ruptures", "safetensors", "sklearn", "scipy", "threadpoolctl", "tyro",
+    "cloudpickle", "filelock", "gymnasium", "jinja2", "joblib", "numba", "numpy", "pandas", "pooch", "rich",
+    "safetensors", "scipy", "threadpoolctl", "tyro",
 )  # fmt: skip
 """Packages of every installation, by their import names."""
+
+DIAGNOSE = ("plotly", "pyarrow", "ruptures", "sklearn")
+"""Packages of the extra diagnose."""
+OF_COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "diagnose": ("diagnose", DIAGNOSE),
+    "fleet": ("diagnose", DIAGNOSE),
+    "evaluate": ("plot", ("matplotlib",)),
+    "sweep": ("train", ("matplotlib",)),
+}
+"""Extra of the commands that cannot load without it, and what of it they load; others say it where they need it."""
 
 _PACKAGE = {"sklearn": "scikit-learn"}  # where the package has another name
 _ROOT = Path(__file__).resolve().parents[1]
@@ -37,7 +47,8 @@ def advice(extra: str, package: str) -> str:
 
 def needed(extra: str, *packages: str) -> None:
     """End the program with exit code 2 and one line on stderr unless these can be imported; for scripts."""
-    if missing := _missing(packages):
+    missing = [_PACKAGE.get(name, name) for name in _missing(packages)]
+    if missing:
         _end(f"needs {' and '.join(missing)}: {advice(extra, ' '.join(missing))}")
 
 
@@ -60,6 +71,17 @@ def _refuse_incomplete() -> None:
         )
         known = f"run it with {python}" if python.is_file() else f"install it with {install}"
         _end(f"{sys.executable} does not have {', '.join(missing)}: {known}")
+    if _is_own_program() and _command() in OF_COMMANDS:
+        extra, packages = OF_COMMANDS[_command()]
+        needed(extra, *packages)
+
+
+def _command() -> str:
+    """Name of the subcommand, or of the script that is one."""
+    program = Path(sys.argv[0])
+    if program.name in ("-m", "homeward"):
+        return sys.argv[1] if len(sys.argv) > 1 else ""
+    return program.stem
 
 
 def _is_own_program() -> bool:

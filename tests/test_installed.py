@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from homeward import installed
-from homeward.installed import NEEDED, advice
+from homeward.__main__ import COMMANDS
+from homeward.installed import NEEDED, OF_COMMANDS, advice
 
 ROOT = Path(__file__).parents[1]
 
@@ -18,6 +19,67 @@ def test_what_every_installation_has_is_what_the_project_asks_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     asked = {line.partition(">=")[0] for line in project["dependencies"]}
     assert {"scikit-learn" if name == "sklearn" else name for name in NEEDED} == asked
+
+
+def test_what_commands_load_of_an_extra_is_in_it() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    for extra, packages in OF_COMMANDS.values():
+        brought = {line.partition(">=")[0] for line in extras[extra]}
+        assert {"scikit-learn" if name == "sklearn" else name for name in packages} <= brought
+    assert {line for name in ("diagnose", "plot", "logs") for line in extras[name]} <= set(extras["dev"])
+
+
+OF_EXTRAS = (
+    "PIL", "backports", "cyclonedds", "fitdecode", "gpxpy", "lz4", "matplotlib", "optuna", "plotly", "pyarrow",
+    "pygame", "pymavlink", "pyulog", "ray", "rosbags", "ruptures", "sklearn", "stable_baselines3", "tensorboard",
+    "torch",
+)  # fmt: skip
+"""What the extras bring, by its import names."""
+
+
+def test_a_robot_needs_none_of_the_extras() -> None:
+    modules = [
+        "homeward.agents.evaluation",
+        "homeward.companion",
+        "homeward.envs",
+        "homeward.logs",
+        "homeward.watch.live",
+    ]
+    modules += [f"homeward.commands.{name}" for name in COMMANDS if name not in OF_COMMANDS]
+    code = (
+        f"import importlib, sys\nfor name in {OF_EXTRAS}: sys.modules[name] = None\n"
+        f"for name in {modules}: importlib.import_module(name)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "lacks"),
+    [
+        (["/bin/homeward", "diagnose", "run.csv"], "plotly and pyarrow and ruptures and scikit-learn"),
+        (["-m", "fleet"], "plotly and pyarrow and ruptures and scikit-learn"),
+        (["/bin/homeward", "sweep"], "matplotlib"),
+        ([str(ROOT / "evaluate.py")], "matplotlib"),
+        (["/bin/homeward", "range", "husky"], None),
+        (["/bin/homeward"], None),
+        (["/elsewhere/diagnose.py"], None),  # another program
+    ],
+)
+def test_a_command_says_which_extra_it_lacks(
+    arguments: list[str], lacks: str | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", arguments)
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "homeward", *arguments[1:]])
+    monkeypatch.setattr(installed, "_missing", lambda packages: [name for name in packages if name not in NEEDED])
+    if lacks is None:
+        installed._refuse_incomplete()
+        return
+    with pytest.raises(SystemExit) as end:
+        installed._refuse_incomplete()
+    said = capsys.readouterr().err
+    assert end.value.code == 2 and said.count("\n") == 1
+    assert f": needs {lacks}: pip install " in said
 
 
 def test_every_extra_that_the_code_names_is_one() -> None:

@@ -23,7 +23,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from homeward import Robot, RobotError, cli, load_robot, quantities
+from homeward import Robot, RobotError, cli, installed, load_robot, quantities
 from homeward.companion import thresholds
 from homeward.companion.checks import docks_of
 from homeward.companion.readings import CompanionError
@@ -160,6 +160,7 @@ def main(args: Args) -> None:
         highlight=False,
     )
     if args.plot is not None:
+        installed.needed("plot", "matplotlib")
         from homeward.commands.range_plot import range_picture
 
         write_whole(args.plot, range_picture(mission, speed_mps, args.plot.suffix))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
-from homeward import Robot, RobotError, cli, load_robot, quantities
+from homeward import Robot, RobotError, cli, installed, load_robot, quantities
 from homeward.envs.options import OptionError
 from homeward.envs.routes import load_route, route_names
 from homeward.envs.routes.route import GENERATED, HIDDEN_WIND, Route, RouteError
@@ -74,6 +74,7 @@ def main(args: Args) -> None:
         table.add_row(name, _spread(values, unit))
     console.print(table)
     if args.plot is not None:
+        installed.needed("plot", "matplotlib")
         from homeward.commands.route_plot import routes_picture
 
         write_whole(args.plot, routes_picture(routes, args.route, args.plot.suffix))

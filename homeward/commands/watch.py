@@ -125,6 +125,7 @@ def main(args: Args) -> list[Watched]:
 
 def _replay(args: Args) -> list[Watched]:
     """Replay, print the table and write the page."""
+    installed.needed("diagnose", *installed.DIAGNOSE)
     from homeward.watch.coverage import rows_of
     from homeward.watch.page import verdict, watch_html
     from homeward.watch.replay import run_all

@@ -7,14 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-
 from homeward.logs.columns import RecordingError
-
-if sys.version_info >= (3, 14):
-    from compression import zstd as zstd
-else:
-    from backports import zstd as zstd
 
 MOST_ROWS = 10_000_000
 """Most rows of a recording: 27 hours at 100 Hz. Chosen: bounds memory to some GB."""
@@ -39,7 +32,25 @@ MOST_SEQUENCE = 1_000_000
 """Most parts of a list in a message. Chosen: status messages have some tens."""
 
 _PIECE = 2**24  # bytes unpacked at a time; chosen: less than any memory
-_UNPACKERS: dict[str, Any] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor}
+
+
+def zstd_module() -> Any:
+    """The module, which the extra logs brings before Python 3.14."""
+    if sys.version_info >= (3, 14):
+        from compression import zstd
+    else:
+        from backports import zstd
+    return zstd
+
+
+def _unpacker(compression: str) -> Any:
+    if compression == "bz2":
+        return bz2.BZ2Decompressor()
+    if compression == "zstd":
+        return zstd_module().ZstdDecompressor()
+    from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]  # of the extra logs
+
+    return LZ4FrameDecompressor()
 
 
 class TooLarge(RecordingError):
@@ -89,7 +100,7 @@ class Allowance:
         content = bytearray()
         try:
             while data:
-                data = self._unpack_frame(_UNPACKERS[compression](), data, content)
+                data = self._unpack_frame(_unpacker(compression), data, content)
         except TooLarge:
             raise
         except Exception:  # a damaged chunk raises anything, from OSError to zstd's own errors
@@ -104,7 +115,7 @@ class Allowance:
             TooLarge: It is more than the allowance.
             Exception: It is damaged; what the unpacker raises.
         """
-        with zstd.open(path, "rb") as file:
+        with zstd_module().open(path, "rb") as file:
             while piece := file.read(_PIECE):
                 self.take(len(piece))
 

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
 from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
@@ -277,7 +276,7 @@ def _joined(pieces: Sequence[pd.DataFrame], wanted: list[str], mapping: Columns 
     return table if mapping is None else mapping.apply(table)
 
 
-def _batches(file: pq.ParquetFile, wanted: Sequence[str]) -> Iterator[pd.DataFrame]:
+def _batches(file: Any, wanted: Sequence[str]) -> Iterator[pd.DataFrame]:
     """Some columns, piece by piece; the index counts the rows."""
     rows = size = 0
     # The size of columns in the metadata is not read: where it is damaged, Arrow ends the process.

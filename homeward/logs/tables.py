@@ -15,11 +15,9 @@ from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 import pandas as pd
-import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from homeward.files import open_regular
+from homeward.installed import advice
 from homeward.logs import limits, thresholds
 from homeward.logs.columns import RecordingError
 
@@ -263,13 +261,18 @@ def _notes(encoding: str, separator: str, decimal: str, comments: int, units: bo
 
 
 @contextlib.contextmanager
-def opened_parquet(path: Path) -> Iterator[pq.ParquetFile]:
+def opened_parquet(path: Path) -> Iterator[Any]:
     """A Parquet file whose texts are kept once each, however often they occur, see `in_pandas`.
 
     Raises:
         OSError: It cannot be opened, or is a pipe or device.
-        RecordingError: It is no whole Parquet file.
+        RecordingError: It is no whole Parquet file, or pyarrow is not installed.
     """
+    try:
+        import pyarrow as pa  # a robot has no Parquet files, and it is as large as all else that a robot needs
+        import pyarrow.parquet as pq
+    except ModuleNotFoundError:
+        raise RecordingError(f"is a Parquet file, which needs pyarrow: {advice('diagnose', 'pyarrow')}") from None
     with open_regular(path) as stream:
         try:
             schema = pq.read_schema(stream)
@@ -288,6 +291,9 @@ def opened_parquet(path: Path) -> Iterator[pq.ParquetFile]:
 
 def in_pandas(batch: Any) -> pd.DataFrame:
     """Rows of a Parquet file; texts longer than a number or time are refused before they are copied for each row."""
+    import pyarrow as pa  # `opened_parquet` has found it
+    import pyarrow.compute as pc
+
     columns = {}
     for name, column in zip(batch.schema.names, batch.columns, strict=True):
         if pa.types.is_nested(column.type):

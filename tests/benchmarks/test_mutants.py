@@ -38,6 +38,17 @@ def test_each_fault_changes_one_place(checkout: Path) -> None:
         assert len(lines) == 1
 
 
+def test_what_only_describes_code_is_not_drawn(checkout: Path) -> None:
+    file = checkout / "homeward" / "described.py"
+    file.write_text(
+        '"""Of 3."""\nfrom typing import TYPE_CHECKING, Literal, Protocol\nif TYPE_CHECKING:\n    ONE = 1\nelse:\n'
+        "    ONE = 2\n\n\nclass Steps(Protocol):\n    def step(self, count: int = 1) -> None: ...\n\n\n"
+        "def chosen(number: Literal[1, 2]) -> Literal[3]:\n    kept: Literal[3] = 3\n    return kept\n"
+    )
+    assert sorted(changeable(file)) == [6, 14]
+    assert len(changeable(file)[14]) == 1  # the value, and not what its hint says
+
+
 def test_the_same_seed_draws_the_same_faults() -> None:
     first, again = (drawn(5, np.random.default_rng(1)) for _ in range(2))
     assert first == again

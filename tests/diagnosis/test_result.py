@@ -25,6 +25,7 @@ from homeward.diagnosis.result import (
     Proof,
     Range,
     RecordingInfo,
+    Together,
     Value,
 )
 
@@ -115,3 +116,10 @@ def test_a_table_is_no_recording() -> None:
     table: Any = pd.DataFrame({"time_s": [0.0]})
     with pytest.raises(RecordingError, match="a recording is a path or what read_recording returns, not a DataFrame"):
         diagnose(table, "husky")
+
+
+@pytest.mark.parametrize(
+    ("together", "name"), [("product", "a x b"), ("ratio", "a over b"), ("mean power", "mean power of a and b")]
+)
+def test_what_is_identifiable_together_says_how(together: Together, name: str) -> None:
+    assert Product(("a", "b"), Value(1.0, (0.5, 1.5), "W"), together).name == name

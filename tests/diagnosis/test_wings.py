@@ -28,4 +28,4 @@ def test_no_wing_knows_a_later_one(wing: str) -> None:
 
 def test_only_the_method_lies_beside_the_wings() -> None:
     beside = {file.stem for file in FOLDER.glob("*.py")}
-    assert beside == {"__init__", "chain", "evidence", "result", "rules"}
+    assert beside == {"__init__", "chain", "evidence", "result", "thresholds"}

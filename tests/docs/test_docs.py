@@ -208,10 +208,9 @@ def extended(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("script", [AFTER_THE_RECIPES, THE_LAMP_IS_NAMED], ids=["they work", "the lamp is named"])
-def test_the_recipes_for_an_effect_and_a_mission(script: str, extended: Path, tmp_path: Path) -> None:
+def test_the_recipes_for_an_effect_and_a_mission_work_and_the_effect_is_named(extended: Path, tmp_path: Path) -> None:
     run = subprocess.run(
-        [sys.executable, "-W", "error", "-c", script],
+        [sys.executable, "-W", "error", "-c", AFTER_THE_RECIPES + THE_LAMP_IS_NAMED],
         cwd=extended,
         capture_output=True,
         text=True,

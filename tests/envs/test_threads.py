@@ -17,6 +17,8 @@ from homeward.envs.threads import Threads
 from homeward.envs.vector import HomewardVectorEnv
 
 ONE_S = {4096: 400e-6, 256: 25e-6}
+"""Time of a step of so many missions on one thread, and below, number of steps in a test: 10 s and 2 s of them."""
+STEPS = {4096: 25_000, 256: 80_000}
 Load = Callable[[np.random.Generator], Iterator[tuple[float, float]]]
 
 
@@ -73,13 +75,13 @@ def two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("missions", ONE_S)
 @pytest.mark.parametrize("load", [quiet, busy, crowded, a_little_slower, in_turn])
 def test_it_takes_hardly_longer_than_one_thread_beside_any_load(missions: int, load: Load) -> None:
-    chosen_s, one_s, _ = drive(missions, load, 200_000)
+    chosen_s, one_s, _ = drive(missions, load, STEPS[missions])
     assert chosen_s < one_s / 0.9
 
 
 @pytest.mark.parametrize("missions", ONE_S)
 def test_on_a_quiet_machine_several_step(missions: int) -> None:
-    chosen_s, one_s, several = drive(missions, quiet, 100_000)
+    chosen_s, one_s, several = drive(missions, quiet, STEPS[missions])
     assert several > 0.9
     assert chosen_s < 0.7 * one_s
 
@@ -88,10 +90,10 @@ def test_on_a_quiet_machine_several_step(missions: int) -> None:
 def test_several_are_tried_again_when_a_load_is_gone(missions: int) -> None:
     def gone(rng: np.random.Generator) -> Iterator[tuple[float, float]]:
         source = busy(rng)
-        yield from (next(source) for _ in range(50_000))
+        yield from (next(source) for _ in range(STEPS[missions] // 4))
         yield from quiet(rng)
 
-    *_, several = drive(missions, gone, 500_000)
+    *_, several = drive(missions, gone, 2 * STEPS[missions])
     assert several > 0.7
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -40,7 +41,23 @@ class TwoThreads(Threads):
         pass
 
 
-@pytest.fixture(params=["in_turn", "in_parallel"])
+def cases() -> list[tuple[str, AutoresetMode, str, str, str]]:
+    """Which kernel steps which missions: all settings in one autoreset mode, and in others each of them somewhere.
+
+    How missions begin anew knows nothing of difficulties and types of actions, and neither does the number of threads.
+    """
+    chosen = [
+        ("in_turn", AutoresetMode.NEXT_STEP, *setting)
+        for setting in itertools.product(MISSIONS, DIFFICULTIES, IN_PARTS)
+    ]
+    for first, mode in enumerate(AutoresetMode):
+        for second, mission in enumerate(MISSIONS):
+            difficulty, action_type = list(DIFFICULTIES)[(first + second) % 3], IN_PARTS[(first + second) % 2]
+            chosen += [(kernel_of, mode, mission, difficulty, action_type) for kernel_of in ("in_turn", "in_parallel")]
+    return list(dict.fromkeys(chosen))
+
+
+@pytest.fixture
 def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Let small vector environments use the kernel of large ones."""
     if request.param == "in_parallel":
@@ -87,10 +104,7 @@ class Scalars:
         return observation, reward, terminated, truncated, info, None
 
 
-@pytest.mark.parametrize("action_type", IN_PARTS)
-@pytest.mark.parametrize("difficulty", DIFFICULTIES)
-@pytest.mark.parametrize("mission", MISSIONS)
-@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize(("threads", "mode", "mission", "difficulty", "action_type"), cases(), indirect=["threads"])
 def test_vector_equals_scalar(
     mode: AutoresetMode, mission: str, difficulty: str, action_type: str, threads: str
 ) -> None:
@@ -128,7 +142,14 @@ def test_vector_equals_scalar(
     assert {i for _, i in ends} == set(range(COUNT))
 
 
-@pytest.mark.parametrize("instruments", [*INSTRUMENTS, Instruments(0.02, 0.01, 100.0, 0.1, 0.05, 0.05, 0.05, 0.01)])
+ALL_NOISY = Instruments(0.02, 0.01, 100.0, 0.1, 0.05, 0.05, 0.05, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("threads", "instruments"),
+    [*(("in_turn", instruments) for instruments in (*INSTRUMENTS, ALL_NOISY)), ("in_parallel", ALL_NOISY)],
+    indirect=["threads"],
+)
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_vector_equals_scalar_with_any_instruments(mission: str, instruments: str | Instruments, threads: str) -> None:
     """And with decisions so short that a return takes several of them."""
@@ -200,6 +221,7 @@ def same_info(expected: dict[str, Any], found: dict[str, Any]) -> None:
             np.testing.assert_array_equal(expected[key][mask], found[key][mask])
 
 
+@pytest.mark.parametrize("threads", ["in_turn", "in_parallel"], indirect=True)
 def test_the_order_of_missions_does_not_matter(threads: str) -> None:
     order = np.random.default_rng(0).permutation(COUNT)
     envs, others = (HomewardVectorEnv(COUNT, mission="Survey", decision_s=SHORT_S) for _ in range(2))

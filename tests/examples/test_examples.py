@@ -2,25 +2,22 @@
 notebook runs from top to bottom."""
 
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.command_line import example_ended
 
-def test_quickstart(tmp_path: Path, root: Path) -> None:
+
+def test_quickstart(tmp_path: Path) -> None:
     pytest.importorskip("pygame")
     image = pytest.importorskip("PIL.Image")
-    done = subprocess.run(
-        [sys.executable, "-W", "error", str(root / "examples" / "quickstart.py"), "--out", str(tmp_path / "new")],
-        cwd=tmp_path, capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("rusti_computer: 5.80 km on one charge, on the flat\ndmax_adaptive: home after ")
-    assert "  rolling  " in done.stdout
+    code, printed, said = example_ended("quickstart", "--out", str(tmp_path / "new"))
+    assert code == 0, said
+    assert printed.startswith("rusti_computer: 5.80 km on one charge, on the flat\ndmax_adaptive: home after ")
+    assert "  rolling  " in printed
     with image.open(tmp_path / "new" / "mission.gif") as clip:
-        decisions = int(done.stdout.split(" decisions")[0].split()[-1])
+        decisions = int(printed.split(" decisions")[0].split()[-1])
         assert clip.size == (720, 405)
         assert clip.n_frames == decisions + 1
 

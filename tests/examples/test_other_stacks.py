@@ -17,12 +17,20 @@ import yaml  # type: ignore[import-untyped]
 
 from homeward.agents import Policy, make_policy
 from homeward.envs import IDS
+from tests.command_line import example_ended
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
+def lines_of(name: str, *arguments: str) -> list[str]:
+    """Lines that an example prints, in this process."""
+    code, printed, said = example_ended(name, *arguments)
+    assert code == 0, said
+    return printed.splitlines()
+
+
 def run_example(name: str, *arguments: str, folder: Path, **environment: str) -> list[str]:
-    """Lines that an example prints."""
+    """Lines that an example prints, in a process of its own: what it starts there would stay in this one."""
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments],
         cwd=folder,
@@ -34,9 +42,9 @@ def run_example(name: str, *arguments: str, folder: Path, **environment: str) ->
     return done.stdout.splitlines()
 
 
-def test_cleanrl(tmp_path: Path) -> None:
+def test_cleanrl() -> None:
     pytest.importorskip("torch")
-    lines = run_example("cleanrl_ppo", "--steps", "32768", "--num-envs", "128", folder=tmp_path)
+    lines = lines_of("cleanrl_ppo", "--steps", "32768", "--num-envs", "128")
     assert [int(line.split(" steps")[0].replace(",", "")) for line in lines] == [8192, 16384, 24576, 32768]
     assert "nan" in lines[0] and "nan" not in "".join(lines[1:])  # no mission ends within the first 64 decisions
     for line in lines[1:]:
@@ -45,11 +53,9 @@ def test_cleanrl(tmp_path: Path) -> None:
         assert -2.0 < float(line.split("return")[1].split()[0]) < 1.0
 
 
-def test_torchrl(tmp_path: Path) -> None:
+def test_torchrl() -> None:
     pytest.importorskip("torchrl")
-    lines = run_example(
-        "torchrl_ppo", "--steps", "600", "--batch", "300", "--minibatch", "100", folder=tmp_path
-    )  # fmt: skip
+    lines = lines_of("torchrl_ppo", "--steps", "600", "--batch", "300", "--minibatch", "100")
     figures = [line for line in lines if " steps  return " in line]
     assert [int(line.split(" steps")[0]) for line in figures] == [300, 600]
     assert all(np.isfinite(float(line.split("decisions")[1])) for line in figures)
@@ -63,18 +69,15 @@ def test_rllib(tmp_path: Path) -> None:
     assert -2.0 < float(rest.split()[0]) < 1.0
 
 
-def test_minari(tmp_path: Path) -> None:
+def test_minari(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     minari = pytest.importorskip("minari")
     pytest.importorskip("torch")
-    lines = run_example(
-        "minari_dataset", "--episodes", "6", "--updates", "300", folder=tmp_path, MINARI_DATASETS_PATH=str(tmp_path)
-    )
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    lines = lines_of("minari_dataset", "--episodes", "6", "--updates", "300")
     assert lines[0].startswith("homeward/survey-v0: 6 missions, ")
     right = float(lines[1].split(" does in ")[1].split("%")[0])
     assert right > 70.0  # by chance, a quarter
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-        dataset = minari.load_dataset("homeward/survey-v0")
+    dataset = minari.load_dataset("homeward/survey-v0")
     assert dataset.total_episodes == 6
     env = gym.make("homeward/Survey-v0")
     rule = make_policy("dmax_adaptive", env)

@@ -2,8 +2,6 @@
 
 import contextlib
 import io
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from homeward.diagnosis import Analysis, analyse
 from homeward.envs.options import known_of
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import replay
+from tests.command_line import example_ended
 
 pytest.importorskip("stable_baselines3")
 
@@ -146,13 +145,10 @@ def test_a_second_run_trains_nothing_and_says_the_same(
         assert one | {"decision_us": 0} == done[0]["real"]["agents"][label] | {"decision_us": 0}
 
 
-def test_too_few_missions_take_one_line(root: Path, tmp_path: Path) -> None:
-    script = str(root / "examples" / "sim_to_real.py")
-    refused = subprocess.run(
-        [sys.executable, script, "--episodes", "1", "--out", str(tmp_path / "out")], capture_output=True, text=True
-    )
-    assert refused.returncode == 2
-    assert refused.stderr == (
+def test_too_few_missions_take_one_line(tmp_path: Path) -> None:
+    code, _, said = example_ended("sim_to_real", "--episodes", "1", "--out", str(tmp_path / "out"))
+    assert code == 2
+    assert said == (
         "sim_to_real.py: --episodes 1 --seed 0 --trainings 5: give at least 2 episodes, a seed "
         "of 0 or more and at least 1 training\n"
     )

@@ -23,10 +23,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from homeward.logs.limits import zstd
+from homeward.logs.limits import zstd_module
 from tests.logs.bag_writer import Stream, write_bag
 
 MOST_MB, LONGEST_S = 400, 10.0
+zstd = zstd_module()
 ZEROS = bytes(2**26 + 1)
 ODOMETRY = "nav_msgs/msg/Odometry"
 TEXT = struct.Struct("<I").pack

@@ -94,6 +94,14 @@ def test_how_sure_it_is_says_why(tmp_path: Path) -> None:
     assert "negative when discharging" in by_channel["current_a"].why
 
 
+def test_one_of_several_by_its_number_is_only_a_guess(tmp_path: Path) -> None:
+    table = pd.DataFrame({"time_s": TRUTH.time_s, "speed1 [m/s]": TRUTH.speed_mps, "voltage [V]": TRUTH.voltage_v})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    written = propose(tmp_path / "run.csv").toml()
+    (line,) = (line for line in written.splitlines() if "speed1" in line)
+    assert "# a guess: " in line and line.endswith("one of several by its number")
+
+
 def test_dates_and_decimal_commas(tmp_path: Path) -> None:
     stamps = [(pd.Timestamp("2024-05-01") + pd.Timedelta(seconds=one)).isoformat() for one in TRUTH.time_s]
     table = TRUTH.rename(columns={"speed_mps": "Geschwindigkeit speed (m/s)", "voltage_v": "U Spannung (V)"}).assign(

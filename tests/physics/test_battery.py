@@ -101,6 +101,7 @@ def with_battery(**changes: Any) -> Robot:
         ({"open_circuit_v": ((0.0, float("nan")), (1.0, 12.0))}, "is not allowed"),
         ({"open_circuit_v": ((0.0, 10.0, 3.0), (1.0, 12.0))}, "give [share of charge, V of the pack]"),
         ({"open_circuit_v": "12 V"}, "no list of"),
+        ({"open_circuit_v": 12.0}, "no list of"),
     ],
 )  # fmt: skip
 def test_a_battery_that_cannot_be_is_refused_in_a_line(changes: dict[str, Any], says: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numba
 import numpy as np
+import pytest
 
 from homeward.physics import jit
 
@@ -49,3 +51,17 @@ def test_a_record_asked_for_ahead_stays_as_it_is() -> None:
 
     assert ask(records) == 4.0
     np.testing.assert_array_equal(records, before)
+
+
+def test_ctrl_c_waits_for_the_end_of_a_block_and_none_comes_by_itself() -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    ended = []
+    try:
+        with jit.uninterrupted():
+            ended.append("undisturbed")
+        with pytest.raises(KeyboardInterrupt), jit.uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            ended.append("before it is interrupted")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended == ["undisturbed", "before it is interrupted"]

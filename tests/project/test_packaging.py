@@ -3,6 +3,7 @@
 import email
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from typing import Any
 
 import gymnasium
 import pytest
+import setuptools
 from gymnasium.envs import registration
 
 import homeward
@@ -43,16 +45,18 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel_names(sources: Path) -> set[str]:
-    """Files of a wheel built with the setuptools that is installed."""
-    folder, source = sources.parent, sources
-    subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, source],
-        check=True,
-        env={**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1"},
-    )
-    (wheel,) = folder.glob("*.whl")
-    return set(zipfile.ZipFile(wheel).namelist())
+def built(sources: Path) -> Path:
+    """A folder with a wheel and a source distribution, built with the setuptools that is installed."""
+    folder = str(sources.parent)
+    code = f"from setuptools import build_meta; build_meta.build_sdist({folder!r}); build_meta.build_wheel({folder!r})"
+    subprocess.run([sys.executable, "-c", code], cwd=sources, check=True, capture_output=True)
+    return sources.parent
+
+
+@pytest.fixture(scope="module")
+def wheel(built: Path) -> zipfile.ZipFile:
+    (file,) = built.glob("*.whl")
+    return zipfile.ZipFile(file)
 
 
 def files_of_packages() -> dict[str, Path]:
@@ -84,14 +88,12 @@ def test_packages_and_scripts_at_the_top_are_linked_by_relative_links(name: str)
     assert os.readlink(link) == (name.count("/") + 1) * "../" + link.name
 
 
-def test_wheel_holds_the_files_of_the_packages_and_nothing_else(wheel_names: set[str]) -> None:
-    assert {name for name in wheel_names if ".dist-info/" not in name} == set(files_of_packages())
+def test_wheel_holds_the_files_of_the_packages_and_nothing_else(wheel: zipfile.ZipFile) -> None:
+    assert {name for name in wheel.namelist() if ".dist-info/" not in name} == set(files_of_packages())
 
 
-def test_source_distribution_holds_the_packages_and_none_of_the_tests(sources: Path) -> None:
-    code = f"from setuptools import build_meta; build_meta.build_sdist({str(sources.parent)!r})"
-    subprocess.run([sys.executable, "-c", code], cwd=sources, check=True, capture_output=True)
-    (packed,) = sources.parent.glob("*.tar.gz")
+def test_source_distribution_holds_the_packages_and_none_of_the_tests(built: Path) -> None:
+    (packed,) = built.glob("*.tar.gz")
     with tarfile.open(packed) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert {str(path.relative_to(ROOT)) for path in files_of_packages().values()} <= names
@@ -99,25 +101,30 @@ def test_source_distribution_holds_the_packages_and_none_of_the_tests(sources: P
     assert not [name for name in names if name.startswith("tests")]
 
 
-@pytest.mark.parametrize("address", [None, "https://example.org/us/homeward"])
-def test_links_of_the_readme_are_absolute_where_the_project_has_an_address(
-    address: str | None, sources: Path, tmp_path: Path, project: dict[str, Any]
-) -> None:
-    source = shutil.copytree(sources, tmp_path / "source", symlinks=True)
-    text = (source / "pyproject.toml").read_text("utf-8").replace("[project.urls]", "[tool.none]")
-    urls = f'\n[project.urls]\nSource = "{address}"\n' if address else ""
-    (source / "pyproject.toml").write_text(text + urls, "utf-8")
-    code = f"from setuptools import build_meta; build_meta.prepare_metadata_for_build_wheel({str(tmp_path)!r})"
-    subprocess.run([sys.executable, "-c", code], cwd=source, check=True, capture_output=True)
-    (folder,) = tmp_path.glob("*.dist-info")
-    said = email.message_from_string((folder / "METADATA").read_text("utf-8"))
+def links_of(text: str) -> list[str]:
+    return re.findall(r"\]\((.*?)\)", text)
+
+
+def test_a_wheel_shows_the_readme(wheel: zipfile.ZipFile, project: dict[str, Any]) -> None:
+    assert "urls" not in project["project"], "its links are absolute now: ask for that"
+    (metadata,) = (name for name in wheel.namelist() if name.endswith(".dist-info/METADATA"))
+    said = email.message_from_string(wheel.read(metadata).decode())
     assert said["Description-Content-Type"] == "text/markdown"
-    links, own = (
-        re.findall(r"\]\((.*?)\)", text) for text in (str(said.get_payload()), (ROOT / "README.md").read_text("utf-8"))
-    )
-    if address is None:
-        assert links == own
-        return
+    assert links_of(str(said.get_payload())) == links_of((ROOT / "README.md").read_text("utf-8"))
+
+
+def test_links_of_the_readme_are_absolute_where_the_project_has_an_address(
+    tmp_path: Path, project: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address = "https://example.org/us/homeward"
+    for name in ("README.md", "setup.py"):
+        shutil.copy(ROOT / name, tmp_path)
+    text = (ROOT / "pyproject.toml").read_text("utf-8").replace("[project.urls]", "[tool.none]")
+    (tmp_path / "pyproject.toml").write_text(f'{text}\n[project.urls]\nSource = "{address}"\n', "utf-8")
+    given: dict[str, str] = {}
+    monkeypatch.setattr(setuptools, "setup", given.update)
+    runpy.run_path(str(tmp_path / "setup.py"))
+    links = links_of(given["long_description"])
     assert all(link.startswith("https://") for link in links)
     version = f"v{project['project']['version']}"
     assert links[0] == f"{address}/raw/{version}/docs/viewer.gif"

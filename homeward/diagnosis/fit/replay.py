@@ -151,7 +151,10 @@ def _loaded(robot: Robot, run: Signals, recorded: Recorded) -> tuple[Array, Arra
 
     Interpolated between a few loads: both are piecewise linear in the load, with kinks where the drive draws nothing.
     """
-    load_kg = np.nan_to_num(run.context.get("payload_kg", np.zeros(1)))
+    if "payload_kg" not in run.context:
+        model = recorded.replay(robot)
+        return model.power_w, model.wheel_force_n
+    load_kg = np.nan_to_num(run.context["payload_kg"])
     levels = np.unique(load_kg)
     if len(levels) > _MOST_LOADS:
         levels = np.linspace(levels[0], levels[-1], _MOST_LOADS)

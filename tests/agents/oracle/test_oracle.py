@@ -204,6 +204,15 @@ def test_a_patrol_s_bound_holds_at_any_multipliers(per_j: float, per_s: float) -
     assert patrol_bound(rates, pit_stop_s, Multipliers(per_j, per_s, np.zeros(0))) >= _lower("Patrol")
 
 
+@pytest.mark.parametrize("laps", [1, 3])
+def test_the_last_lap_of_a_patrol_needs_no_pit_stop(laps: int) -> None:
+    """In a time that just holds so many laps at top speed, with two pit stops between one and the next."""
+    rates, pit_stop_s = _measured("Patrol"), 60.0
+    lap_s = 2.0 * len(rates.out_w) * rates.place_m / float(rates.speeds_mps.max())
+    limited = dataclasses.replace(rates, time_s=laps * lap_s + (laps - 1) * 2.0 * pit_stop_s)
+    assert patrol_bound(limited, pit_stop_s, Multipliers(0.0, 1.0, np.zeros(0))) == laps
+
+
 EXTRA = {effect.id: {effect.switch.name: 0.2} for effect in EFFECTS} | {
     "slip": {"per_load": 0.1},
     "breakaway": {"start_j": 5.0},

@@ -8,7 +8,7 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Recording, analyse
-from homeward.diagnosis.explain.formula import Empirical, Search, candidates, propose
+from homeward.diagnosis.explain.formula import Empirical, Search, _sectors, candidates, propose
 from homeward.diagnosis.explain.residual_test import independent_blocks
 from homeward.diagnosis.fit.fitted import with_columns
 from homeward.diagnosis.fit.folds import cut_folds
@@ -161,6 +161,16 @@ def test_the_formula_is_written_with_signs_and_units(drive: Drive, husky: Robot)
     assert (first.coefficient < 0.0) and (second.coefficient > 0.0)
     assert f"{abs(second.coefficient):.3g} W [v > 0] (payload / m)^2" in found.text
     assert f"-{abs(first.coefficient):.3g} m g v" in found.text.replace("- ", "-")
+
+
+def test_a_direction_and_its_opposite_share_the_cosine() -> None:
+    """A function of the heading counts one side, and that of the opposite side the other."""
+    heading_rad = np.linspace(-np.pi, np.pi, 37)
+    functions = {name: values for _, name, values, _ in _sectors(heading_rad)}
+    for degrees in range(0, 180, 45):
+        ahead, behind = (functions[f"cos(heading - {at} deg)+"] for at in (degrees, degrees + 180))
+        np.testing.assert_allclose(ahead - behind, functions[f"cos(heading - {degrees} deg)"], atol=1e-12)
+        np.testing.assert_allclose(ahead * behind, 0.0, atol=1e-12)
 
 
 def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> None:

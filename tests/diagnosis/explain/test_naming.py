@@ -134,6 +134,8 @@ def test_a_load_that_switches_is_found_with_its_rhythm_and_in_the_cold_is_likeli
         assert (first.effect, "heater" in first.confused_with) == ("intermittent_load", False)
         assert first.parameters["period_s"].value == pytest.approx(40.0, rel=0.05)
         assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
+        low, high = first.parameters["duty"].ci95
+        assert 0.2 < low < high < 0.4  # the moments are known to a window of a second or two
 
 
 def warming(runs: list[Recording], from_c: float, to_c: float) -> list[Recording]:
