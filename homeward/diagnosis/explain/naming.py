@@ -210,12 +210,18 @@ class _Search:
     ) -> tuple[_Found | None, tuple[Checked, ...]]:
         """The set with the evidence for each effect that it adds, or None and the checks of one that is refused."""
         as_tried = EffectSet(each.model, self.runs, self.block, self.rng)
-        for candidate in self._candidates(before, bench, each, tried, as_tried):
+        candidates = self._candidates(before, bench, each, tried, as_tried)
+        for candidate in candidates:
             checks = self._checks(candidate, BEFORE_REPLAYS)
             if not passes(checks, self.without):
                 return None, checks
-        together = self._fitted([*before.effects.terms, *(_with_plain(bench, index) for index in each.added)])
-        candidates = self._candidates(before, bench, each, tried, together)
+        # Each in its best form beside the others: a parameter of one may show only there.
+        forms = [_with_plain(candidate.bench, candidate.index) for candidate in candidates]
+        together = self._fitted([*before.effects.terms, *forms])
+        candidates = [
+            replace(candidate, with_it=together, at=partial(self._at, candidate.bench, candidate.index))
+            for candidate in candidates
+        ]
         checked = []
         for candidate in candidates:
             checks = self._checks(candidate, CONDITIONS)
