@@ -156,10 +156,6 @@ CLEARLY_APART = 4.0
 """Distance of two separate levels, in standard deviations of the residual: a window of one level lies beyond
 half-way to the other with p = 0.02, the normal tail beyond two."""
 
-MOST_OF_THE_REST = 0.6
-"""Least share of what named effects leave that a further schedule explains if its levels are not clearly apart. Chosen:
-on seeds 416 to 418 of benchmarks/concealed wrong ones explain up to 0.54, on synthetic drives true ones 0.6 to 0.8."""
-
 CUSUM_CUTS = 4.0
 """Squared studentised CUSUM from which a run is cut at a change point: two standard errors."""
 

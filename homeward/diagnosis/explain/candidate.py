@@ -115,22 +115,6 @@ class Candidate:
         return self.bench.channel_error * followed(self.bench, self.index)
 
     @property
-    def size_p_value(self) -> float | None:
-        """P-value of its size in the joint replay; 1 at the size of the robot file.
-
-        None where other parameters of its kernel are fitted too: its size may be confounded with them.
-        """
-        model = self.with_it.model
-        assert isinstance(model, Corrected)
-        own = model.model.of(self.place)
-        sizes = [number for number in own if model.model.unknowns[number].column is not None]
-        lowest = model.model.bounds[0]
-        absent = (model.values <= lowest) & (lowest != 0.0) & (lowest != model.model.given)
-        if absent[sizes].any():
-            return 1.0
-        return float(model.p_values[self.place]) if len(sizes) == len(own) else None
-
-    @property
     def energy_share(self) -> float:
         """Share of the recorded energy that it adds and saves."""
         model, duration_s = self.with_it.model, self.runs.duration_s

@@ -106,11 +106,6 @@ def _beyond_motion(candidate: Candidate) -> float | None:
 
 CONDITIONS: tuple[Condition, ...] = (
     Condition(
-        "size", "p-value of the hypothesis that its size is that of the robot file (Wald test)",
-        "every effect", "at most", lambda candidate: thresholds.SIGNIFICANT, "5 %", "SIGNIFICANT",
-        lambda candidate: candidate.size_p_value,
-    ),
-    Condition(
         "energy", "share of the recorded energy that it adds or saves",
         "an effect whose size changes", "at least", lambda candidate: thresholds.SMALLEST_SHARE, "0.5 %",
         "SMALLEST_SHARE",
@@ -161,5 +156,5 @@ CONDITIONS: tuple[Condition, ...] = (
 BEFORE_PLACEBOS = tuple(condition for condition in CONDITIONS if condition.name != "placebo")
 """Those that a rival must meet: that noise would score as high as the named effect is refuted already."""
 
-BEFORE_REPLAYS = tuple(condition for condition in CONDITIONS if condition.name in ("size", "energy"))
-"""Those that need no replay on held-out windows: evaluated first, as they take no time."""
+BEFORE_REPLAYS = tuple(condition for condition in CONDITIONS if condition.name == "energy")
+"""That which needs no replay on held-out windows: evaluated first, as it takes no time."""

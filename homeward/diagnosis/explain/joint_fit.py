@@ -8,18 +8,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, Setting, Term
 from homeward.diagnosis.fit.fitted import bounded, excited
-from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
 from homeward.diagnosis.fit.refit import Refit, covariance, holding
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Value
-from homeward.logs.autocorrelation import innovations
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 
@@ -105,7 +102,6 @@ class Corrected:
     model: Model
     values: Array  # (unknowns,)
     ci95: tuple[tuple[float, float], ...]
-    p_values: Array  # (terms,), of the hypothesis that a term adds nothing to the robot file (Wald test)
     groups: Refit  # of the groups of the refit, fitted together with the effects
     beside: Array  # (windows, unknowns): derivative of the prediction, per unit of each unknown
     contribution: tuple[Array, ...]  # power or current of each term, shape (windows,)
@@ -158,20 +154,6 @@ class Corrected:
         """Prediction by a replay with these parameters and effects, shape (windows,)."""
         return self.model.predict(runs, self.theta, self.values)
 
-    def at_work(self) -> Mask:
-        """Whether the sizes of each effect significantly differ from the file's, inside physical bounds, (terms,).
-
-        Levels of the ground may be confounded with its mean, but not all together. An effect whose other parameters
-        were fitted too passes: its size may be confounded with them.
-        """
-        (low, high), values, found = self.model.bounds, self.values, []
-        inside = (values < high) & ((values > low) | (low == 0.0) | (low == self.model.given))
-        for index, p_value in enumerate(self.p_values):
-            own = self.model.of(index)
-            sized = [at for at in own if self.model.unknowns[at].column is not None]
-            found.append(inside[sized].all() and (len(sized) < len(own) or p_value <= thresholds.SIGNIFICANT))
-        return np.array(found, np.bool_)
-
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""
         term = self.model.terms[index]
@@ -219,28 +201,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
         for one, value, w in zip(model.unknowns, values, width, strict=True)
     )
     contribution = tuple(predicted - model.predict(runs, theta, values, leave_out=one) for one in range(len(terms)))
-    by_innovations = _by_innovations(model, values, runs, predicted, jacobian)
-    p_values = np.minimum(_significance(model, values, spread, freedom), by_innovations)
-    return Corrected(model, values, intervals, p_values, at, jacobian[:, groups:], contribution)
-
-
-def _by_innovations(model: Model, values: Array, runs: Runs, predicted: Array, jacobian: Array) -> Array:
-    """P-value of each term, shape (terms,), by generalised least squares: a slow cause that is not in the model makes
-    blocks of its residual long and few."""
-    rows, (white, columns) = innovations(runs.observed - predicted, runs.run, jacobian)
-    step = np.linalg.lstsq(columns, white, rcond=None)[0]
-    own = slice(len(model.parameters.groups), None)
-    spread = covariance(columns, white - columns @ step, cut_blocks(runs.run)[rows])[own, own]
-    return _significance(model, np.clip(values + step[own], *model.bounds), spread, len(rows))
-
-
-def _significance(model: Model, values: Array, spread: Array, freedom: int) -> Array:
-    """P-value of the Wald test of each term, shape (terms,), by the covariance of the values."""
-    added, found = values - model.given, []
-    for own in map(model.of, range(len(model.terms))):
-        wald = added[own] @ np.linalg.pinv(spread[np.ix_(own, own)], hermitian=True) @ added[own]
-        found.append(float(fisher.sf(wald / len(own), len(own), freedom)))
-    return np.array(found)
+    return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
 
 
 def relinearised(term: Term, fit: Refit, beside: Sequence[Term], runs: Runs, block: Index) -> Term | None:

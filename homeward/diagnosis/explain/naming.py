@@ -18,6 +18,7 @@ from numpy.random import Generator
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.candidate import Candidate, EffectSet
 from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
+from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.conditions import BEFORE_PLACEBOS, BEFORE_REPLAYS, CONDITIONS, Condition, judge, passes
 from homeward.diagnosis.explain.hypothesis import Setting, Term
@@ -167,7 +168,8 @@ class _Search:
         for each in _simplest_first(tried, base):
             if not self._promises(each, tried, before, base) or any(_outdone(each, other, base) for other in refused):
                 continue
-            found, checks = self._judged(before, bench, each, tried)
+            standing = [other for other in tried if all(other is not barred for barred in refused)]
+            found, checks = self._judged(before, bench, each, standing)
             if found is not None:
                 return found
             if checks[-1].condition == "placebo" and len(each.added) == 1:
@@ -279,7 +281,7 @@ class _Search:
             if (candidate.effect, candidate.axis) == (form.effect, form.axis)
         ]
         if same:
-            return bench, max(same, key=bench.share)
+            return bench, max(same, key=bench.delta_bic)
         # Its schedule is not found again: it stands as it was tried.
         bench = replace(bench, candidates=(*bench.candidates, form))
         return bench, len(bench.candidates) - 1
@@ -349,6 +351,11 @@ class _Tried:
         return all(form.axis == "steady" for form in self.forms)
 
     @property
+    def clear(self) -> bool:
+        """Whether all schedules among them have levels that are clearly apart."""
+        return all(clearly_apart(form.schedule) for form in self.forms if form.axis != "steady")
+
+    @property
     def rank(self) -> tuple[int, bool, bool, bool]:
         """Simpler is less: few effects, physics before a fault of an instrument, what channels show before a
         schedule, and a change that is typical of the effect before another."""
@@ -361,7 +368,7 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
     the others, best first.
 
     A schedule fits any intermittent cause at least as well as the cause itself: what channels show is preferred though
-    it explains less.
+    it explains less, unless the levels of the schedule are clearly apart.
     """
     better = sorted((each for each in tried if each.squared_error < base), key=lambda each: each.squared_error)
     if not better:
@@ -369,7 +376,7 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
     best = better[0]
 
     def about_best(each: _Tried) -> bool:
-        if each.steady and not best.steady:
+        if each.steady and not best.steady and not best.clear:
             return base - each.squared_error >= thresholds.SIMPLER * (base - best.squared_error)
         return each.squared_error <= thresholds.EQUAL * best.squared_error
 
@@ -378,12 +385,11 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
 
 
 def _outdone(each: _Tried, refused: _Tried, base: float) -> bool:
-    """Whether a set that only placebos refuse explains more: a schedule is less simple than a channel, and a drift does
-    not refute steps."""
-    simpler = each.steady and not refused.steady
-    least = thresholds.SIMPLER if simpler else thresholds.RIVAL_SHARE
-    gained, more = base - each.squared_error, base - refused.squared_error
-    return gained < least * more and (refused.sudden or not each.sudden)
+    """Whether a set that only placebos refuse explains more: what channels show is not barred by a schedule, nor steps
+    by a drift."""
+    if (each.steady and not refused.steady) or (each.sudden and not refused.sudden):
+        return False
+    return base - each.squared_error < thresholds.RIVAL_SHARE * (base - refused.squared_error)
 
 
 def _squared_error(predicted: Array, runs: Runs) -> float:

@@ -34,7 +34,6 @@ def test_the_effect_that_is_concealed_explains_the_held_out_error(turning: Candi
     assert turning.explained == pytest.approx(
         turning.without.squared_error - turning.with_it.squared_error, rel=1e-9
     )  # fmt: skip
-    assert turning.size_p_value is not None and turning.size_p_value < 1e-6
     assert turning.delta_bic > 100.0
 
 

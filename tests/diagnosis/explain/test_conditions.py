@@ -53,7 +53,7 @@ def test_a_condition_that_is_left_out_is_shown_and_refuses_nothing() -> None:
 
 
 def test_an_unknown_name_is_refused_with_those_that_there_are(husky: Robot) -> None:
-    with pytest.raises(ValueError, match=r"'gian' is no condition; these are: size, .*placebo"):
+    with pytest.raises(ValueError, match=r"'gian' is no condition; these are: energy, .*placebo"):
         check_names(["gian"])
     with pytest.raises(ValueError, match="no condition"):
         analyse([], husky, without=["gian"])
