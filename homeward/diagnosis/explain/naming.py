@@ -35,6 +35,7 @@ from homeward.diagnosis.result import Checked
 from homeward.logs.channels import Array, Index
 
 _SINGLES, _WHITE, _PAIRS = 6, 3, 3  # sets fitted in each round, the most promising first; chosen: bounds the time
+_WORTH_JUDGING = 0.5  # share of the least gain that a linearised replay must reach; chosen: bounds the time
 _PAIRED = 12  # single hypotheses that are screened in pairs; chosen: 66 pairs, which bounds the time
 
 
@@ -179,7 +180,7 @@ class _Search:
     def _promises(self, each: _Tried, tried: Sequence[_Tried], before: _Found, base: float) -> bool:
         """Whether a set may meet the least gain, by its linearised replay: half of that, of each of its effects."""
         noise = 0.0 if before.named else power_noise(self.runs)
-        least = 0.5 * thresholds.SMALLEST_GAIN_TO_NAME
+        least = _WORTH_JUDGING * thresholds.SMALLEST_GAIN_TO_NAME
         if len(each.added) == 1:
             return base - each.squared_error >= least * (base - noise)
         parts = [other.squared_error for other in tried if len(other.added) == 1 and other.added[0] in each.added]
