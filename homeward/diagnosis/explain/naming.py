@@ -109,23 +109,23 @@ def name_missing(
     experiment runs refuse nothing.
     """
     search = _Search(fit, holding(fit, runs, immaterial(fit, runs)), runs, block, rng, varying, without)
-    found = _Found(EffectSet(fit, runs, block, rng))
+    selection = _Selection(EffectSet(fit, runs, block, rng))
     naming = Naming()
-    while len(found.named) < thresholds.MOST_EFFECTS:
+    while len(selection.named) < thresholds.MOST_EFFECTS:
         progress("naming")
-        bench = search.bench(found.effects)
-        if not found.named:
+        bench = search.bench(selection.effects)
+        if not selection.named:
             naming = Naming(ranking=_rank(bench), absorbed=bench.absorbed())
-        further = search.further(found, bench)
+        further = search.further(selection, bench)
         if further is None:
             break
-        found = further
-    corrected = found.effects.model if isinstance(found.effects.model, Corrected) else None
-    return replace(naming, named=found.named, corrected=corrected, refused=tuple(search.refused))
+        selection = further
+    corrected = selection.effects.model if isinstance(selection.effects.model, Corrected) else None
+    return replace(naming, named=selection.named, corrected=corrected, refused=tuple(search.refused))
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Selection:
     """The effects found so far, fitted together, and the evidence for each."""
 
     effects: EffectSet
@@ -160,7 +160,7 @@ class _Search:
             model, tuple(candidates), runs, setting.residual, self.block, channel_error=channel_error(self.fit, runs)
         )
 
-    def further(self, before: _Found, bench: Bench) -> _Found | None:
+    def further(self, before: _Selection, bench: Bench) -> _Selection | None:
         """The effects with one or two more: the simplest of the sets that predict about best and meet all
         conditions."""
         tried = self._tried(before.effects, bench)
@@ -170,14 +170,14 @@ class _Search:
             if not self._promises(each, tried, before, base) or any(_outdone(each, other, base) for other in refused):
                 continue
             standing = [other for other in tried if all(other is not barred for barred in refused)]
-            found, checks = self._judged(before, bench, each, standing)
-            if found is not None:
-                return found
+            selection, checks = self._judged(before, bench, each, standing)
+            if selection is not None:
+                return selection
             if checks[-1].condition == "placebo" and len(each.added) == 1:
                 refused.append(each)
         return None
 
-    def _promises(self, each: _Tried, tried: Sequence[_Tried], before: _Found, base: float) -> bool:
+    def _promises(self, each: _Tried, tried: Sequence[_Tried], before: _Selection, base: float) -> bool:
         """Whether a set may meet the least gain, by its linearised replay: half of that, of each of its effects."""
         noise = 0.0 if before.named else power_noise(self.runs)
         least = _WORTH_JUDGING * thresholds.SMALLEST_GAIN_TO_NAME
@@ -188,7 +188,8 @@ class _Search:
 
     def _tried(self, before: EffectSet, bench: Bench) -> list[_Tried]:
         """The promising sets beside these effects, each at its own joint replay."""
-        screened = [*_screened(bench), *_screened_pairs(bench)]
+        has_room = len(before.terms) + 2 <= thresholds.MOST_EFFECTS
+        screened = [*_screened(bench), *(_screened_pairs(bench) if has_room else [])]
         return [self._replayed(before, bench, added) for added in screened]
 
     def _tried_alone(self, before: EffectSet, bench: Bench) -> list[_Tried]:
@@ -209,8 +210,8 @@ class _Search:
         return held_out(lambda chosen: model.fitted_to(chosen, self.runs.observed).predicted, self.block % FOLDS)
 
     def _judged(
-        self, before: _Found, bench: Bench, each: _Tried, tried: Sequence[_Tried]
-    ) -> tuple[_Found | None, tuple[Checked, ...]]:
+        self, before: _Selection, bench: Bench, each: _Tried, tried: Sequence[_Tried]
+    ) -> tuple[_Selection | None, tuple[Checked, ...]]:
         """The set with the evidence for each effect that it adds, or None and the checks of one that is refused."""
         as_tried = EffectSet(each.model, self.runs, self.block, self.rng)
         candidates = self._candidates(before, bench, each, tried, as_tried)
@@ -244,7 +245,7 @@ class _Search:
             )
             for candidate, checks in zip(candidates, checked, strict=True)
         ]
-        return self._without_needless(_Found(together, (*before.named, *named)), len(named)), checked[-1]
+        return self._without_needless(_Selection(together, (*before.named, *named)), len(named)), checked[-1]
 
     def _checks(self, candidate: Candidate, conditions: Sequence[Condition]) -> tuple[Checked, ...]:
         checks = judge(candidate, self.without, conditions)
@@ -253,7 +254,7 @@ class _Search:
         return checks
 
     def _candidates(
-        self, before: _Found, bench: Bench, each: _Tried, tried: Sequence[_Tried], with_it: EffectSet
+        self, before: _Selection, bench: Bench, each: _Tried, tried: Sequence[_Tried], with_it: EffectSet
     ) -> list[Candidate]:
         """Each effect that a set adds, beside the set without it."""
         parts = {other.added[0]: other.model for other in tried if len(other.added) == 1}
@@ -287,18 +288,20 @@ class _Search:
         bench = replace(bench, candidates=(*bench.candidates, form))
         return bench, len(bench.candidates) - 1
 
-    def _without_needless(self, found: _Found, new: int) -> _Found:
-        """The effects that are still needed beside the `new` ones: without each, held-out windows are predicted
+    def _without_needless(self, selection: _Selection, new: int) -> _Selection:
+        """The effects that are still needed beside the `new` effects: without each, held-out windows are predicted
         worse by the least share of what it leaves."""
-        named = list(found.named)
-        for old in found.named[: len(named) - new]:
+        named = list(selection.named)
+        for old in selection.named[: len(named) - new]:
             rest = [each for each in named if each is not old]
             without = self._fitted([each.term for each in rest])
-            gained = 1.0 - found.effects.squared_error / max(without.squared_error, 1e-300)
+            gained = 1.0 - selection.effects.squared_error / max(without.squared_error, 1e-300)
             if gained < thresholds.SMALLEST_GAIN_TO_NAME:
-                named, found = rest, _Found(without, tuple(rest))
-        terms_of = found.effects.terms
-        return _Found(found.effects, tuple(replace(one, term=term) for one, term in zip(named, terms_of, strict=True)))
+                named, selection = rest, _Selection(without, tuple(rest))
+        terms_of = selection.effects.terms
+        return _Selection(
+            selection.effects, tuple(replace(effect, term=term) for effect, term in zip(named, terms_of, strict=True))
+        )
 
     def _fitted(self, forms: Sequence[Term]) -> EffectSet:
         """Effects fitted together, flexible ones in the form of a robot file where that fits as well."""
