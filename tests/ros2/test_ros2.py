@@ -95,7 +95,7 @@ class Robot:
         odometry.pose.pose.orientation.w = 1.0
         imu: Any = class_of(IMU)(header=header)
         imu.orientation.w = 1.0
-        self._battery.publish(class_of(BATTERY)(header=header, voltage=24.0, current=-6.0, percentage=0.9))
+        self._battery.publish(class_of(BATTERY)(header=header, voltage=25.2, current=-6.0, percentage=0.9))
         self._odometry.publish(odometry)
         self._imu.publish(imu)
 

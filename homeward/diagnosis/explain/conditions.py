@@ -94,8 +94,10 @@ def _evidence(candidate: Candidate) -> float | None:
 
 def _apart(candidate: Candidate) -> float | None:
     schedule = candidate.term.schedule
-    beside = any(term.axis == "time" for term in candidate.without.terms)
-    return schedule.apart if beside and schedule is not None and candidate.term.axis == "time" else None
+    beside = bool(candidate.without.terms) and candidate.term.axis == "time"
+    if schedule is None or not beside or candidate.gain.share > thresholds.HALF:
+        return None
+    return schedule.apart
 
 
 def _beyond_motion(candidate: Candidate) -> float | None:
@@ -120,7 +122,8 @@ CONDITIONS: tuple[Condition, ...] = (
     ),
     Condition(
         "apart", "distance of its levels, in standard deviations of their residual",
-        "a schedule beside another", "more than", lambda candidate: thresholds.CLEARLY_APART, "4", "CLEARLY_APART",
+        "a schedule beside another effect that explains less than half of the rest", "more than",
+        lambda candidate: thresholds.CLEARLY_APART, "4", "CLEARLY_APART",
         _apart,
     ),
     Condition(

@@ -86,7 +86,7 @@ def test_a_later_drive_has_the_error_of_its_energy(tmp_path: Path, monkeypatch: 
     later = Later(run, 1.25 * replayed_w(ROBOT, run))
     whole = dataclasses.replace(ROBOT, effects={"standby": {"power_w": float(0.25 * np.mean(replayed_w(ROBOT, run)))}})
 
-    def diagnosed(args: diagnose.Args) -> Analysis:
+    def diagnosed(args: diagnose.Args, without: tuple[str, ...]) -> Analysis:
         found = Diagnosis(ROBOT.name, (), "missing_physics", "")
         (args.out / "diagnosis.json").write_text(found.to_json())
         (args.out / "corrected.toml").write_text(whole.to_toml())
@@ -105,7 +105,7 @@ def test_a_later_drive_has_the_error_of_its_energy(tmp_path: Path, monkeypatch: 
 def test_what_is_raised_is_refused_if_it_says_why_and_a_crash_otherwise(
     error: Exception, verdict: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def failing(args: diagnose.Args) -> None:
+    def failing(args: diagnose.Args, without: tuple[str, ...]) -> None:
         raise error
 
     monkeypatch.setattr(diagnose, "main", failing)
