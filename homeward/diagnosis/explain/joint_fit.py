@@ -204,22 +204,6 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
 
 
-def relinearised(term: Term, fit: Refit, beside: Sequence[Term], runs: Runs, block: Index) -> Term | None:
-    """A form of one size with its column as in the joint fit; None where that has none of it.
-
-    A fit without the effect may be far from the joint fit. Forces then change sign elsewhere, and the form linearised
-    there explains little.
-    """
-    if len(term.low) > 1:
-        return None
-    fixed = dataclasses.replace(term, hypothesis=dataclasses.replace(term.hypothesis, searched=()))
-    fitted = fit_model(fit, [*beside, fixed], runs, block)
-    added, contribution = float(fitted.values[-1] - fitted.model.given[-1]), fitted.contribution[-1]
-    if added == 0.0 or not contribution.any():
-        return None
-    return dataclasses.replace(term, columns=contribution[:, None] / added)
-
-
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     """The model with the loads of its terms computed at these parameters instead of the refit's."""
     setting, terms = model.setting(runs, theta, values), []

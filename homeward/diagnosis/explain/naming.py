@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations, compress
+from itertools import combinations
 
 import numpy as np
 from numpy.random import Generator
@@ -22,7 +22,7 @@ from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.conditions import BEFORE_PLACEBOS, BEFORE_REPLAYS, CONDITIONS, Condition, judge, passes
 from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial, relinearised
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.fit.channel_errors import channel_error, power_noise
@@ -145,8 +145,8 @@ class _Search:
     without: Collection[str]
     refused: list[Refused] = field(default_factory=list)
 
-    def bench(self, effects: EffectSet, as_jointly_fitted: bool = True) -> Bench:
-        """The hypotheses that can be tried beside these effects, forms of force also as in their joint fits."""
+    def bench(self, effects: EffectSet) -> Bench:
+        """The hypotheses that can be tried beside these effects."""
         runs, model = self.runs, effects.model
         setting, misread = Setting.of(self.fit, runs), np.zeros(len(runs.observed))
         if isinstance(model, Corrected):
@@ -154,8 +154,6 @@ class _Search:
         setting = replace(setting, residual=runs.observed - model.predicted)
         candidates = terms(setting, tuple(term.effect for term in effects.terms), self.varying)
         candidates = not_contradicted(candidates, model.jacobian, setting, misread, self.block)
-        if as_jointly_fitted:
-            candidates += _as_jointly_fitted(candidates, model, self.material, effects.terms, setting, self.block)
         return Bench(
             model, tuple(candidates), runs, setting.residual, self.block, channel_error=channel_error(self.fit, runs)
         )
@@ -276,7 +274,7 @@ class _Search:
 
     def _beside(self, without: EffectSet, form: Term) -> tuple[Bench, int]:
         """The hypotheses beside the other half of a pair, and the best form of this one there."""
-        bench = self.bench(without, as_jointly_fitted=False)
+        bench = self.bench(without)
         same = [
             index
             for index, candidate in enumerate(bench.candidates)
@@ -438,17 +436,6 @@ def _promising(bench: Bench) -> list[int]:
         for index in _best_forms(bench, scores)
         if bench.shares[index] > 0.0 and bench.candidates[index].effect not in present
     ]
-
-
-def _as_jointly_fitted(
-    candidates: Sequence[Term], model: Fitted, fit: Refit, beside: Sequence[Term], setting: Setting, block: Index
-) -> list[Term]:
-    """Steady forms as in their joint fits, which may be far from a model without the effect."""
-    forms = tuple(form for form in candidates if not form.linear and form.hypothesis.depends_on_force)
-    shares = Bench(model, forms, setting.runs, setting.residual, block).shares
-    excited = compress(forms, ~np.isclose(shares, 0.0))
-    fitted = (relinearised(form, fit, beside, setting.runs, block) for form in excited)
-    return [form for form in fitted if form is not None]
 
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:

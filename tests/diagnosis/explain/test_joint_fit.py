@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 from homeward import Robot, load_robot
-from homeward.diagnosis import Recording
+from homeward.diagnosis import Recording, diagnose
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
-from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial, relinearised
-from homeward.diagnosis.explain.proof import Bench
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import refit
-from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
-from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.fit.replay import Runs, WithEffects, predict
 from tests.diagnosis import hills
 
 TURNING = {"turning": {"scrub": 0.3}}
@@ -149,21 +147,15 @@ def test_a_mass_on_level_ground_is_immaterial(short_runs: Runs, husky: Robot) ->
         assert not immaterial(fit, runs)[ROLLING]
 
 
-def test_an_effect_far_from_the_refit_explains_what_it_does_in_the_joint_fit() -> None:
+def test_an_effect_far_from_the_refit_is_named_by_its_joint_replay() -> None:
     """Over hills a refit without regeneration is so far off that forces change sign in other windows."""
     given = load_robot("jackal")
     given = dataclasses.replace(given, rolling_resistance=0.5 * given.rolling_resistance)
     robot = dataclasses.replace(given, effects={"regeneration": {"share": 0.7, "up_to_w": 1e3}})
     recorded = [Recording(f"run{seed}.csv", str(seed), hills.drive(robot, seed)) for seed in (100, 101, 102)]
-    runs = average(usable_runs(recorded, given)[0])
-    fit = refit(runs, given)
-    setting, block = Setting.of(fit, runs), cut_blocks(runs.run)
-    regeneration = CATALOGUE["regeneration"]
-    (first,) = (one for one in responses(regeneration, setting) if not one.shape)
-    again = relinearised(first, fit, [], runs, block)
-    assert again is not None
-    shares = Bench(fit, (first, again), runs, setting.residual, block).shares
-    assert shares[1] > 1.5 * shares[0]
+    (regeneration,) = diagnose(recorded, given).missing_physics
+    assert regeneration.effect == "regeneration"
+    assert regeneration.parameters["share"].value == pytest.approx(0.7, rel=0.05)
 
 
 @pytest.mark.parametrize("in_file", [0.0, 0.15])
