@@ -3,5 +3,4 @@
 from tests.diagnosis.conftest import drive as drive
 from tests.diagnosis.conftest import faultless as faultless
 from tests.diagnosis.conftest import husky as husky
-from tests.diagnosis.conftest import scrubbing as scrubbing
 from tests.diagnosis.conftest import short_drive as short_drive
