@@ -7,7 +7,6 @@ condition that refuses nothing alone changes no name if it is left out.
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections import Counter
 from collections.abc import Collection, Sequence
@@ -19,8 +18,7 @@ from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.real_drives import Set, Split, splits
-from homeward.datasets import DatasetError
+from benchmarks.real_drives import Set, Split, at_hand
 from homeward.diagnosis import analyse
 from homeward.diagnosis.explain import naming
 from homeward.diagnosis.explain.candidate import Candidate
@@ -57,12 +55,7 @@ def tried(split: Split) -> list[tuple[str, tuple[Checked, ...]]]:
 
 def main(args: Args) -> None:
     """Run the sets and print how often each condition refuses, and how often it alone does."""
-    work: list[Split] = []
-    for vehicle in args.sets:
-        try:
-            work += splits(vehicle)
-        except DatasetError as error:
-            print(f"left out: {error}", file=sys.stderr)
+    work = at_hand(args.sets)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = [each for part in Parallel(args.jobs)(delayed(tried)(split) for split in work) for each in part]

@@ -355,14 +355,20 @@ def show_varied(outcomes: Sequence[Varied]) -> None:
     Console(width=WIDTH).print(table)
 
 
-def main(args: Args) -> None:
-    """Run the sets and print their table."""
+def at_hand(vehicles: Sequence[Set]) -> list[Split]:
+    """Splits of the vehicles whose recordings are at hand; the others are named on standard error."""
     work: list[Split] = []
-    for vehicle in args.sets:
+    for vehicle in vehicles:
         try:
             work += splits(vehicle)
         except DatasetError as error:
             print(f"left out: {error}", file=sys.stderr)
+    return work
+
+
+def main(args: Args) -> None:
+    """Run the sets and print their table."""
+    work = at_hand(args.sets)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if args.scales:

@@ -347,10 +347,16 @@ def _effect_link(name: str) -> str:
 def conditions() -> str:
     """Conditions under which an effect is named."""
     rows = [
-        (condition.name, condition.asks, f"{condition.side} {condition.limit_in_words}", condition.applies_to)
+        (
+            condition.name,
+            condition.asks,
+            f"{condition.side} {condition.limit_in_words}",
+            condition.applies_to,
+            condition.origin,
+        )
         for condition in CONDITIONS
     ]
-    return table(("condition", "what is compared", "limit", "applies to"), rows)
+    return table(("condition", "what is compared", "limit", "applies to", "origin of the limit"), rows)
 
 
 def counts() -> str:

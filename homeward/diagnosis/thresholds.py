@@ -102,7 +102,7 @@ simpler than trees: it need not be all that is missing (chosen as EQUIVALENT).""
 
 HALF = 0.5
 """A majority: of samples (that lack motion or power, or repeat the charge before), of a window, of a way or its places,
-or of the largest of several values."""
+of what named effects leave, or of the largest of several values."""
 
 BY_MOTION = 0.5
 """Share of the residual that trees on the motion explain, from which the refit has not absorbed what is missing."""

@@ -1,8 +1,8 @@
 """Upper limit of what a diagnosis can name: hidden effects that the recordings prove if their exact form is known.
 
 The exact contribution of an effect is the recordings less those of the same drives without it. It is one regressor
-beside the refit and the exact contributions of the other effects, and must meet the conditions of a name. No diagnosis
-has more evidence.
+beside the refit and the exact contributions of the other effects, and must meet the conditions of gain, meter and
+evidence. No diagnosis has more evidence.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.residual_test import independent_blocks
-from homeward.diagnosis.fit.channel_errors import least_to_name, meter_error, power_noise
+from homeward.diagnosis.fit.channel_errors import meter_error, power_noise
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
@@ -42,12 +42,12 @@ def provable(case: Case) -> dict[str, bool]:
     )
     residual = runs.observed - fit.predicted
     block = independent_blocks(fit, runs).channels
-    bench = Bench(fit, terms, runs, residual, block, noise=power_noise(runs))
+    bench = Bench(fit, terms, runs, residual, block)
     least, found = meter_error(runs), {}
     for index, effect in enumerate(case.hidden):
-        beside = bench if len(terms) == 1 else bench.with_base(1 - index)
+        beside, noise = (bench, power_noise(runs)) if len(terms) == 1 else (bench.with_base(1 - index), 0.0)
         share, squared_error = beside.share(index), beside.squared_error(index)
-        enough = least_to_name(thresholds.SMALLEST_GAIN_TO_NAME, squared_error, beside.noise)
+        enough = thresholds.SMALLEST_GAIN_TO_NAME * (1.0 - noise / max(squared_error, 1e-300))
         named = share >= enough and share * squared_error >= least
         elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance
         delta_bic = max(beside.held_out_bic(index), beside.innovations_bic(index))

@@ -1,7 +1,7 @@
 """When an effect is named: one table of conditions, each a number of the candidate and its limit.
 
 `judge` is the only place where they are evaluated. The result and the report carry every value, and the page "When an
-effect is named" is this table.
+effect is named" shows this table. What all named effects together must meet is in `explanation`.
 """
 
 from __future__ import annotations
@@ -109,7 +109,8 @@ def _beyond_motion(candidate: Candidate) -> float | None:
 CONDITIONS: tuple[Condition, ...] = (
     Condition(
         "energy", "share of the recorded energy that it adds or saves",
-        "an effect whose size changes", "at least", lambda candidate: thresholds.SMALLEST_SHARE, "0.5 %",
+        "an effect whose size changes", "at least", lambda candidate: thresholds.SMALLEST_SHARE,
+        f"{thresholds.SMALLEST_SHARE:.1%}",
         "SMALLEST_SHARE",
         lambda candidate: None if candidate.term.axis == "steady" else candidate.energy_share,
     ),
@@ -117,19 +118,23 @@ CONDITIONS: tuple[Condition, ...] = (
         "evidence",
         "reduction of BIC by it; of a load that switches, and beside another effect, from the innovations of the "
         "residual, of which its steps must stand out",
-        "an effect whose size changes", "at least", lambda candidate: thresholds.STRONG_BIC, "6", "STRONG_BIC",
+        "an effect whose size changes", "at least", lambda candidate: thresholds.STRONG_BIC, f"{thresholds.STRONG_BIC:g}",
+        "STRONG_BIC",
         _evidence,
     ),
     Condition(
         "apart", "distance of its levels, in standard deviations of their residual",
         "a schedule beside another effect that explains less than half of the rest", "more than",
-        lambda candidate: thresholds.CLEARLY_APART, "4", "CLEARLY_APART",
+        lambda candidate: thresholds.CLEARLY_APART, f"{thresholds.CLEARLY_APART:g}",
+        "CLEARLY_APART",
         _apart,
     ),
     Condition(
         "gain",
         "share of the held-out squared error of the model without it, less noise of power, that it explains",
-        "every effect", "at least", _least_gain, "10 %, of a fault of an instrument 15 %",
+        "every effect", "at least", _least_gain,
+        f"{thresholds.SMALLEST_GAIN_TO_NAME:.0%}, of a fault of an instrument "
+        f"{thresholds.SMALLEST_GAIN_OF_A_FAULT:.0%}",
         "SMALLEST_GAIN_TO_NAME, SMALLEST_GAIN_OF_A_FAULT",
         lambda candidate: candidate.gain_beyond_noise,
     ),
@@ -151,7 +156,8 @@ CONDITIONS: tuple[Condition, ...] = (
     ),
     Condition(
         "placebo", "share of placebos in which the same search scores as high",
-        "every effect", "at most", lambda candidate: thresholds.FALSE_ALARM_RATE, "1 %", "FALSE_ALARM_RATE",
+        "every effect", "at most", lambda candidate: thresholds.FALSE_ALARM_RATE,
+        f"{thresholds.FALSE_ALARM_RATE:.0%}", "FALSE_ALARM_RATE",
         lambda candidate: candidate.p_value,
     ),
 )  # fmt: skip

@@ -18,7 +18,6 @@ from numpy.random import Generator
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.candidate import Candidate, EffectSet
 from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
-from homeward.diagnosis.explain.change_points import clearly_apart
 from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.conditions import BEFORE_PLACEBOS, BEFORE_REPLAYS, CONDITIONS, Condition, judge, passes
 from homeward.diagnosis.explain.hypothesis import Setting, Term
@@ -49,7 +48,6 @@ class Named:
     gain_ci95: tuple[float, float]
     p_value: float  # share of placebos that score as high
     rivals: tuple[Term, ...]  # effects confounded with it, best first
-    sudden: bool  # whether its size changes in steps
     checks: tuple[Checked, ...] = ()  # values of the conditions
 
 
@@ -176,7 +174,7 @@ class _Search:
         return None
 
     def _promises(self, each: _Tried, tried: Sequence[_Tried], before: _Selection, base: float) -> bool:
-        """Whether a set may meet the least gain, by its linearised replay: half of that, of each of its effects."""
+        """Whether a set may meet the least gain: by its linearised replay, each of its effects reaches half of it."""
         noise = 0.0 if before.named else power_noise(self.runs)
         least = _WORTH_JUDGING * thresholds.SMALLEST_GAIN_TO_NAME
         if len(each.added) == 1:
@@ -238,7 +236,6 @@ class _Search:
                 candidate.gain.ci95,
                 candidate.p_value,
                 self._rivals(candidate, tried if len(candidates) == 1 else None),
-                candidate.bench.is_in_steps(candidate.index),
                 checks,
             )
             for candidate, checks in zip(candidates, checked, strict=True)
@@ -353,11 +350,6 @@ class _Tried:
         return all(form.axis == "steady" for form in self.forms)
 
     @property
-    def clear(self) -> bool:
-        """Whether all schedules among them have levels that are clearly apart."""
-        return all(clearly_apart(form.schedule) for form in self.forms if form.axis != "steady")
-
-    @property
     def rank(self) -> tuple[int, bool, bool, bool]:
         """Simpler is less: few effects, physics before a fault of an instrument, what channels show before a
         schedule, and a change that is typical of the effect before another."""
@@ -370,7 +362,7 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
     the others, best first.
 
     A schedule fits any intermittent cause at least as well as the cause itself: what channels show is preferred though
-    it explains less, unless the levels of the schedule are clearly apart.
+    it explains less.
     """
     better = sorted((each for each in tried if each.squared_error < base), key=lambda each: each.squared_error)
     if not better:
@@ -378,7 +370,7 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
     best = better[0]
 
     def about_best(each: _Tried) -> bool:
-        if each.steady and not best.steady and not best.clear:
+        if each.steady and not best.steady:
             return base - each.squared_error >= thresholds.SIMPLER * (base - best.squared_error)
         return each.squared_error <= thresholds.EQUAL * best.squared_error
 
@@ -425,17 +417,12 @@ def _screened_pairs(bench: Bench) -> list[tuple[int, int]]:
 
 
 def _promising(bench: Bench) -> list[int]:
-    """The best form of each effect that is not in the base and explains anything, by BIC, best first."""
+    """The best form of each effect that explains anything, by BIC, best first."""
     if not bench.candidates:
         return []
-    present = {bench.candidates[index].effect for index in bench.beside}
     independent = bench.independent(int(np.argmax(bench.shares)))  # the same for all
     scores = np.array([bench.score(float(share), independent, index) for index, share in enumerate(bench.shares)])
-    return [
-        index
-        for index in _best_forms(bench, scores)
-        if bench.shares[index] > 0.0 and bench.candidates[index].effect not in present
-    ]
+    return [index for index in _best_forms(bench, scores) if bench.shares[index] > 0.0]
 
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:

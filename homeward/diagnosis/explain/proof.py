@@ -61,11 +61,10 @@ class Bench:
     block: Index
     beside: tuple[int, ...] = ()  # hypotheses that count as part of the base
     channel_error: float = 0.0  # squared error expected from errors of the channels
-    noise: float = 0.0  # squared error that noise of power explains, where no effect is in the base
 
     def with_base(self, other: int) -> Bench:
         """The same with a hypothesis in the base, of which others may be misspecification."""
-        extended = replace(self, beside=(*self.beside, other), noise=0.0)
+        extended = replace(self, beside=(*self.beside, other))
         for name in ("_whole", "_by_block", "_by_stretch"):
             if name in self.__dict__:  # cached values do not depend on the base
                 extended.__dict__[name] = self.__dict__[name]

@@ -118,13 +118,3 @@ def times_noise(fit: Fitted, runs: Runs) -> float:
     """Squared error of a fit over the largest that noise of power and of the other channels explains."""
     residual = runs.observed - fit.predicted
     return float(residual @ residual) / max(channel_error(fit, runs) + power_noise(runs), 1e-300)
-
-
-def least_to_name(share: float, squared_error: float, noise: float) -> float:
-    """Least share of a squared error to be explained for a name: a share of what noise of power does not explain, and
-    `SMALLEST_GAIN` of all.
-
-    >>> round(least_to_name(0.1, squared_error=100.0, noise=30.0), 9), least_to_name(0.1, 100.0, 100.0)
-    (0.07, 0.05)
-    """
-    return max(thresholds.SMALLEST_GAIN, share * (1.0 - noise / max(squared_error, 1e-300)))
