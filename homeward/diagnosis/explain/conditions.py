@@ -118,8 +118,8 @@ CONDITIONS: tuple[Condition, ...] = (
         "evidence",
         "reduction of BIC by it; of a load that switches, and beside another effect, from the innovations of the "
         "residual, of which its steps must stand out",
-        "an effect whose size changes", "at least", lambda candidate: thresholds.STRONG_BIC, f"{thresholds.STRONG_BIC:g}",
-        "STRONG_BIC",
+        "an effect whose size changes", "at least", lambda candidate: thresholds.STRONG_BIC,
+        f"{thresholds.STRONG_BIC:g}", "STRONG_BIC",
         _evidence,
     ),
     Condition(
