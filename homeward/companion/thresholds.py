@@ -78,8 +78,8 @@ the share of its voltage that it sags at a rate of one charge an hour; standard 
 sag by 4 to 6 % when new, and twice that at the end of life (ansh-bohrey.github.io): together 4 to 12 %, uniformly."""
 
 POLARISES_S = 300.0
-"""Time constant with which the slow half of the voltage follows the current, s. Diffusion in cells takes 100 to 1000 s
-(Waag, Kaebitz & Sauer, Applied Energy 102, 2013); chosen: their geometric mean."""
+"""Time constant with which the slow half of the voltage follows the current, s. Diffusion in cells takes
+minutes: it is the slow pair of equivalent circuits. Chosen: five; no published value stands behind the number."""
 
 CURVE_ERROR_LASTS = 0.2
 """Charge over which the error of an open-circuit curve becomes another one. Chosen: the published curves of cells of
