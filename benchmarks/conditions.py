@@ -1,16 +1,20 @@
-"""What each condition for a name is worth on real recordings: the candidates that it alone refuses.
+"""What each condition for a name is worth: the candidates that it alone refuses.
 
 `HOMEWARD_DATA=FOLDER python -m benchmarks.conditions --sets husky v9 leaf f1tenth eco` diagnoses the parts of
-`benchmarks.real_drives` and checks every candidate against all conditions, not only up to the first that fails. A
-condition that refuses nothing alone changes no name if it is left out.
+`benchmarks.real_drives`; `--sets --seed 413 --cases 17` so many cases of each part of a seed of `benchmarks.concealed`.
+Every candidate, and all named effects together, are checked against all conditions, not only up to the first that
+fails. A condition that refuses nothing alone changes no name if it is left out.
 """
 
 from __future__ import annotations
 
+import tempfile
 import warnings
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import tyro
@@ -18,14 +22,19 @@ from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.concealed.plants.cases import PARTS, Part, make_case
 from benchmarks.real_drives import Set, Split, at_hand
-from homeward.diagnosis import analyse
-from homeward.diagnosis.explain import naming
+from homeward.diagnosis import RecordingError, analyse
+from homeward.diagnosis.explain import explanation, naming
 from homeward.diagnosis.explain.candidate import Candidate
-from homeward.diagnosis.explain.conditions import CONDITIONS, Condition, judge
+from homeward.diagnosis.explain.conditions import CONDITIONS, TOGETHER, Condition, judge
+from homeward.diagnosis.explain.together import Together
 from homeward.diagnosis.result import Checked
 
-ALL = tuple(condition.name for condition in CONDITIONS)
+NAMES = (*(condition.name for condition in CONDITIONS), *(condition.name for condition in TOGETHER))
+
+Judged = tuple[str, tuple[Checked, ...]]
+"""Who was judged, and the values of all conditions."""
 
 
 @dataclass(frozen=True)
@@ -34,43 +43,79 @@ class Args:
 
     sets: tuple[Set, ...] = ("husky", "v9", "leaf", "f1tenth", "eco")
     """Vehicles."""
+    seed: int | None = None
+    """Seed of simulated cases that nobody is to be surprised by any more."""
+    cases: int = 17
+    """Simulated cases of each part."""
     jobs: int = 2
     """Processes."""
 
 
-def tried(split: Split) -> list[tuple[str, tuple[Checked, ...]]]:
-    """Every candidate that was judged, with the values of all conditions: vehicle and effect, and checks."""
-    judged: list[tuple[str, tuple[Checked, ...]]] = []
+def tried(diagnosed: Callable[[], object], whose: str) -> list[Judged]:
+    """Every candidate of a diagnosis and all named effects together, with the values of all conditions."""
+    judged: list[Judged] = []
 
-    def to_the_end(
-        candidate: Candidate, without: Collection[str] = (), conditions: Sequence[Condition] = CONDITIONS
+    def candidate_to_the_end(
+        candidate: Candidate, without: Collection[str], conditions: Sequence[Condition[Candidate]]
     ) -> tuple[Checked, ...]:
-        judged.append((f"{split.vehicle}, {candidate.term.effect}", judge(candidate, ALL, CONDITIONS)))
+        judged.append((f"{whose}, {candidate.term.effect}", judge(candidate, NAMES, CONDITIONS)))
         return judge(candidate, without, conditions)
 
-    with mock.patch.object(naming, "judge", to_the_end):
-        analyse(list(split.diagnosed), split.robot)
+    def together_to_the_end(
+        together: Together, without: Collection[str], conditions: Sequence[Condition[Together]]
+    ) -> tuple[Checked, ...]:
+        effects = " and ".join(effect.term.effect for effect in together.naming.named)
+        judged.append((f"{whose}, {effects} together", judge(together, NAMES, TOGETHER)))
+        return judge(together, without, conditions)
+
+    with (
+        mock.patch.object(naming, "judge", candidate_to_the_end),
+        mock.patch.object(explanation, "judge", together_to_the_end),
+    ):
+        diagnosed()
     return judged
 
 
+def of_split(split: Split) -> list[Judged]:
+    """Of recordings of a vehicle."""
+    return tried(lambda: analyse(list(split.diagnosed), split.robot), split.vehicle)
+
+
+def of_case(part: Part, seed: int, number: int) -> list[Judged]:
+    """Of a simulated case, named by what is hidden in it."""
+    case = make_case(part, seed, number)
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"drive{index}.parquet" for index in range(len(case.recordings))]
+        for file, frame in zip(files, case.recordings, strict=True):
+            frame.to_parquet(file, index=False)
+        try:
+            return tried(lambda: analyse(files, case.nominal), f"{' and '.join(case.hidden) or part}:")
+        except RecordingError:
+            return []
+
+
 def main(args: Args) -> None:
-    """Run the sets and print how often each condition refuses, and how often it alone does."""
-    work = at_hand(args.sets)
+    """Run what was asked for and print how often each condition refuses, and how often it alone does."""
+    work: list[Any] = [delayed(of_split)(split) for split in at_hand(args.sets)]
+    if args.seed is not None:
+        parts: list[Part] = [part for part in PARTS if part in ("singles", "pairs", "controls", "outside")]
+        work += [delayed(of_case)(part, args.seed, number) for part in parts for number in range(args.cases)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = [each for part in Parallel(args.jobs)(delayed(tried)(split) for split in work) for each in part]
+        judged = [each for part in Parallel(args.jobs)(work) for each in part]
     refused, alone, whom = Counter[str](), Counter[str](), dict[str, Counter[str]]()
-    for who, checks in found:
+    for who, checks in judged:
         failed = [check.condition for check in checks if not check.holds]
         refused.update(failed)
         if len(failed) == 1:
             alone.update(failed)
             whom.setdefault(failed[0], Counter())[who] += 1
-    table = Table(title=f"{len(found)} candidates of {len(work)} parts of real recordings")
+    together = sum(who.endswith("together") for who, _ in judged)
+    table = Table(title=f"{len(judged) - together} candidates, {together} times all named effects together")
     for head in ("condition", "refuses", "alone", "whom alone"):
         table.add_column(head)
-    for name in ALL:
-        names = ", ".join(f"{who} ({count})" for who, count in whom.get(name, Counter()).most_common(6))
+    for name in NAMES:
+        names = ", ".join(f"{who} ({count})" for who, count in whom.get(name, Counter()).most_common(12))
         table.add_row(name, str(refused[name]), str(alone[name]), names)
     Console(width=150).print(table)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from homeward.diagnosis.explain.conditions import CONDITIONS
+from homeward.diagnosis.explain.conditions import CONDITIONS, TOGETHER
 
 FOLDER = Path(__file__).resolve().parents[1] / "homeward" / "diagnosis"
 THRESHOLDS = FOLDER / "thresholds.py"
@@ -100,6 +100,8 @@ def main() -> None:
         f"{len(limits)} thresholds and {len(comparisons)} comparisons with a number of their own; "
         f"{len(CONDITIONS)} conditions under which an effect is named: "
         + ", ".join(condition.name for condition in CONDITIONS)
+        + f"; {len(TOGETHER)} on all named effects together: "
+        + ", ".join(condition.name for condition in TOGETHER)
     )
 
 

@@ -28,7 +28,7 @@ from mkdocs.structure.files import File
 from docs import reference_scores as reference
 from homeward.agents.registry import AGENTS
 from homeward.diagnosis.explain.catalogue import CATALOGUE
-from homeward.diagnosis.explain.conditions import CONDITIONS
+from homeward.diagnosis.explain.conditions import CONDITIONS, TOGETHER, Condition
 from homeward.diagnosis.explain.menu import MENU, SAMPLES, Manoeuvre
 from homeward.envs import IDS
 from homeward.envs.actions import action_space
@@ -345,18 +345,23 @@ def _effect_link(name: str) -> str:
 
 
 def conditions() -> str:
-    """Conditions under which an effect is named."""
-    rows = [
-        (
-            condition.name,
-            condition.asks,
-            f"{condition.side} {condition.limit_in_words}",
-            condition.applies_to,
-            condition.origin,
-        )
-        for condition in CONDITIONS
-    ]
-    return table(("condition", "what is compared", "limit", "applies to", "origin of the limit"), rows)
+    """Conditions under which an effect is named: its own, and those on all named effects together."""
+
+    def rows(conditions: Sequence[Condition[Any]]) -> list[tuple[str, ...]]:
+        return [
+            (
+                condition.name,
+                condition.asks,
+                f"{condition.side} {condition.limit_in_words}",
+                condition.applies_to,
+                condition.origin,
+            )
+            for condition in conditions
+        ]
+
+    heads = ("condition", "what is compared", "limit", "applies to", "origin of the limit")
+    own, together = table(heads, rows(CONDITIONS)), table(heads, rows(TOGETHER))
+    return f"{own}\n\nAll named effects together:\n\n{together}"
 
 
 def counts() -> str:

@@ -17,7 +17,7 @@ from homeward.envs.viewer.point_of_no_return import PointOfNoReturn
 from homeward.physics.kernel import CAUSES
 
 GROUPS: dict[str, tuple[str, ...]] = {
-    "rolling": ("rolling", "surface"),
+    "rolling": ("rolling", "surface", "air_temperature"),
     "climbing": ("grade", "hidden_grade"),
     "air and wind": ("drag", "wind"),
     "payload": ("payload",),

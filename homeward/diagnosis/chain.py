@@ -134,6 +134,7 @@ def analyse(
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=found,
         not_named=not_named(evidence),
+        together=evidence.naming.together,
         where=where or tuple(place for one in found for place in one.where),
         fit=fit,
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},

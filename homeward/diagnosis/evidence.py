@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from homeward.diagnosis.explain.channel_effects import Capacity, ChannelEffect
-from homeward.diagnosis.explain.explanation import RemainingDependence
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
+from homeward.diagnosis.explain.together import RemainingDependence
 from homeward.diagnosis.explain.uncertainty import Joint
 from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import range_accuracy_pct

@@ -14,7 +14,7 @@ the numbers of corrected.toml."""
 
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
 VERDICTS = get_args(Verdict)
-Together = Literal["product", "ratio", "mean power"]
+Combination = Literal["product", "ratio", "mean power"]
 Followed = Literal["charge", "voltage", "load"]
 
 
@@ -58,7 +58,7 @@ class Product:
 
     of: tuple[str, ...]
     value: Value
-    together: Together = "product"
+    together: Combination = "product"
 
     @property
     def name(self) -> str:
@@ -213,6 +213,7 @@ class Diagnosis:
     parameters_off: tuple[FittedGroup, ...] = ()  # those whose interval excludes what the robot file assumes
     missing_physics: tuple[MissingPhysics, ...] = ()
     not_named: tuple[NotNamed, ...] = ()
+    together: tuple[Checked, ...] = ()  # conditions that the effects met together, up to the first that they did not
     where: tuple[Place, ...] = ()
     fit: Fit | None = None
     what_this_log_can_show: dict[str, float | None] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from homeward.diagnosis import Diagnosis, RecordingError, diagnose
 from homeward.diagnosis.result import (
     VERDICTS,
     Arm,
+    Combination,
     CorrectedFile,
     FileNumber,
     Fit,
@@ -25,7 +26,6 @@ from homeward.diagnosis.result import (
     Proof,
     Range,
     RecordingInfo,
-    Together,
     Value,
 )
 
@@ -88,8 +88,8 @@ def test_keys_are_those_of_the_format() -> None:
     keys = set(json.loads(Diagnosis("husky", (), "not_testable", "no").to_json()))
     assert keys == {
         "schema", "robot", "recordings", "verdict", "summary", "parameters", "parameters_off", "missing_physics",
-        "not_named", "where", "fit", "what_this_log_can_show", "products", "range", "range_change_m", "file", "gauge",
-        "next_experiment", "made_by",
+        "not_named", "together", "where", "fit", "what_this_log_can_show", "products", "range", "range_change_m", "file",
+        "gauge", "next_experiment", "made_by",
     }  # fmt: skip
 
 
@@ -121,5 +121,5 @@ def test_a_table_is_no_recording() -> None:
 @pytest.mark.parametrize(
     ("together", "name"), [("product", "a x b"), ("ratio", "a over b"), ("mean power", "mean power of a and b")]
 )
-def test_what_is_identifiable_together_says_how(together: Together, name: str) -> None:
+def test_what_is_identifiable_together_says_how(together: Combination, name: str) -> None:
     assert Product(("a", "b"), Value(1.0, (0.5, 1.5), "W"), together).name == name

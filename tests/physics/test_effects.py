@@ -49,6 +49,10 @@ BY_HAND: dict[str, tuple[dict[str, float], float]] = {
     "viscous": ({"drag_ns_per_m": 3.0}, 3.0 * 2.0 * PER_N),
     "wind": ({"exposure": 0.5}, 0.5 * (2.5**2 - 2.0**2) * PER_N),
     "surface": ({"gain": 2.0}, 2.0 * 0.5 * 0.1 * WEIGHT_N * COS * PER_N),
+    "air_temperature": (
+        {"rolling_per_k": 0.01},
+        (0.25 * 0.1 * WEIGHT_N * COS + (25.0 / 268.15) * 0.5 * 2.0**2) * PER_N,
+    ),
     "payload": ({"mass_kg": 3.0}, 3.0 * GRAVITY_MPS2 * (0.1 * COS + 0.1) * PER_N),
     "hidden_grade": ({"slope": 0.05}, WEIGHT_N * 0.05 * COS * PER_N),
     "slip": ({"per_load": 0.5}, FORCE_N * 0.5 * FORCE_N / WEIGHT_N * PER_N),
@@ -170,9 +174,9 @@ def test_every_effect_is_worked_out_by_hand() -> None:
 
 def test_the_catalogue_is_the_vocabulary() -> None:
     vocabulary = """
-        turning inertia breakaway viscous wind surface payload hidden_grade slip regeneration copper_loss no_load
-        motor_heating internal_resistance rate_capacity ageing cold_battery standby compute radio heater
-        cooler intermittent_load
+        turning inertia breakaway viscous wind surface air_temperature payload hidden_grade slip regeneration
+        copper_loss no_load motor_heating internal_resistance rate_capacity ageing cold_battery standby compute radio
+        heater cooler intermittent_load
     """
     assert sorted(effect.id for effect in EFFECTS) == sorted(vocabulary.split())
 

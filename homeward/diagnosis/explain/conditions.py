@@ -1,14 +1,14 @@
-"""When an effect is named: one table of conditions, each a number of the candidate and its limit.
+"""When an effect is named: one table of conditions, each a number and its limit.
 
-`judge` is the only place where they are evaluated. The result and the report carry every value, and the page "When an
-effect is named" shows this table. What all named effects together must meet is in `explanation`.
+Each effect must meet `CONDITIONS`, and all named effects together `TOGETHER`. `judge` is the only place where they are
+evaluated. The result and the report carry every value, and the page "When an effect is named" shows this table.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Generic, Literal, TypeVar
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.channel_errors import meter_error
@@ -16,51 +16,51 @@ from homeward.diagnosis.result import Checked
 
 if TYPE_CHECKING:
     from homeward.diagnosis.explain.candidate import Candidate
+    from homeward.diagnosis.explain.together import Together
 
+Judged = TypeVar("Judged")
 Side = Literal["at least", "at most", "more than"]
 
 
 @dataclass(frozen=True)
-class Condition:
-    """One condition: what it asks of a candidate, of which candidates, and its limit."""
+class Condition(Generic[Judged]):
+    """One condition: what it asks of a candidate or of all named effects, of which of them, and its limit."""
 
     name: str
     asks: str  # the quantity, in words
     applies_to: str  # in words
     side: Side
-    limit: Callable[[Candidate], float]
+    limit: Callable[[Judged], float]
     limit_in_words: str
     origin: str
-    value: Callable[[Candidate], float | None]  # None where it does not apply
+    value: Callable[[Judged], float | None]  # None where it does not apply
 
-    def check(self, candidate: Candidate) -> Checked | None:
-        """The value of a candidate beside the limit; None where the condition does not apply."""
-        value = self.value(candidate)
+    def check(self, judged: Judged) -> Checked | None:
+        """The value beside the limit; None where the condition does not apply."""
+        value = self.value(judged)
         if value is None:
             return None
-        limit = self.limit(candidate)
+        limit = self.limit(judged)
         holds = {"at least": value >= limit, "at most": value <= limit, "more than": value > limit}[self.side]
         return Checked(self.name, float(value), self.side, limit, bool(holds))
 
 
 def check_names(names: Collection[str]) -> None:
     """Raise a `ValueError` for a name that is no condition's."""
-    known = [condition.name for condition in CONDITIONS]
+    known = [*(condition.name for condition in CONDITIONS), *(condition.name for condition in TOGETHER)]
     unknown = [name for name in names if name not in known]
     if unknown:
         raise ValueError(f"{unknown[0]!r} is no condition; these are: {', '.join(known)}")
 
 
-def judge(
-    candidate: Candidate, without: Collection[str] = (), conditions: Sequence[Condition] | None = None
-) -> tuple[Checked, ...]:
-    """Check a candidate against the conditions (all by default), in their order, up to the first that does not hold.
+def judge(judged: Judged, without: Collection[str], conditions: Sequence[Condition[Judged]]) -> tuple[Checked, ...]:
+    """Check a candidate, or all named effects, against conditions in their order, up to the first that does not hold.
 
     Conditions `without` which an experiment runs are checked as well, and refuse nothing.
     """
     checks = []
-    for condition in CONDITIONS if conditions is None else conditions:
-        checked = condition.check(candidate)
+    for condition in conditions:
+        checked = condition.check(judged)
         if checked is None:
             continue
         checks.append(checked)
@@ -106,7 +106,7 @@ def _beyond_motion(candidate: Candidate) -> float | None:
     return candidate.gain.share - candidate.without.by_motion
 
 
-CONDITIONS: tuple[Condition, ...] = (
+CONDITIONS: tuple[Condition[Candidate], ...] = (
     Condition(
         "energy", "share of the recorded energy that it adds or saves",
         "an effect whose size changes", "at least", lambda candidate: thresholds.SMALLEST_SHARE,
@@ -159,6 +159,80 @@ CONDITIONS: tuple[Condition, ...] = (
         "every effect", "at most", lambda candidate: thresholds.FALSE_ALARM_RATE,
         f"{thresholds.FALSE_ALARM_RATE:.0%}", "FALSE_ALARM_RATE",
         lambda candidate: candidate.p_value,
+    ),
+)  # fmt: skip
+
+
+def _least_beside_motion(together: Together) -> float:
+    if together.is_scheduled:
+        return 1.0
+    return thresholds.OF_TREES if together.beats_trees else thresholds.SIMPLER
+
+
+def _beside_motion(together: Together) -> float:
+    named, by_motion = together.share, together.residual.by_motion
+    if together.is_scheduled:
+        named, by_motion = together.by_schedules, together.schedules_by_motion
+    return named / by_motion if by_motion > 0.0 else float("inf")
+
+
+def _beside_place(together: Together) -> float | None:
+    if not together.is_scheduled:
+        return None
+    return together.schedules_by_place / max(together.by_schedules, 1e-300)
+
+
+def _beyond_formula(together: Together) -> float | None:
+    most = together.residual.most
+    if not together.is_scheduled or not most.found or most.channel.name == "time_s":
+        return None
+    return max(together.first.held_out_gain, together.share) - together.by_formula
+
+
+def _beyond_channel(together: Together) -> float | None:
+    if not together.hides_another_channel:
+        return None
+    return together.by_each - together.residual.most.held_out_gain
+
+
+TOGETHER: tuple[Condition[Together], ...] = (
+    Condition(
+        "recorded", "effects, of the first and its rivals, that are maps of a channel which some run lacks",
+        "all", "at most", lambda together: 0.0, "0", "record the channel",
+        lambda together: float(together.unrecorded_channels),
+    ),
+    Condition(
+        "rest", "share of the squared held-out error of the refit that they explain",
+        "effects that leave a residual above noise, which depends on none of the channels of the first", "at least",
+        lambda together: thresholds.BY_NAMED, f"{thresholds.BY_NAMED:.0%}", "BY_NAMED",
+        lambda together: together.share if together.leaves_a_residual else None,
+    ),
+    Condition(
+        "motion together", "what they explain over what trees on the motion and its history explain; "
+        "of a schedule, both beside the effects that channels show",
+        "all", "more than", _least_beside_motion,
+        f"1 of a schedule; otherwise {thresholds.SIMPLER:g}, or {thresholds.OF_TREES:g} if trees do not predict "
+        "unseen runs much better",
+        "SIMPLER, OF_TREES, CLEARLY_BETTER",
+        _beside_motion,
+    ),
+    Condition(
+        "place", "what the place and the height climbed explain over what the schedule explains",
+        "a schedule that is not of the ground", "at most", lambda together: thresholds.BY_PLACE,
+        f"{thresholds.BY_PLACE:g}", "BY_PLACE",
+        _beside_place,
+    ),
+    Condition(
+        "formula", "share that they explain, less that of the best formula of a channel",
+        "a schedule where the residual depends most on a channel", "at least", lambda together: 0.0, "0",
+        "a schedule is for causes that were not recorded",
+        _beyond_formula,
+    ),
+    Condition(
+        "channel", "share that they explain, less what the channel explains on which the residual depended most",
+        "effects that this channel shows none of, where the residual still depends on it", "at least",
+        lambda together: 0.0, "0", "the channel is identified before the form",
+        _beyond_channel,
     ),
 )  # fmt: skip
 

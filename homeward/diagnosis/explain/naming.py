@@ -17,7 +17,7 @@ from numpy.random import Generator
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.candidate import Candidate, EffectSet
-from homeward.diagnosis.explain.catalogue import CATALOGUE, terms
+from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.channel_effects import not_contradicted
 from homeward.diagnosis.explain.conditions import BEFORE_PLACEBOS, BEFORE_REPLAYS, CONDITIONS, Condition, judge, passes
 from homeward.diagnosis.explain.hypothesis import Setting, Term
@@ -79,17 +79,11 @@ class Naming:
     absorbed: Mapping[str, float] = field(default_factory=dict)
     unrecorded: bool = False  # whether an unrecorded channel may explain the mismatch
     refused: tuple[Refused, ...] = ()
+    together: tuple[Checked, ...] = ()  # values of the conditions on all named effects together
 
     def nothing_named(self) -> Naming:
         """The scores of the hypotheses, with none of them named."""
         return Naming(ranking=self.ranking, absorbed=self.absorbed, refused=self.refused)
-
-    def needs_unrecorded_channel(self, runs: Runs, shown_by: Sequence[str] = ()) -> bool:
-        """Whether the first named effect, or else all that `shown_by` show, may be a channel that some run lacks."""
-        lacking = [one for one in CATALOGUE.values() if one.map_channel and not runs.has(one.map_channel)]
-        if self.named:
-            return any(term.hypothesis in lacking for term in (self.named[0].term, *self.named[0].rivals))
-        return bool(shown_by) and {*shown_by} <= {channel for one in lacking for channel in one.channels}
 
 
 def name_missing(
@@ -242,7 +236,7 @@ class _Search:
         ]
         return self._without_needless(_Selection(together, (*before.named, *named)), len(named)), checked[-1]
 
-    def _checks(self, candidate: Candidate, conditions: Sequence[Condition]) -> tuple[Checked, ...]:
+    def _checks(self, candidate: Candidate, conditions: Sequence[Condition[Candidate]]) -> tuple[Checked, ...]:
         checks = judge(candidate, self.without, conditions)
         if not passes(checks, self.without):
             self.refused.append(Refused(candidate.term.effect, checks))

@@ -20,14 +20,14 @@ from homeward.diagnosis.fit.channel_errors import meter_error
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.result import Product, Range, Together, Value
+from homeward.diagnosis.result import Combination, Product, Range, Value
 from homeward.logs.autocorrelation import independent_windows
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, d_max
 
 _TRIED = 9  # values of a number over its range; chosen: steps of an eighth
 _AS_LIKELY = float(chi2.ppf(1.0 - thresholds.SIGNIFICANT, 1))  # least likelihood-ratio statistic that is significant
-_SIGNS: Mapping[int, Together] = {1: "product", -1: "ratio"}
+_SIGNS: Mapping[int, Combination] = {1: "product", -1: "ratio"}
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
     return found
 
 
-def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together: Together = "product") -> Product:
+def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together: Combination = "product") -> Product:
     return Product(of, Value(value, (value - wide, value + wide), unit), together)
 
 

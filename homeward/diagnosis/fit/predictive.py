@@ -30,7 +30,7 @@ from homeward.diagnosis.fit.parameter_groups import (
 from homeward.diagnosis.fit.replay import Runs, thrust_n_per_a
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
-from homeward.physics.effects import EFFECTS, cooler, heater, inertia, regeneration, turning
+from homeward.physics.effects import EFFECTS, air_temperature, cooler, heater, inertia, regeneration, turning
 
 Replay = Callable[[Robot], Array]
 """Prediction for the windows by a robot."""
@@ -39,6 +39,7 @@ LOSSES = "losses"
 INERTIA = f"{inertia.EFFECT.id}.{inertia.EFFECT.switch.name}"
 REGENERATION = f"{regeneration.EFFECT.id}.{regeneration.EFFECT.switch.name}"
 TURNING = f"{turning.EFFECT.id}.{turning.EFFECT.switch.name}"
+ROLLING_PER_K = f"{air_temperature.EFFECT.id}.{air_temperature.EFFECT.switch.name}"
 HEATER = f"{heater.EFFECT.id}.{heater.EFFECT.switch.name}"
 SET_POINT = f"{heater.EFFECT.id}.{heater.EFFECT.parameters[1].name}"
 
@@ -81,12 +82,15 @@ class Scales:
     climate_of_power: float = 0.02
     """Per kelvin of a heater or cooler: electric cars go 41 % less far at -7 C than at 24 C (AAA, 2019), which is 70 %
     more energy over 31 K."""
+    rolling_per_k: float = 0.0026
+    """From passenger cars (0.0086, UN GTR 15, Annex 4) to the tyres of lorries (0.006, ISO 28580)."""
     set_point_k: float = 3.0
     """Degree days count heating below 15 C to a base of 18 C, and cooling above 24 C to a base of 21 C (Eurostat)."""
 
 
 SCALES = Scales()
 _FACTOR = 1.0  # of inertia over mass: Newton's second law without rotating parts
+_ROLLING_PER_K = 0.0086  # UN GTR 15, Annex 4
 _SET_POINTS_C = {heater.EFFECT: 18.0, cooler.EFFECT: 24.0}  # of degree days, as above
 
 
@@ -169,6 +173,10 @@ def _of_effects(runs: Runs, robot: Robot, mean: float, per: float, scales: Scale
         scrub = turning.EFFECT.switch
         centre = given(turning.EFFECT.id, scrub.name, 0.0)
         found.append(Entry(TURNING, scrub.unit, centre, scales.turning, 0.0, scrub.high))
+    if runs.has("temperature_c"):
+        tyres = air_temperature.EFFECT.switch
+        centre = given(air_temperature.EFFECT.id, tyres.name, _ROLLING_PER_K)
+        found.append(Entry(ROLLING_PER_K, tyres.unit, centre, scales.rolling_per_k, tyres.low, tyres.high))
     # In one temperature a heater, a cooler and idle power are the same.
     if runs.unit == "W" and runs.has("temperature_c") and np.ptp(runs.context["temperature_c"]) > scales.set_point_k:
         for effect, set_point_c in _SET_POINTS_C.items():

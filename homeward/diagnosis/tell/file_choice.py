@@ -19,7 +19,7 @@ from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.explain.uncertainty import Joint, joint
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.parameter_groups import GROUPS, with_effects_of
-from homeward.diagnosis.fit.predictive import FEW_RUNS, INERTIA, Predictive, fit_predictive
+from homeward.diagnosis.fit.predictive import INERTIA, Predictive, fit_predictive
 from homeward.diagnosis.fit.refit import Refit, estimates, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import CorrectedFile, FileNumber, Verdict
@@ -126,9 +126,8 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.rand
 
     Nothing is changed where the verdict is no mismatch. Otherwise it is the candidate that predicts held-out drives
     best, in power and energy together: the given file, its parameters fitted, or with the named effects. If that
-    leaves more of their energy unexplained than the instruments do, it is the fit made to predict, unless many drives
-    show that it predicts worse. None may predict worse than the given file. Effects of the battery are added. `rng`
-    draws a bootstrap.
+    leaves more of their energy unexplained than the instruments do, it is the fit made to predict. None may predict
+    worse than the given file. Effects of the battery are added. `rng` draws a bootstrap.
     """
     choice = _chosen(robot, verdict, evidence, rng)
     changed, file, capacity = choice.robot, choice.file, evidence.capacity
@@ -157,14 +156,9 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     candidates = [given, _refitted(robot, evidence)]
     candidates += [] if named is None else [_named(robot, named, evidence)]
     ranked = sorted(candidates, key=lambda candidate: _error(candidate, evidence))
-    how = "the best on held-out drives is"
     # Beyond what the instruments explain, drives are consumed by what nothing proven models.
     if error_parts(ranked[0].predicted, runs, trip)[1] > thresholds.CLEAR * thresholds.GAIN_ERROR:
         ranked.insert(0, _predictive(robot, named, evidence))
-        if len(runs.signals) < FEW_RUNS:
-            how = "as few drives cannot tell, it is"
-        else:
-            ranked.sort(key=lambda candidate: _error(candidate, evidence))
     best = given
     for candidate in ranked:
         worse = "" if candidate is given else worse_than(nominal, candidate.predicted, runs, trip, rng)
@@ -173,7 +167,7 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
             break
         reasons.append(f"with {_WORDS[candidate.file.holds]}, {worse}")
     share = " and ".join(f"{100.0 * part:.3g} %" for part in error_parts(best.predicted, runs, trip))
-    why = f"of {len(ranked)} candidates {how} {_WORDS[best.file.holds]}, off by {share} there (power, energy)"
+    why = f"off by {share} on held-out drives (power, energy)"
     why = "; ".join([why, *dict.fromkeys(filter(None, reasons))])
     return replace(best, file=replace(best.file, why=why))
 

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
-from homeward.diagnosis.explain.conditions import CONDITIONS
+from homeward.diagnosis.explain.conditions import CONDITIONS, TOGETHER
 from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.explain.places import condition, total_share
 from homeward.diagnosis.read.signals import WINDOW_S
@@ -74,7 +74,8 @@ def report_html(analysis: Analysis) -> str:
     values: dict[str, object] = {
         "diagnosis": diagnosis, "verdict": diagnosis.verdict.replace("_", " ").capitalize(), "evidence": evidence,
         "findings": _by_text(analysis), "where": _where(analysis), "condition": condition, "versions": _versions(),
-        "guide": GUIDE, "thresholds": thresholds, "table": CONDITIONS, "arms": ARMS, "paper_accuracy": PAPER_ACCURACY,
+        "guide": GUIDE, "thresholds": thresholds, "table": CONDITIONS, "table_together": TOGETHER,
+        "arms": ARMS, "paper_accuracy": PAPER_ACCURACY,
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
     }  # fmt: skip
     if evidence is not None:

@@ -11,6 +11,7 @@ _IDS = (
     "viscous",
     "wind",
     "surface",
+    "air_temperature",
     "payload",
     "hidden_grade",
     "slip",

@@ -53,7 +53,7 @@ def test_every_file_holds_effects_of_one_kind() -> None:
 
 def test_motor_current_shows_forces_at_the_wheels_and_the_clock() -> None:
     shown = {name for name, one in CATALOGUE.items() if one.of_current}
-    forces = {"inertia", "viscous", "wind", "surface", "payload", "hidden_grade", "slip"}
+    forces = {"inertia", "viscous", "wind", "surface", "air_temperature", "payload", "hidden_grade", "slip"}
     assert shown == forces | {"turning", "clock_lag"}
 
 

@@ -23,7 +23,7 @@ class Asked:
         return self.values[name]
 
 
-def table(*names: str) -> list[Condition]:
+def table(*names: str) -> list[Condition[Any]]:
     """Conditions that a value of 1 or more meets."""
     return [
         Condition(

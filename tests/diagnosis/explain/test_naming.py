@@ -15,14 +15,13 @@ from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
-from homeward.diagnosis.explain.naming import Naming
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.effects.regeneration import NO_LIMIT_W
 from homeward.physics.log_replay import replay
-from tests.diagnosis.made_up import windows, with_power
+from tests.diagnosis.made_up import with_power
 from tests.diagnosis.tell.test_file_choice import replay_equals_fit
 
 Drive = Callable[..., list[Recording]]
@@ -388,24 +387,6 @@ def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
     assert device.effect == "standby"
     assert device.parameters["power_w"].value == pytest.approx(20.0, rel=0.15)
     assert motion.effect == effect
-
-
-@pytest.mark.parametrize(
-    ("channels", "slopes", "lacks"),
-    [
-        (["base_distance_m"], None, True),
-        (["base_distance_m"], [0.1, 0.1, np.nan, np.nan], True),  # one run has none
-        (["base_distance_m"], [0.1, np.nan, 0.0, 0.1], False),
-        (["base_distance_m", "temperature_c"], None, False),
-        (["yaw_rate_radps"], None, False),
-        ([], None, False),
-    ],
-)
-def test_what_depends_on_the_place_only_may_be_slopes_that_were_not_recorded(
-    channels: list[str], slopes: list[float] | None, lacks: bool
-) -> None:
-    runs = windows(2, 2) if slopes is None else windows(2, 2, grade_rad=np.array(slopes))
-    assert Naming().needs_unrecorded_channel(runs, channels) == lacks
 
 
 def test_a_payload_taken_up_in_mid_run_is_named_with_its_mass(drive: Drive, husky: Robot) -> None:

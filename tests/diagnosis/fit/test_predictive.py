@@ -62,7 +62,7 @@ TRUE = dataclasses.replace(
     motor_loss=0.05, friction_loss=0.03,
     effects={
         "inertia": {"mass_factor": 1.05}, "regeneration": {"share": 0.8},
-        "heater": {"w_per_k": 150.0, "on_below_c": 16.0},
+        "heater": {"w_per_k": 150.0, "on_below_c": 16.0}, "air_temperature": {"rolling_per_k": 0.008},
     },
 )  # fmt: skip
 WINTER_C, SUMMER_C = np.linspace(-8.0, 12.0, DRIVES), np.linspace(18.0, 28.0, DRIVES)

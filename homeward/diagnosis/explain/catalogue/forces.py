@@ -10,7 +10,7 @@ from homeward.diagnosis.explain.menu import Drive
 from homeward.diagnosis.fit.parameter_groups import DRAG, ROLLING
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.logs.channels import Array
-from homeward.physics.effects import hidden_grade, inertia, payload, slip, surface, viscous, wind
+from homeward.physics.effects import air_temperature, hidden_grade, inertia, payload, slip, surface, viscous, wind
 
 _STORM_MPS = 40.0  # chosen: above the lower limit of a hurricane, 33 m/s on the Beaufort scale
 _EXPOSED = {"exposure": 1.0}
@@ -120,6 +120,12 @@ HYPOTHESES = (
         shown_by=("base_distance_m",),
         lies_in="ground",
         on_drive=_rougher_drive,
+    ),
+    Hypothesis(
+        air_temperature.EFFECT,
+        shown_by=("temperature_c",),
+        otherwise="in the cold",
+        check="let the robot coast to a stop on level ground on a cold and on a warm day",
     ),
     # A load is typically added at standstill.
     Hypothesis(

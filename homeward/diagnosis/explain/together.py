@@ -1,0 +1,197 @@
+"""All named effects together, beside what else would explain the residual: motion, place, or a channel's formula.
+
+A schedule of levels in time fits any intermittent cause. Where the robot's motion alone, the place, or a formula of a
+channel predicts held-out stretches as well, the cause was recorded, and the effect is not named. Every number that a
+condition on all of them reads is computed here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.random import Generator
+
+from homeward.diagnosis import thresholds
+from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.formula import Empirical, propose
+from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
+from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
+from homeward.diagnosis.explain.motion import explained, largest_by_motion, motion_gain, place_gain, trees_beat
+from homeward.diagnosis.explain.naming import Named, Naming
+from homeward.diagnosis.explain.places import Location, locate
+from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
+from homeward.diagnosis.fit.channel_errors import is_autocorrelated, unexplained, unrecorded
+from homeward.diagnosis.fit.folds import FOLDS
+from homeward.diagnosis.fit.refit import Refit, holding
+from homeward.diagnosis.fit.replay import Runs
+from homeward.logs.channels import Index
+
+
+@dataclass(frozen=True)
+class Residual:
+    """The residual of a refit of some runs."""
+
+    fit: Refit
+    runs: Runs
+    most: Dependence  # with the largest gain
+    block: Index  # (windows,): windows of one block are dependent
+    by_run: Index  # (windows,): whole runs that are held out together, where there are enough
+    rng: Generator
+
+    @property
+    def fold(self) -> Index:
+        """Stretches of all runs that are held out together, shape (windows,)."""
+        return self.block % FOLDS
+
+    @cached_property
+    def by_motion(self) -> float:
+        """Share of it that the robot's motion and its history explain."""
+        return motion_gain(self.fit, self.runs, self.fold, self.rng)
+
+    @cached_property
+    def formula(self) -> Empirical | None:
+        """The formula of a channel that fits it."""
+        return propose(self.fit, self.runs, self.block, self.by_run, self.rng)
+
+
+@dataclass(frozen=True)
+class RemainingDependence:
+    """The residual of the named effects, where it still depends on a channel."""
+
+    channel: str
+    location: Location
+    formula: Empirical | None  # that fits it, beside the named effects
+
+
+@dataclass(frozen=True)
+class Together:
+    """All named effects, one or more, fitted to the residual."""
+
+    naming: Naming
+    residual: Residual
+
+    @property
+    def runs(self) -> Runs:
+        """The recordings."""
+        return self.residual.runs
+
+    @property
+    def corrected(self) -> Corrected:
+        """The model with the effects."""
+        assert self.naming.corrected is not None
+        return self.naming.corrected
+
+    @property
+    def first(self) -> Named:
+        """The effect that was named first, which explains most."""
+        return self.naming.named[0]
+
+    @property
+    def is_scheduled(self) -> bool:
+        """Whether the first is at work by a schedule."""
+        return self.first.term.axis == "time"
+
+    @cached_property
+    def share(self) -> float:
+        """Share of the residual that they explain."""
+        return explained(self.residual.fit, self.corrected, self.runs, self.residual.fold)
+
+    @property
+    def unrecorded_channels(self) -> int:
+        """How many of the first and its rivals are maps of a channel that some run lacks."""
+        meant = (self.first.term, *self.first.rivals)
+        return sum(lacks_its_channel(term.hypothesis, self.runs) for term in meant)
+
+    @cached_property
+    def leaves_a_residual(self) -> bool:
+        """Whether a residual is left that noise does not explain and the channels of the first do not show."""
+        most = self.residual.most
+        if most.found and most.channel.name in self.first.term.hypothesis.channels:
+            return False
+        if unrecorded(self.runs):
+            return is_autocorrelated(self.runs.observed - self.corrected.predicted, self.runs)
+        return unexplained(self.corrected, self.runs)
+
+    @cached_property
+    def beats_trees(self) -> bool:
+        """Whether trees on the motion do not predict unseen runs much better."""
+        residual = self.residual
+        return not trees_beat(
+            self.corrected, residual.fit, self.runs, residual.by_run, residual.rng, thresholds.CLEARLY_BETTER
+        )
+
+    @cached_property
+    def _beside_channels(self) -> Refit | Corrected:
+        """The model with the effects that channels show: of these motion may be the cause."""
+        residual = self.residual
+        shown = [term for term in self.corrected.model.terms if term.axis != "time"]
+        if not shown:
+            return residual.fit
+        held = holding(residual.fit, self.runs, self.corrected.groups.held)
+        return fit_model(held, shown, self.runs, residual.block)
+
+    @cached_property
+    def by_schedules(self) -> float:
+        """Share of what the effects that channels show leave that those with a schedule explain."""
+        share = explained(self._beside_channels, self.corrected, self.runs, self.residual.fold)
+        return share if self._beside_channels is not self.residual.fit else max(self.first.held_out_gain, share)
+
+    @cached_property
+    def schedules_by_motion(self) -> float:
+        """The same by motion: up to it no unrecorded cause is needed."""
+        return largest_by_motion(self._beside_channels, self.runs, self.residual.block, self.residual.rng)
+
+    @cached_property
+    def schedules_by_place(self) -> float:
+        """The same by the place and the height climbed; 0 of effects of the ground."""
+        if any(effect.term.hypothesis.by_place for effect in self.naming.named):
+            return 0.0
+        return place_gain(self._beside_channels, self.runs, self.residual.rng)
+
+    @property
+    def by_formula(self) -> float:
+        """Share of the residual that a formula of a channel explains."""
+        formula = self.residual.formula
+        return 0.0 if formula is None else formula.held_out_gain
+
+    @cached_property
+    def remaining(self) -> RemainingDependence | None:
+        """The residual that they leave where, by the test of the refit's, it depends on a channel."""
+        runs, residual = self.runs, self.residual
+        blocks = independent_blocks(self.corrected, runs)
+        most = dependences(self.corrected, runs, blocks, residual.by_run, residual.rng)[0]
+        if not most.found or most.channel.name == "time_s":
+            return None
+        formula = propose(self.corrected, runs, blocks.channels, residual.by_run, residual.rng)
+        return RemainingDependence(most.channel.name, locate(most, runs), formula)
+
+    @property
+    def hides_another_channel(self) -> bool:
+        """Whether the residual depended most on a channel that shows none of them, and still does.
+
+        A state of charge that falls in every run is confounded with time.
+        """
+        most = self.residual.most
+        if not most.found or most.channel.name == "soc" or self.remaining is None:
+            return False
+        meant: list[Term] = [term for effect in self.naming.named for term in (effect.term, *effect.rivals)]
+        covered = {channel for term in meant for channel in term.hypothesis.channels}
+        return most.channel.name not in covered and self.remaining.channel == most.channel.name
+
+    @property
+    def by_each(self) -> float:
+        """Share of the residual that they explain one after the other."""
+        return 1.0 - float(np.prod([1.0 - effect.held_out_gain for effect in self.naming.named]))
+
+
+def lacks_its_channel(hypothesis: Hypothesis, runs: Runs) -> bool:
+    """Whether an effect is a map of a channel that some run lacks."""
+    return bool(hypothesis.map_channel) and not runs.has(hypothesis.map_channel)
+
+
+def only_unrecorded_channels(shown_by: list[str], runs: Runs) -> bool:
+    """Whether effects of channels that some run lacks would explain a dependence on all these channels."""
+    lacking = [effect for effect in CATALOGUE.values() if lacks_its_channel(effect, runs)]
+    return bool(shown_by) and {*shown_by} <= {channel for effect in lacking for channel in effect.channels}
