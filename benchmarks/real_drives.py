@@ -165,7 +165,7 @@ class Outcome:
     holds: str
     errors: dict[str, Errors]
     missed: dict[str, list[float]]  # by model: share by which the energy of each later drive is off, at most a half
-    heater_w: list[tuple[float, float]]  # of later drives with a label: by the file, by the label
+    heater_j: list[tuple[float, float]]  # of later drives with a label: by the file, by the label
 
 
 def run(split: Split, without: Sequence[str] = ()) -> Outcome:
@@ -300,19 +300,21 @@ def formula(before: Runs, later: Runs) -> Array:
 
 
 def labelled_heater(split: Split, later: Runs, robot: Robot) -> list[tuple[float, float]]:
-    """Mean power of the heater in later drives by the file, and by the label that no recording contains, W."""
+    """Energy of the heater in later drives by the file, and by the label that no recording contains, J."""
     file = Path(split.later[0].name).parent / "labels.json"
     if split.vehicle not in ("bmw", "leaf") or not file.is_file():
         return []
     labels = json.loads(file.read_text())
     without = replace(robot, effects={name: own for name, own in robot.effects.items() if name != "heater"})
     heated_w = predict(later, robot) - predict(later, without)
-    found = []
+    energies = []
     for number, name in enumerate(later.names):
         label = labels.get(Path(name).stem, {}).get("heater_w", np.nan)
         if np.isfinite(label):
-            found.append((float(heated_w[later.run == number].mean()), float(label)))
-    return found
+            own = later.run == number
+            length_s = later.duration_s[own]
+            energies.append((float(heated_w[own] @ length_s), float(label * length_s.sum())))
+    return energies
 
 
 @dataclass(frozen=True)
@@ -398,12 +400,20 @@ def show(outcomes: Sequence[Outcome]) -> None:
         table.add_row(f"{vehicle}, mean of {len(all_of)}", *cells, style="bold")
     console.print(table)
     for outcome in outcomes:
-        if outcome.heater_w:
-            by_file, by_label = np.sum(outcome.heater_w, axis=0)
-            off = 100.0 * (by_file / by_label - 1.0) if by_label > 0.0 else np.nan
-            console.print(
-                f"{outcome.split}: heater, {len(outcome.heater_w)} labelled drives, off by {off:+.0f} % in all"
-            )
+        _show_heater(console, outcome.split, outcome.heater_j)
+    halves = [outcome for outcome in outcomes if outcome.split in ("bmw, odd to even", "bmw, even to odd")]
+    _show_heater(console, "bmw, both halves, each by the file of the other", [
+        energies for outcome in halves for energies in outcome.heater_j
+    ])  # fmt: skip
+
+
+def _show_heater(console: Console, drives: str, energies_j: Sequence[tuple[float, float]]) -> None:
+    """Print by how much the heater's energy is off its label in some drives."""
+    if not energies_j:
+        return
+    by_file_j, by_label_j = np.sum(energies_j, axis=0)
+    off = 100.0 * (by_file_j / by_label_j - 1.0) if by_label_j > 0.0 else np.nan
+    console.print(f"{drives}: energy of the heater in {len(energies_j)} labelled drives off by {off:+.0f} %")
 
 
 if __name__ == "__main__":

@@ -88,8 +88,8 @@ def test_keys_are_those_of_the_format() -> None:
     keys = set(json.loads(Diagnosis("husky", (), "not_testable", "no").to_json()))
     assert keys == {
         "schema", "robot", "recordings", "verdict", "summary", "parameters", "parameters_off", "missing_physics",
-        "not_named", "together", "where", "fit", "what_this_log_can_show", "products", "range", "range_change_m", "file",
-        "gauge", "next_experiment", "made_by",
+        "not_named", "together", "where", "fit", "what_this_log_can_show", "products", "range", "range_change_m",
+        "file", "gauge", "next_experiment", "made_by",
     }  # fmt: skip
 
 
