@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
-from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY, find_effects
+from homeward.diagnosis.explain.channel_effects.find import find_effects
+from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
 from homeward.diagnosis.explain.conditions import check_names
 from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical

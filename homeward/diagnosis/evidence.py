@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from homeward.diagnosis.explain.channel_effects import Capacity, ChannelEffect
+from homeward.diagnosis.explain.channel_effects.shown import Capacity, ChannelEffect
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.naming import Naming

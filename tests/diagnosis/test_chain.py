@@ -11,7 +11,7 @@ from homeward.diagnosis import Analysis, analyse
 from homeward.diagnosis.chain import STAGES, _conclude, _fault_free, _known
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
-from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY, Capacity, ChannelEffect
+from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY, Capacity, ChannelEffect
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.fit.refit import Estimate

@@ -7,7 +7,7 @@ import pytest
 
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
-from homeward.diagnosis.explain.channel_effects import ChannelEffect
+from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.result import Proof
 from homeward.logs.channels import Mask

@@ -26,7 +26,10 @@ from scipy.optimize import Bounds, minimize, minimize_scalar
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue import battery
-from homeward.diagnosis.explain.channel_effects import Capacity, Reading, covered, inside_w, matters
+from homeward.diagnosis.explain.channel_effects.charge import covered
+from homeward.diagnosis.explain.channel_effects.inside import inside_w, matters
+from homeward.diagnosis.explain.channel_effects.reading import Reading
+from homeward.diagnosis.explain.channel_effects.shown import Capacity
 from homeward.diagnosis.explain.hypothesis import TINY
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.replay import Runs

@@ -18,7 +18,7 @@ from numpy.random import Generator
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.candidate import Candidate, EffectSet
 from homeward.diagnosis.explain.catalogue import terms
-from homeward.diagnosis.explain.channel_effects import not_contradicted
+from homeward.diagnosis.explain.channel_effects.meter import not_contradicted
 from homeward.diagnosis.explain.conditions import BEFORE_PLACEBOS, BEFORE_REPLAYS, CONDITIONS, Condition, judge, passes
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial

@@ -5,7 +5,7 @@ from pathlib import PurePath
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Evidence
-from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY
+from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
 from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.refit import Estimate

@@ -14,7 +14,9 @@ from scipy.signal import lfilter
 from homeward import Robot, load_robot
 from homeward.diagnosis import Diagnosis, Recording, analyse, diagnose
 from homeward.diagnosis.explain.catalogue import terms
-from homeward.diagnosis.explain.channel_effects import Capacity, ChannelEffect, find_effects, not_contradicted
+from homeward.diagnosis.explain.channel_effects.find import find_effects
+from homeward.diagnosis.explain.channel_effects.meter import not_contradicted
+from homeward.diagnosis.explain.channel_effects.shown import Capacity, ChannelEffect
 from homeward.diagnosis.explain.gauge import weigh_gauge
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.fit.folds import cut_blocks

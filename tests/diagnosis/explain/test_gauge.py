@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Diagnosis, Recording, analyse
-from homeward.diagnosis.explain.channel_effects import find_effects
+from homeward.diagnosis.explain.channel_effects.find import find_effects
 from homeward.diagnosis.explain.gauge import weigh_gauge
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit

@@ -8,7 +8,7 @@ import pytest
 
 from homeward.diagnosis import Analysis
 from homeward.diagnosis.evidence import Evidence
-from homeward.diagnosis.explain.channel_effects import USABLE_ENERGY
+from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.fit.refit import Estimate
 from homeward.diagnosis.fit.usable import Finding
