@@ -2,6 +2,6 @@
 
 A mapping selects fields of messages as readings (`listener`), on a continuous clock (`stamps`) and in a continuous
 frame (`odometry`), whatever the publishers do. `node` runs the companion between a `link.Link` and the robot; `session`
-shows and saves. Links are a ROS 2 network (`homeward.watch.ros2`), MAVLink (`homeward.watch.mavlink`) and another
-process (`lines`).
+shows and saves; `texts` says what has changed. Links are a ROS 2 network (`homeward.watch.ros2`), MAVLink
+(`homeward.watch.mavlink`) and another process (`lines`).
 """
