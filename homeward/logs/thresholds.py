@@ -75,7 +75,8 @@ count since 1970 in ms to ns: between 1990 in ms (6.3e11) and 2099 in s (4.1e9).
 
 TOGETHER_SHARE = 0.5
 """Least share of the values of the channel that has fewest, in rows in which all that is needed is known; with fewer,
-each row is of one topic. Chosen: missing values are the exception in a table of samples."""
+each row is of one topic. Of joined tables, the share of all rows. Chosen: missing values are the exception in a table
+of samples."""
 
 # --- Units ------------------------------------------------------------------------------------------------------------
 
