@@ -108,6 +108,12 @@ COUNTS = 10
 """Changes of a current or power, all in one direction, from which it may be a counter: those of a measured one have
 random signs, and ten agree once in 500 recordings (2 / 2^10)."""
 
+FEWEST_CLIMBS = 20
+"""Windows from which the energy of climbs shows the sign of slopes. Chosen: as the samples of a run that is used."""
+SHARE_OF_WEIGHT, CLEAR_CLIMB = 0.5, 4.0
+"""Share of the robot's weight by which the power must fall with the climbing rate, and standard errors of that, for
+slopes of the wrong sign. Chosen: half, and two errors if those of a few climbs are half of the true ones."""
+
 TYPICAL_SIZES: Mapping[str, float] = MappingProxyType({
     "heading_rad": 7.0, "grade_rad": shared.STEEPEST_RAD, "speed_mps": 30.0, "yaw_rate_radps": 10.0,
     "voltage_v": 1000.0, "wheel_left_mps": 30.0, "wheel_right_mps": 30.0, "current_a": 500.0, "power_w": 2e5,

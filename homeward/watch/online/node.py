@@ -13,6 +13,7 @@ from homeward.companion.saved import DAMAGE, check_sealed, put_values, sealed, v
 from homeward.files import read_json, write_whole
 from homeward.logs.bags.topics import Topics
 from homeward.watch import thresholds
+from homeward.watch.online.doubted import Doubted
 from homeward.watch.online.link import Link, News, Output, can_reach_home
 from homeward.watch.online.listener import Heard, Listener
 
@@ -43,6 +44,7 @@ class Node:
     ) -> None:
         self.companion, self._link, self._outputs = companion, link, outputs
         self.listener = Listener(mapping, companion.robot.max_speed_mps)
+        self._doubted = Doubted(companion.robot)
         self.advice: Advice | None = None
         self.warnings: list[str] = []
         self.messages = 0
@@ -88,9 +90,16 @@ class Node:
         elif self.advice is not None and self.silent and now_s - self._published_s >= _PUBLISH_S:
             heard = self.listener.silence(now_s)
         if heard is not None:
+            self._doubted.see(heard)
             self.attempt("advising", lambda: self._advise(heard))
         advised = self.advice.warnings if self.advice else ()
-        self.warnings = [*self.failures, *self._link.faults(), *self.listener.warnings(now_s), *advised]
+        self.warnings = [
+            *self.failures,
+            *self._link.faults(),
+            *self.listener.warnings(now_s),
+            *self._doubted.lines,
+            *advised,
+        ]
         self._publish(now_s)
         return heard is not None
 
