@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.files import STANDARD_INPUT, read_toml
+from homeward.own_effects import REMEDY
 from homeward.physics import battery, coast_down, model, thresholds
 from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
 from homeward.physics.intervals import Bounds
@@ -323,12 +324,12 @@ def _with_coast_down(data: dict[str, Any]) -> dict[str, Any]:
     return data if measured.uncertainty is None else data | {"uncertainty": measured.uncertainty}
 
 
-def _refuse_unknown(table: Mapping[str, Any], known: list[str], prefix: str) -> None:
+def _refuse_unknown(table: Mapping[str, Any], known: list[str], prefix: str, remedy: str = "") -> None:
     for name in table:
         if name not in known:
             raise RobotError(
                 f"{prefix}{name} = {table[name]!r} is not a known field; known: {', '.join(known)}"
-                f"{_belongs_in(str(name)) or _did_you_mean(str(name), known)}"
+                f"{_belongs_in(str(name)) or _did_you_mean(str(name), known) or remedy}"
             )
 
 
@@ -411,7 +412,7 @@ def _checked_effects(effects: Any) -> Mapping[str, Mapping[str, float]]:
         raise RobotError(f"effects = {effects!r} is not a table of effects")
     checked: dict[str, Mapping[str, float]] = {}
     for effect_id, parameters in effects.items():
-        _refuse_unknown({effect_id: parameters}, list(_EFFECT_BY_ID), "effects.")
+        _refuse_unknown({effect_id: parameters}, list(_EFFECT_BY_ID), "effects.", f"; {REMEDY}")
         effect = _EFFECT_BY_ID[effect_id]
         names = [parameter.name for parameter in effect.parameters]
         if not isinstance(parameters, Mapping):
