@@ -30,7 +30,16 @@ from homeward.diagnosis.fit.parameter_groups import (
 from homeward.diagnosis.fit.replay import Runs, thrust_n_per_a
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
-from homeward.physics.effects import EFFECTS, air_temperature, cooler, heater, inertia, regeneration, turning, viscous
+from homeward.physics.effects import (
+    EFFECTS,
+    air_temperature,
+    cooler,
+    heater,
+    inertia,
+    regeneration,
+    turning,
+    viscous,
+)
 
 Replay = Callable[[Robot], Array]
 """Prediction for the windows by a robot."""
