@@ -39,14 +39,19 @@ WHEEL = """
 CYLINDER = '<cylinder length="0.1" radius="0.1651"/>'
 
 
-def four(folder: Path, shape: str = CYLINDER, **changed: str) -> Path:
+def four_wheels(shape: str = CYLINDER) -> str:
     """A robot with four wheels, 0.2854 m to both sides of the middle: their hubs are turned by half a turn."""
     wheels = "".join(
         WHEEL.format(name=f"{end}_{side}", x=x, y=y, shape=shape)
         for end, x in (("front", 0.256), ("rear", -0.256))
         for side, y in (("left", -0.1854), ("right", 0.3854))
     )
-    text = FOUR_WHEELS.replace("{wheels}", wheels)
+    return FOUR_WHEELS.replace("{wheels}", wheels)
+
+
+def four(folder: Path, shape: str = CYLINDER, **changed: str) -> Path:
+    """The file of that robot, changed."""
+    text = four_wheels(shape)
     for old, new in changed.items():
         assert old in text
         text = text.replace(old, new)
