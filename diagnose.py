@@ -40,6 +40,7 @@ from homeward.groups.standing import stands
 from homeward.installed import advice
 from homeward.logs.bags import is_bag
 from homeward.logs.plausible import within_top_speed
+from homeward.own_effects import VARIABLE, own_file
 from homeward.physics import RobotError, load_robot
 
 ASSUMED = "husky"
@@ -69,6 +70,8 @@ class Args:
     so."""
     columns: str | None = None
     """Mapping of columns or, for bags, of topics, for recordings with other names: shipped name or TOML file."""
+    effects: Path | None = None
+    """Python file with an effect of your own, which is run: a hypothesis like the others (docs/extending.md)."""
     dataset: str | None = None
     """Public data set to fetch instead of RUN, or a group of it, such as husky_borealtc/FLOORING."""
     out: Path = Path("runs/diagnosis")
@@ -91,6 +94,8 @@ def main(args: Args, without: Collection[str] = ()) -> Analysis | Comparison:
             it, the report with the reason is written nonetheless.
         OSError: The output folder cannot be written to.
     """
+    if args.effects is not None and own_file() != args.effects.absolute():
+        raise RecordingError(f"--effects is read when a command starts; in Python set {VARIABLE} before the import")
     if args.group:
         return _compare(args)
     paths, robot, columns = _inputs(args)

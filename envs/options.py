@@ -337,12 +337,12 @@ def _by_file(
     time between decisions is given, because a reading is then a mean over it.
     """
     sure = robot.uncertainty
-    if sure is None or sure.of != "energy" or difficulty.route_is_known:
-        why = f"{robot.name!r} has no table [uncertainty] of energy"
+    if sure is None or sure.of == "charge" or difficulty.route_is_known:
+        why = f"{robot.name!r} has no table [uncertainty] of energy or force"
         why = "nothing is hidden at `known`" if difficulty.route_is_known and sure is not None else why
         raise OptionError(f"randomise = 'file' is not allowed: {why}; give the corrected.toml of a diagnosis")
     between = sure.between_runs or 0.0
-    one_run = sure.between_runs is None
+    one_run = sure.between_runs is None and sure.of == "energy"
 
     def around(middle: float, name: str, otherwise: Uniform, between_runs: float = 0.0) -> Uniform:
         variance = sure.variance(name)

@@ -7,6 +7,7 @@ from homeward import loading as _loading  # noqa: F401 - first: Ctrl-C ends a co
 
 # isort: split
 from homeward import installed as _installed  # noqa: F401 - second: it says in a line what is missing
+from homeward import own_effects as _own_effects  # noqa: F401 - before the physics, whose kernels are made of all effects
 
 # isort: split
 from homeward import physics

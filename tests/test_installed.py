@@ -30,9 +30,9 @@ def test_what_commands_load_of_an_extra_is_in_it() -> None:
 
 
 OF_EXTRAS = (
-    "PIL", "backports", "cyclonedds", "fitdecode", "gpxpy", "lz4", "matplotlib", "optuna", "plotly", "pyarrow",
-    "pygame", "pymavlink", "pyulog", "ray", "rosbags", "ruptures", "sklearn", "stable_baselines3", "tensorboard",
-    "torch",
+    "PIL", "backports", "cyclonedds", "fitdecode", "foxglove", "gpxpy", "lz4", "matplotlib", "optuna", "plotly",
+    "pyarrow", "pygame", "pymavlink", "pyulog", "ray", "rosbags", "ruptures", "sklearn", "stable_baselines3",
+    "tensorboard", "torch",
 )  # fmt: skip
 """What the extras bring, by its import names."""
 

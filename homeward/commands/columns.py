@@ -3,6 +3,9 @@
 `homeward columns RUN.csv` prints the proposed channel of each column, its factor, and how sure the proposal is.
 `--out my_columns.toml` writes it as a mapping file, for `homeward diagnose RUN.csv --columns my_columns.toml`. Check it
 first, above all signs and guesses: `homeward columns RUN --columns my_columns.toml` prints the values of each channel.
+
+Several tables of one run are named with a plus between them, and get a mapping each: `homeward columns odom.csv+bat.csv
+--out odom.toml+bat.toml`.
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ from homeward.files import write_whole
 from homeward.logs.channels import CHANNELS
 from homeward.logs.columns import Columns, RecordingError, Source
 from homeward.logs.guess import SURE
-from homeward.logs.propose import Proposal, propose
+from homeward.logs.joined import BETWEEN, tables_of_run
+from homeward.logs.propose import Proposal, propose_each
 from homeward.logs.recordings import Recording, read_recording
 
 
@@ -30,48 +34,70 @@ class Args:
     """Recording and mapping."""
 
     run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """Recording: a .csv, .csv.gz, .tsv, .txt or .parquet file; with --columns also a bag or a log of an autopilot."""
+    """Recording: a .csv, .csv.gz, .tsv, .txt or .parquet file, or several of one run (a.csv+b.csv); with --columns also
+    a bag or a log of an autopilot."""
     columns: str | None = None
     """Mapping of columns or topics to check: shipped name or TOML file; by default one is proposed."""
     out: Path | None = None
-    """Mapping file to write (.toml); by default it is only printed."""
+    """Mapping file to write (.toml), one for each table (a.toml+b.toml); by default it is only printed."""
 
 
-def main(args: Args) -> Proposal | None:
-    """Print the proposal, try it, and write it if requested; or print the values that a mapping gives.
+def main(args: Args) -> list[Proposal]:
+    """Print the proposals, one for each table, try them, and write them if requested; or print the values of a mapping.
 
     Raises:
-        RecordingError: The file cannot be read, or no column of it looks like a channel.
-        OSError: The mapping cannot be written.
+        RecordingError: A file cannot be read, or no column of it looks like a channel.
+        OSError: A mapping cannot be written.
     """
-    if args.out is not None and (args.out.suffix != ".toml" or args.out.exists()):
-        raise RecordingError(f"--out {args.out}: give a new file that ends in .toml; an existing one is not replaced")
+    parts = tables_of_run(args.run)
+    targets = _targets(args.out, len(parts))
     if args.columns is not None:
         if args.out is not None:
             raise RecordingError("--columns checks a mapping and --out writes a proposed one; give one of them")
         _check(read_recording(args.run, args.columns))
-        return None
-    proposal = propose(args.run)
-    if not proposal.guesses:
-        names = ", ".join(list(proposal.left_over)[:12])
-        raise RecordingError(f"{args.run}: no column looks like a channel; it has {names}: write a mapping by hand")
+        return []
+    proposals = propose_each(parts)
     console = cli.Terminal()
-    console.print(_table(proposal))
-    if proposal.left_over:
-        console.print(f"Not used: {', '.join(name + why for name, why in proposal.left_over.items())}")
-    trial_lines, reads = _tried(proposal)
+    for proposal in proposals:
+        if not proposal.guesses:
+            names = ", ".join(list(proposal.left_over)[:12])
+            raise RecordingError(
+                f"{proposal.path}: no column looks like a channel; it has {names}: write a mapping by hand"
+            )
+        if len(proposals) > 1:
+            console.print(f"{proposal.path.name}:", soft_wrap=True)
+        console.print(_table(proposal))
+        if proposal.left_over:
+            console.print(f"Not used: {', '.join(name + why for name, why in proposal.left_over.items())}")
+    trial_lines, reads = _tried(args.run, proposals)
     for line in trial_lines:
         console.print(line)
-    if args.out is None and reads and proposal.needless:
+    if args.out is None and reads and all(proposal.needless for proposal in proposals):
         console.print("A mapping is not needed: all names and units are those of channels.")
     elif args.out is None:
-        console.print(f"Write it with --out my_columns.toml:\n\n{proposal.toml()}", soft_wrap=True)
+        names = BETWEEN.join(["my_columns.toml"] if len(parts) == 1 else [f"{part.stem}.toml" for part in parts])
+        texts = "\n".join(proposal.toml() for proposal in proposals)
+        console.print(f"Write it with --out {names}:\n\n{texts}", soft_wrap=True)
     else:
-        write_whole(args.out, proposal.toml())
+        for target, proposal in zip(targets, proposals, strict=True):
+            write_whole(target, proposal.toml())
         todo = "Check it" if reads else "Add what is missing"
         console.print(f"Written to {args.out}. {todo}, then: homeward diagnose {args.run} --columns {args.out}",
                       soft_wrap=True)  # fmt: skip
-    return proposal
+    return proposals
+
+
+def _targets(out: Path | None, tables: int) -> list[Path]:
+    """Files to write, one for each table."""
+    if out is None:
+        return []
+    targets = [out] if tables == 1 else [Path(name) for name in str(out).split(BETWEEN)]
+    for target in targets:
+        if target.suffix != ".toml" or target.exists():
+            raise RecordingError(f"--out {target}: give a new file that ends in .toml; an existing one is not replaced")
+    if len(set(targets)) != tables:
+        raise RecordingError(f"--out {out}: give a file for each of {tables} tables, such as a.toml{BETWEEN}b.toml")
+    return targets
 
 
 def _check(recording: Recording) -> None:
@@ -107,21 +133,26 @@ def _table(proposal: Proposal) -> Table:
     return table
 
 
-def _tried(proposal: Proposal) -> tuple[list[str], bool]:
-    """Messages of reading the file with the proposal, and whether it can be read."""
+def _tried(run: Path, proposals: list[Proposal]) -> tuple[list[str], bool]:
+    """Messages of reading the file or files with the proposals, and whether they can be read."""
+    mappings = [_mapping(proposal) for proposal in proposals]
+    try:
+        recording = read_recording(run, mappings[0] if len(mappings) == 1 else mappings)
+    except RecordingError as error:
+        notes = [f"read with {', '.join(proposal.notes)}" for proposal in proposals if proposal.notes]
+        return [*notes, f"With it the file cannot be read yet: {error}"], False
+    reads = f"With it the file reads: {len(recording)} samples over {recording.duration_s:.4g} s."
+    return [*recording.notes, reads], True
+
+
+def _mapping(proposal: Proposal) -> Columns:
     sources = {
         guess.channel: Source(
             tuple((name, guess.factor) for name in (guess.column, guess.and_column) if name), guess.offset
         )
         for guess in proposal.guesses
     }
-    try:
-        recording = read_recording(proposal.path, Columns("proposed", sources, {}))
-    except RecordingError as error:
-        notes = [f"read with {', '.join(proposal.notes)}"] if proposal.notes else []
-        return [*notes, f"With it the file cannot be read yet: {error}"], False
-    reads = f"With it the file reads: {len(recording)} samples over {recording.duration_s:.4g} s."
-    return [*recording.notes, reads], True
+    return Columns("proposed", sources, {})
 
 
 def run() -> int:

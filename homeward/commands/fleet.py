@@ -1,7 +1,8 @@
 """Diagnose the recordings of a fleet, robot by robot, several at once, on this machine or on a Ray cluster.
 
 `homeward fleet FOLDER --robot husky --jobs 2 --out runs/fleet`: every folder in FOLDER is a robot and contains its
-recordings, and optionally its own robot file as robot.toml. Each robot's diagnosis.json, report.html and corrected.toml
+recordings, and optionally its own robot file as robot.toml. A folder of tables in it is one run, whose tables are
+joined. Each robot's diagnosis.json, report.html and corrected.toml
 are written to OUT/NAME as soon as they are done, and OUT/fleet.csv lists all robots. The same command again diagnoses
 only what is new or has changed.
 """
@@ -23,7 +24,9 @@ from homeward import Robot, RobotError, cli, load_robot
 from homeward.diagnosis import Diagnosis, Recording, RecordingError, analyse, read_recording
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.files import check_writable, csv_text, write_whole
+from homeward.logs.bags import is_bag
 from homeward.logs.plausible import within_top_speed
+from homeward.logs.recordings import read_tables
 from homeward.parallel import ClusterError, TaskError, check_workers, code_hash, run_tasks
 
 ASSUMED = "husky"
@@ -122,13 +125,23 @@ def members_of(args: Args) -> dict[str, Member]:
         if not files:
             raise RecordingError(f"{folder} contains no recording: remove it, or put the robot's recordings there")
         robot = load_robot(folder / ROBOT) if (folder / ROBOT).is_file() else nominal
-        read = (read_recording(file, args.columns) for file in files)
+        read = (_read(file, args.columns) for file in files)
         recordings = tuple(within_top_speed(recording, robot.max_speed_mps) for recording in read)
         for file, recording in zip(files, recordings, strict=True):
             for note in recording.notes:
                 cli.remark(f"{folder.name}/{file.name}", note)
         cases[folder.name] = Member(recordings, robot, args.seed)
     return cases
+
+
+def _read(entry: Path, columns: str | None) -> Recording:
+    """A recording of a robot: a file or a bag, or a folder whose tables are those of one run."""
+    if not entry.is_dir() or is_bag(entry):
+        return read_recording(entry, columns)
+    tables = sorted(file for file in entry.iterdir() if file.name[0] != ".")
+    if not tables:
+        raise RecordingError(f"{entry} contains no table of a run: remove it, or put the tables of one run there")
+    return read_tables(tables, columns) if len(tables) > 1 else read_recording(tables[0], columns)
 
 
 def diagnose_one(case: Member) -> dict[str, bytes]:

@@ -2,6 +2,9 @@
 
 `homeward robots` lists key figures of all presets. `homeward robots husky > mine.toml` prints a robot file with the
 source of every number. Change what differs, and give its path wherever a robot is expected.
+
+`homeward robots --from-urdf robot.urdf > mine.toml` begins a robot file with what a URDF says (mass, track,
+wheels), and names what is left to be filled in.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from rich.text import Text
 from homeward import Robot, RobotError, cli, load_robot, quantities
 from homeward.physics import ancillary_power, d_max, optimal_speed
 from homeward.physics.robot import preset_names
+from homeward.urdf import left_to_fill_in, read_urdf, robot_file
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,9 @@ class Args:
     robot: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[ROBOT]")] = None
     """Preset name or path of a robot file to print; by default a table of all presets is printed."""
 
+    from_urdf: Path | None = None
+    """URDF to begin a robot file from, which is printed; xacro is to be expanded first."""
+
 
 def main(args: Args) -> None:
     """Print the table, or one file.
@@ -35,6 +42,14 @@ def main(args: Args) -> None:
     Raises:
         RobotError: The robot does not exist, or its file is invalid.
     """
+    if args.from_urdf is not None:
+        if args.robot is not None:
+            raise RobotError(f"give {args.robot!r} or --from-urdf, not both")
+        described = read_urdf(args.from_urdf)
+        for text in [*described.said, *left_to_fill_in(described)]:
+            cli.remark(str(args.from_urdf), text)
+        print(robot_file(described), end="")
+        return
     if args.robot is not None:
         load_robot(args.robot)  # checks the file
         shipped = files("homeward") / "robots" / f"{args.robot}.toml"

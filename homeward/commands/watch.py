@@ -12,6 +12,9 @@ whether it must turn now, and the energy of the way home.
 
 `homeward watch --mavlink udpin:127.0.0.1:14550 --robot corrected.toml` does the same for a vehicle with an autopilot
 (ArduPilot, PX4): it sends texts (STATUSTEXT) and numbers (NAMED_VALUE_FLOAT).
+
+With `--foxglove` the advice on a live robot is shown in Foxglove too, and `--mcap FILE` writes the same to a file, of
+a replay as well.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ import contextlib
 import os
 import signal
 import sys
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -31,16 +35,18 @@ from rich.padding import Padding
 from rich.table import Table
 
 from homeward import cli, installed, quantities
-from homeward.companion import CompanionError, thresholds
+from homeward.companion import Advice, CompanionError, thresholds
 from homeward.companion.checks import docks_of
 from homeward.files import check_writable, no_formula, write_files
 from homeward.logs import RecordingError, read_recording
 from homeward.logs.plausible import within_top_speed
-from homeward.physics import RobotError, load_robot
+from homeward.physics import Robot, RobotError, load_robot
 from homeward.watch.live import LiveView
 
 if TYPE_CHECKING:  # the replay needs the diagnosis, with its libraries; a robot as it drives does not
     from homeward.watch.coverage import Row
+    from homeward.watch.foxglove.stream import Stream
+    from homeward.watch.online.link import Output
     from homeward.watch.predictions import Watched
 
 
@@ -84,6 +90,12 @@ class Args:
     stdin: bool = False
     """Read a robot's messages as JSON lines, and write the advice so, as the node of ROS 2 in ros2/ does; needs the
     extra logs."""
+    foxglove: bool = False
+    """Of a live robot: stream the advice to Foxglove too; needs the extra foxglove."""
+    foxglove_address: str = "127.0.0.1:8765"
+    """With --foxglove: HOST:PORT of its server. By default only this computer reaches it; there is no password."""
+    mcap: Path | None = None
+    """Write the advice to this MCAP file, for Foxglove; needs the extra foxglove."""
     state: Path | None = None
     """Of a live robot: file of the state: read if it exists, and written every minute and at the end."""
 
@@ -105,18 +117,22 @@ def main(args: Args) -> list[Watched]:
         raise CompanionError("--namespace, --home and --docks are for --ros2 and --stdin")
     if not live and args.state is not None:
         raise CompanionError("--state is for a live robot: --ros2, --mavlink or --stdin")
+    if not live and args.foxglove:
+        raise CompanionError("--foxglove is for a live robot; --mcap FILE writes the advice of a replay for Foxglove")
     if args.namespace and not args.namespace.startswith("/"):
         raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
     if live:
         if args.runs:
             raise RecordingError(f"{live[0]} accepts no recordings: it receives a robot's messages")
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # the state is saved then, too
-        if args.mavlink is not None:
-            _advise_vehicle(args, args.mavlink)
-        elif args.stdin:
-            _advise_by_lines(args)
-        else:
-            _join(args)
+        robot = load_robot(args.robot)
+        with _streamed(args, robot) as outputs:
+            if args.mavlink is not None:
+                _advise_vehicle(args, args.mavlink, robot, outputs)
+            elif args.stdin:
+                _advise_by_lines(args, robot, outputs)
+            else:
+                _join(args, robot, outputs)
         return []
     if not args.runs:
         raise RecordingError("no recording is given; name at least one file, or --ros2, --mavlink or --stdin")
@@ -141,10 +157,19 @@ def _replay(args: Args) -> list[Watched]:
     console = cli.Terminal()
     keywords = {"soc": args.soc, "risk": args.risk, "cutoff_v": args.cutoff_v}
     with contextlib.ExitStack() as stack:
-        show = None
+        shows: list[Callable[[str, Advice, float, float], None]] = []
         if console.is_terminal and not args.quiet:
-            show = stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show
-        runs = run_all(recordings, robot, show, **keywords)
+            shows.append(stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show)
+        for stream in stack.enter_context(_streamed(args, robot)):
+            shows.append(stream.replay(robot.usable_energy_j))
+
+        def show(name: str, advice: Advice, since_s: float, duration_s: float) -> None:
+            for each in shows:
+                each(name, advice, since_s, duration_s)
+
+        runs = run_all(recordings, robot, show if shows else None, **keywords)
+    if args.mcap is not None and runs[0].unit != "J":
+        cli.remark(str(args.mcap), "holds no advice: motor currents alone give none")
     rows = rows_of(runs)
     console.show(table_of(rows), ("interval\nscore",) if rows[-1].crps is not None else ())
     console.print(verdict(rows[-1]))
@@ -159,7 +184,25 @@ def _replay(args: Args) -> list[Watched]:
     return runs
 
 
-def _join(args: Args) -> None:
+@contextlib.contextmanager
+def _streamed(args: Args, robot: Robot) -> Iterator[list[Stream]]:
+    """What the advice goes to for Foxglove: nothing, or one stream."""
+    if not args.foxglove and args.mcap is None:
+        yield []
+        return
+    try:
+        from homeward.watch.foxglove.stream import LAYOUT, Stream, address_of  # only now: it needs a further package
+    except ModuleNotFoundError:
+        option, advice = "--foxglove" if args.foxglove else "--mcap", installed.advice("foxglove", "foxglove-sdk")
+        raise CompanionError(f"{option} needs foxglove-sdk: {advice}") from None
+    address = address_of(args.foxglove_address) if args.foxglove else None
+    with contextlib.closing(Stream(robot.name, address, args.mcap)) as stream:
+        if stream.url is not None:
+            cli.remark("Foxglove", f"open a connection to {stream.url}, and import the layout {LAYOUT}")
+        yield [stream]
+
+
+def _join(args: Args, robot: Robot, outputs: Sequence[Output]) -> None:
     """Advise a robot on its ROS 2 network until it is interrupted."""
     domain = _domain(args.domain)
     try:
@@ -167,31 +210,31 @@ def _join(args: Args) -> None:
         from homeward.watch.ros2.network import Network
     except ModuleNotFoundError as error:
         raise CompanionError(f"--ros2 needs {error.name}: {installed.advice('ros2', 'cyclonedds rosbags')}") from None
-    robot, network = load_robot(args.robot), Network(domain, args.namespace.rstrip("/"))
+    network = Network(domain, args.namespace.rstrip("/"))
     Session(
-        robot, network, f"{robot.name} on domain {domain}", args.columns, args.home, args.state,
+        robot, network, f"{robot.name} on domain {domain}", args.columns, args.home, args.state, outputs,
         soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v, docks=docks_of(args.docks),
     ).run(cli.Terminal(), args.quiet)  # fmt: skip
 
 
-def _advise_vehicle(args: Args, address: str) -> None:
+def _advise_vehicle(args: Args, address: str, robot: Robot, outputs: Sequence[Output]) -> None:
     """Advise a vehicle with an autopilot until it is interrupted."""
     try:
         from homeward.watch.mavlink.vehicle import Vehicle  # only now: they need further packages
         from homeward.watch.online.session import Session
     except ModuleNotFoundError as error:
         raise CompanionError(f"--mavlink needs {error.name}: {installed.advice('logs', 'pymavlink rosbags')}") from None
-    robot, vehicle = load_robot(args.robot), Vehicle(address)
+    vehicle = Vehicle(address)
     met = vehicle.meet(lambda text: cli.remark(address, text))
     for text in met.said():
         cli.remark(address, text)
     Session(
-        robot, vehicle, f"{robot.name} on {address}", args.columns or "any_robot", met.home, args.state,
+        robot, vehicle, f"{robot.name} on {address}", args.columns or "any_robot", met.home, args.state, outputs,
         forecast_mps=met.wind_mps, soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
     ).run(cli.Terminal(), args.quiet)  # fmt: skip
 
 
-def _advise_by_lines(args: Args) -> None:
+def _advise_by_lines(args: Args, robot: Robot, outputs: Sequence[Output]) -> None:
     """Advise a robot whose messages another process writes, until that closes its end."""
     try:
         from homeward.watch.online.lines import Lines  # only now: they need further packages
@@ -199,9 +242,8 @@ def _advise_by_lines(args: Args) -> None:
     except ModuleNotFoundError as error:
         raise CompanionError(f"--stdin needs {error.name}: {installed.advice('logs', 'rosbags')}") from None
     lines = Lines(sys.stdin.fileno(), sys.stdout.fileno(), args.namespace.rstrip("/"))
-    robot = load_robot(args.robot)
     Session(
-        robot, lines, f"{robot.name} by standard input", args.columns, args.home, args.state,
+        robot, lines, f"{robot.name} by standard input", args.columns, args.home, args.state, outputs,
         soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v, docks=docks_of(args.docks),
     ).run(cli.Terminal(stderr=True), args.quiet, lambda: lines.ended)  # fmt: skip
 

@@ -66,6 +66,8 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
     prior = _GENERIC if has_forecast else _GENERIC._replace(forecast_sd_mps=np.inf)
     wind = "a wind as forecast, within 1 m/s" if has_forecast else "an unknown wind, 1.5 m/s either way"
     given = robot.uncertainty
+    if given is not None and given.of == "force":
+        return _as_measured(given, prior, wind)
     if given is None or given.of != "energy":
         return PriorKnowledge(prior, (
             f"the file of {robot.name!r} states no uncertainty: generic ranges (capacity 80 to 100 %, rolling "
@@ -79,6 +81,27 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
     if not capacity_is_fitted:
         words = (*words, _OLD_CELLS)
     return PriorKnowledge(prior, words, given, weight_sd, capacity_is_fitted)
+
+
+def _as_measured(given: Uncertainty, prior: Prior, wind: str) -> PriorKnowledge:
+    """The generic prior with what a coast-down test and a scale measured; the rest stays as wide as it was."""
+    rolling, mass = given.variance("rolling"), given.variance("mass")
+    weight_sd = 0.0
+    if rolling is not None:
+        # The test measured resistance times mass; mass alone matters on climbs.
+        weight_sd = prior.mass_sd if mass is None else math.sqrt(mass)
+        prior = prior._replace(rolling=1.0, rolling_sd=math.sqrt(rolling), mass=1.0, mass_sd=0.0)
+    elif mass is not None:
+        prior = prior._replace(mass=1.0, mass_sd=math.sqrt(mass))
+    generic = {"rolling": "rolling resistance 80 to 130 %", "mass": "payload up to 20 %"}
+    rest = ["capacity 80 to 100 %", *(text for name, text in generic.items() if name not in given.fitted)]
+    words = (
+        f"measured at the wheels: {given.source}, of {', '.join(given.fitted)}",
+        f"generic ranges of the rest ({', '.join(rest)}, {thresholds.OMITTED:.0%} of a way's "
+        "energy that the model omits)",
+        wind,
+    )  # fmt: skip
+    return PriorKnowledge(prior, words, weight_sd=weight_sd)
 
 
 def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:

@@ -199,6 +199,7 @@ class MadeBy:
     version: str  # of homeward
     seed: int
     thresholds: dict[str, Any]  # by package and name, such as diagnosis.FALSE_ALARM_RATE
+    own_effects: dict[str, str] = field(default_factory=dict)  # SHA-256 of the file of --effects, by its name
 
 
 @dataclass(frozen=True)

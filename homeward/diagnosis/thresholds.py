@@ -380,7 +380,7 @@ CLOSED = 0.05
 
 CLEAR_TILT = 4.0
 """Standard errors by which the mean slope of closed drives must differ from zero for a sensor's tilt: two, if the
-errors of a few ways are half of the true ones. Also for a force along slopes that is negative. Chosen."""
+errors of a few ways are half of the true ones. Chosen."""
 
 SAMPLES_A_WINDOW = 2
 """Samples that a window of a slow log holds at least: acceleration is a central difference over two steps. Over windows

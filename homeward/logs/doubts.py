@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from homeward.logs import thresholds
-from homeward.logs.channels import Array
+from homeward.logs.autocorrelation import correlation_windows
+from homeward.logs.channels import Array, Index
 
 _COUNTED = {
     "current_a": "charge (Ah)", "motor_left_a": "charge (Ah)", "motor_right_a": "charge (Ah)", "power_w": "energy (Wh)",
@@ -28,6 +29,40 @@ def doubts(channels: Mapping[str, Array]) -> dict[str, str]:
         **{name: _counter(name, channels) for name in _COUNTED},
     }
     return {name: line for name, line in lines.items() if line is not None}
+
+
+def turned_slopes(
+    climb_mps: Array, speed_mps: Array, power_w: Array, run: Index, weight_n: float, name: str
+) -> str | None:
+    """Whether the energy of climbs shows that slopes have the wrong sign; a phrase, or None.
+
+    Climbing takes at least the robot's weight along the slope. Where power falls with the climbing rate by more than
+    half of that, clearly more than its residuals explain, uphill was recorded as negative.
+
+    Args:
+        climb_mps: Rate of climbing by the slopes as recorded, means over windows, shape (windows,).
+        speed_mps: Speed without its sign.
+        power_w: Power drawn.
+        run: Run of each window.
+        weight_n: Weight of the robot, N.
+        name: Its name.
+    """
+    causes = np.stack((climb_mps, np.ones(len(speed_mps)), speed_mps), axis=-1)
+    if np.linalg.matrix_rank(causes) < causes.shape[1]:
+        causes = causes[:, :2]  # at one speed
+    if np.linalg.matrix_rank(causes) < causes.shape[1] or len(causes) < thresholds.FEWEST_CLIMBS:
+        return None
+    sizes = np.linalg.lstsq(causes, power_w, rcond=None)[0]
+    left = power_w - causes @ sizes
+    variance = float(left @ left) / (len(left) - causes.shape[1]) * correlation_windows(left, run)
+    error_n = float(np.sqrt(variance * np.linalg.inv(causes.T @ causes)[0, 0]))
+    force_n = float(sizes[0])
+    if force_n > -thresholds.SHARE_OF_WEIGHT * weight_n or force_n > -thresholds.CLEAR_CLIMB * error_n:
+        return None
+    return (
+        f"climbs draw less than level ground, taken all together ({force_n:.3g} N along the slope, where the weight "
+        f"of {name} asks for at least {weight_n:.3g} N): is uphill positive? (factor -1 in a mapping file)"
+    )
 
 
 def drawn_w(channels: Mapping[str, Array]) -> Array | None:

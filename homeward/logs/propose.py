@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,6 @@ from homeward.logs import tables, thresholds
 from homeward.logs.channels import CHANNELS, Array
 from homeward.logs.columns import RecordingError, known_columns, numeric
 from homeward.logs.guess import LEAST_SURE, OFFSETS, UNITS, Guess, one_line
-from homeward.logs.joined import BETWEEN, tables_of_run
 from homeward.logs.times import from_text
 from homeward.logs.trial import tried_on_physics
 from homeward.remedies import why_no_recording
@@ -117,12 +117,6 @@ def propose(path: str | Path) -> Proposal:
         RecordingError: It cannot be read, or no column looks like a time.
     """
     path = Path(path)
-    parts = tables_of_run(path)
-    if len(parts) > 1:
-        raise RecordingError(
-            f"{path}: propose for one table at a time (homeward columns {parts[0]} --out a.toml), and give both "
-            f"mappings (--columns a.toml{BETWEEN}b.toml)"
-        )
     try:
         header, table, notes, units = _beginning(path)
     except OSError as error:
@@ -146,6 +140,37 @@ def propose(path: str | Path) -> Proposal:
     used = {name for guess in chosen.values() for name in (guess.column, guess.and_column)}
     left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in used}
     return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
+
+
+def propose_each(paths: Sequence[Path]) -> list[Proposal]:
+    """Propose for each of several tables of one run.
+
+    A channel that two tables may have is taken from the one of which it is surer, or from the first; the others say so.
+
+    Raises:
+        RecordingError: As of `propose`.
+    """
+    proposals = [propose(path) for path in paths]
+    best: dict[str, tuple[tuple[int, int, int], Path, str]] = {}
+    for proposal in proposals:
+        for guess in proposal.guesses:
+            rank = _rank(guess)
+            if guess.channel not in best or rank < best[guess.channel][0]:
+                best[guess.channel] = rank, proposal.path, guess.column
+    return [_without_others(proposal, best) for proposal in proposals]
+
+
+def _without_others(proposal: Proposal, best: Mapping[str, tuple[tuple[int, int, int], Path, str]]) -> Proposal:
+    """The proposal for one of several tables without the channels that another has; all have a time."""
+    left_over = dict(proposal.left_over)
+    kept = []
+    for guess in proposal.guesses:
+        _, path, column = best[guess.channel]
+        if guess.channel == "time_s" or path == proposal.path:
+            kept.append(guess)
+        else:
+            left_over[guess.column] = f" (could be {guess.channel}, for which {column} of {path.name} is used)"
+    return replace(proposal, guesses=tuple(kept), left_over=left_over)
 
 
 def _dated(offered: list[Guess], table: pd.DataFrame) -> list[Guess]:

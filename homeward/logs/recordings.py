@@ -32,6 +32,9 @@ from homeward.remedies import why_no_recording
 
 __all__ = ["Recording", "RecordingError", "read_recording"]
 
+Mappings = str | Path | Columns | list[Columns] | None
+"""Mapping of a recording, or one for each of several tables."""
+
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _ENOUGH = "speed_mps", "power_w"  # motion and power, which another table of the run may have
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
@@ -62,9 +65,7 @@ class Recording:
         return float(time_s[-1] - time_s[0])
 
 
-def read_recording(
-    path: str | Path, columns: str | Path | Columns | None = None, *, standing: bool = False
-) -> Recording:
+def read_recording(path: str | Path, columns: Mappings = None, *, standing: bool = False) -> Recording:
     """Read a recording in the project's schema, or another one through a mapping.
 
     Args:
@@ -73,7 +74,8 @@ def read_recording(
             one run are named with a plus between them, a.csv+b.csv.
         columns: Mapping for other files: shipped name, TOML path or `Columns`. For a bag or log it names topics, see
             `homeward.logs.bags.topics.load_topics`; by default the shipped one that fits best. A table written by VESC
-            Tool needs none. Of several tables each uses what it has of one mapping, or its own of a.toml+b.toml.
+            Tool needs none. Of several tables each uses what it has of one mapping, or its own of a.toml+b.toml or of
+            a list of `Columns`.
         standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
 
     Raises:
@@ -85,7 +87,9 @@ def read_recording(
         return _read_standard_input(columns, standing)
     parts = tables_of_run(path)
     if len(parts) > 1:
-        return _read_joined(parts, columns, standing)
+        return read_tables(parts, columns, standing=standing)
+    if isinstance(columns, list):
+        raise RecordingError(f"{path}: is one table, and {len(columns)} mappings are given")
     bag = path.exists() and is_bag(path)
     mapping = None if bag or columns is None else load_columns(columns)
     try:
@@ -102,9 +106,14 @@ def _name(path: Path) -> str:
     return os.fsencode(path).decode("utf-8", "replace")
 
 
-def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None, standing: bool) -> Recording:
-    """Like `read_recording`, for several tables of one run."""
-    mappings = [columns] * len(paths)
+def read_tables(paths: Sequence[Path], columns: Mappings = None, *, standing: bool = False) -> Recording:
+    """Like `read_recording`, for several tables of one run.
+
+    Raises:
+        RecordingError: As of `read_recording`, or two have the same channel or were not recorded at the same time.
+    """
+    mappings: Sequence[str | Path | Columns | None]
+    mappings = columns if isinstance(columns, list) else [columns] * len(paths)
     if isinstance(columns, str | Path) and BETWEEN in str(columns) and not Path(columns).exists():
         mappings = list(str(columns).split(BETWEEN))
     if len(mappings) != len(paths):
@@ -131,12 +140,12 @@ def _read_joined(paths: Sequence[Path], columns: str | Path | Columns | None, st
         notes += joined
         rows = _with_motion(rows, standing)
         digest = hashlib.sha256("".join(map(sha256, paths)).encode()).hexdigest()
-        return Recording(name, digest, _checked(rows, notes), tuple(notes))
+        return Recording(name, digest, _checked(rows, notes, is_joined=True), tuple(notes))
     except RecordingError as error:
         raise RecordingError(f"{name}: {error}") from error
 
 
-def _read_standard_input(columns: str | Path | Columns | None, standing: bool) -> Recording:
+def _read_standard_input(columns: Mappings, standing: bool) -> Recording:
     """Like `read_recording`, for a table from standard input: CSV, gzipped or not, or Parquet."""
     with tempfile.TemporaryDirectory() as folder:
         start = sys.stdin.buffer.read(4)
@@ -392,7 +401,7 @@ def _refuse_few(table: pd.DataFrame) -> None:
         raise RecordingError(f"holds {len(table)} samples; at least 2 are needed")
 
 
-def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
+def _checked(table: pd.DataFrame, notes: list[str], *, is_joined: bool = False) -> dict[str, Array]:
     """Channels of a table, with notes on what is left out."""
     _refuse_few(table)
     if "time_s" not in table.columns:
@@ -407,7 +416,7 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
             notes += unknown.left_out(channel.name, values)
             notes += _leave_out_impossible(channel, values)
         channels[channel.name] = values
-    channels = _aligned(channels, notes)
+    channels = _aligned(channels, notes, is_joined)
     _refuse_bad_time(channels["time_s"])
     notes += leave_out_spikes(channels)
     _refuse_missing(list(channels), f"it gives {', '.join(channels)}")
@@ -416,16 +425,19 @@ def _checked(table: pd.DataFrame, notes: list[str]) -> dict[str, Array]:
     return channels
 
 
-def _aligned(channels: dict[str, Array], notes: list[str]) -> dict[str, Array]:
+def _aligned(channels: dict[str, Array], notes: list[str], is_joined: bool) -> dict[str, Array]:
     """A table whose power and motion stand in different rows, as those of PlotJuggler and Foxglove, on one clock, which
-    is chosen as for bags; other tables as they are."""
+    is chosen as for bags; other tables as they are.
+
+    Of tables that are joined the slower one is sparse among the rows of the faster, also where it shares its times."""
     needed = [*first_set(MOTION, channels), *first_set(POWER, channels)]
     time_s = channels.get("time_s", np.empty(0))
     if not needed or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
         return channels
     is_known = np.array([np.isfinite(channels[name]) for name in needed])
     fewest = int(is_known.sum(axis=1).min())
-    if fewest < 2 or is_known.all(axis=0).sum() >= thresholds.TOGETHER_SHARE * fewest:
+    rows = len(time_s) if is_joined else fewest
+    if fewest < 2 or is_known.all(axis=0).sum() >= thresholds.TOGETHER_SHARE * rows:
         return channels
     from homeward.logs.bags import clock  # only now, as it needs a part of SciPy that takes a while to load
 

@@ -75,7 +75,8 @@ count since 1970 in ms to ns: between 1990 in ms (6.3e11) and 2099 in s (4.1e9).
 
 TOGETHER_SHARE = 0.5
 """Least share of the values of the channel that has fewest, in rows in which all that is needed is known; with fewer,
-each row is of one topic. Chosen: missing values are the exception in a table of samples."""
+each row is of one topic. Of joined tables, the share of all rows. Chosen: missing values are the exception in a table
+of samples."""
 
 # --- Units ------------------------------------------------------------------------------------------------------------
 
@@ -106,6 +107,12 @@ lets one be off; a gauge recovers by less when a load ends."""
 COUNTS = 10
 """Changes of a current or power, all in one direction, from which it may be a counter: those of a measured one have
 random signs, and ten agree once in 500 recordings (2 / 2^10)."""
+
+FEWEST_CLIMBS = 20
+"""Windows from which the energy of climbs shows the sign of slopes. Chosen: as the samples of a run that is used."""
+SHARE_OF_WEIGHT, CLEAR_CLIMB = 0.5, 4.0
+"""Share of the robot's weight by which the power must fall with the climbing rate, and standard errors of that, for
+slopes of the wrong sign. Chosen: half, and two errors if those of a few climbs are half of the true ones."""
 
 TYPICAL_SIZES: Mapping[str, float] = MappingProxyType({
     "heading_rad": 7.0, "grade_rad": shared.STEEPEST_RAD, "speed_mps": 30.0, "yaw_rate_radps": 10.0,

@@ -20,6 +20,8 @@ import numba
 from filelock import FileLock, Timeout
 from numba.core.caching import FunctionCache
 
+from homeward.own_effects import own_file
+
 _LONGEST_WAIT_S = 60.0
 """Waiting time for another process that compiles: the largest kernel takes a tenth of that on a quiet machine."""
 _PACKAGES = {
@@ -94,12 +96,15 @@ def cache_folder(module: str, source: Path) -> Path | None:
 
 
 def sources(module: str, source: Path) -> list[Path]:
-    """Files that a kernel may be made of: its own, those beside the packages, and all of the packages that its package
-    may import."""
+    """Files that a kernel may be made of: its own, those beside the packages, all of the packages that its package may
+    import, and that of an effect of one's own."""
     root = Path(__file__).parents[1]
     package = module.removeprefix("homeward.").split(".")[0]
     folders = [root / name for name in _PACKAGES.get(package, ("physics",))]
-    return sorted({source, *root.glob("*.py"), *(file for folder in folders for file in folder.rglob("*.py"))})
+    own = own_file()
+    of_one_s_own = [] if own is None else [own]
+    files = (file for folder in folders for file in folder.rglob("*.py"))
+    return sorted({source, *root.glob("*.py"), *files, *of_one_s_own})
 
 
 @functools.cache

@@ -16,6 +16,7 @@ from homeward.physics.jit import announce_compilation, compiled
 from homeward.physics.kernel import Conditions, advance, demand, full_charge
 from homeward.physics.log_replay import Recorded, conditions
 from homeward.physics.robot import Robot
+from homeward.physics.uncertainty import Uncertainty
 
 _SPEED_GRID = 201  # chosen: a step is half a per cent of the span of speeds, and the optimum is flat
 _SPEEDS = Bounds(0.0, np.inf, open_low=True, open_high=True)
@@ -245,17 +246,28 @@ def _variance(robot: Robot, driven: Recorded, mean_j: float, length_m: float) ->
         """Change of the energy by the relative change of a parameter, J; downwards, so that a share stays one."""
         return (mean_j - _consumed(_changed(robot, name, 1.0 - _STEP), driven)) / _STEP
 
+    stated = Uncertainty() if given is None or given.of == "charge" else given
+    slopes_j = np.array([per_share(name) for name in stated.fitted])
+    own = float(slopes_j @ np.array(stated.covariance).reshape(len(slopes_j), -1) @ slopes_j) if len(slopes_j) else 0.0
     if given is None or given.of != "energy":
-        rolling_j = thresholds.GENERIC_ROLLING_SD * per_share("rolling")
-        payload_j = thresholds.GENERIC_PAYLOAD_SD * per_share("payload")
-        return rolling_j**2 + payload_j**2 + (thresholds.OMITTED * mean_j) ** 2
-    slopes_j = np.array([per_share(name) for name in given.fitted])
-    own = float(slopes_j @ np.array(given.covariance).reshape(len(slopes_j), -1) @ slopes_j) if len(slopes_j) else 0.0
+        generic = (share * per_share(name) for name, share in _not_stated(stated.fitted).items())
+        return own + sum(joules**2 for joules in generic) + (thresholds.OMITTED * mean_j) ** 2
     between_runs = thresholds.BETWEEN_RUNS if given.between_runs is None else given.between_runs
     # The spread between runs, where it was measured, includes the file's own error.
     runs = (between_runs * mean_j) ** 2
     runs = runs + own if given.between_runs is None else max(runs, own)
     return runs + (given.unexplained_over(length_m) * mean_j) ** 2
+
+
+def _not_stated(measured: tuple[str, ...]) -> dict[str, float]:
+    """Relative standard deviations of what was not measured, by name.
+
+    A payload is rolled, too; where the resistance was measured, with the load of the test, it changes the climbs alone.
+    """
+    shares = {} if "rolling" in measured else {"rolling": thresholds.GENERIC_ROLLING_SD}
+    if "mass" not in measured:
+        shares["mass" if "rolling" in measured else "payload"] = thresholds.GENERIC_PAYLOAD_SD
+    return shares
 
 
 def _changed(robot: Robot, name: str, factor: float) -> Robot:

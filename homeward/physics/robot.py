@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.files import STANDARD_INPUT, read_toml
-from homeward.physics import battery, model, thresholds
+from homeward.own_effects import REMEDY
+from homeward.physics import battery, coast_down, model, thresholds
 from homeward.physics.effects import EFFECTS, PARAMETER_FIELDS, Effect
 from homeward.physics.intervals import Bounds
 from homeward.physics.plausible import warn_of_implausible
@@ -273,7 +274,9 @@ def _from_tables(data: dict[str, Any]) -> Robot:
     sections: dict[str, dict[str, Any]] = {}
     for quantity in _QUANTITIES:
         sections.setdefault(quantity.metadata["section"], {})[quantity.name] = quantity
-    _refuse_unknown(data, ["name", "description", "effects", "uncertainty", *sections], "")
+    _refuse_unknown(data, ["name", "description", "effects", "uncertainty", "coast_down", *sections], "")
+    if "coast_down" in data:
+        data = _with_coast_down(data)
     values: dict[str, Any] = {"effects": data.get("effects", {}), "description": data.get("description", "")}
     if "uncertainty" in data:
         table = data["uncertainty"]
@@ -281,7 +284,7 @@ def _from_tables(data: dict[str, Any]) -> Robot:
             table = dict(table)
             data = {**data, "drive": {"rest_current_a": table.pop("rest_current_a"), **data.get("drive", {})}}
         try:
-            values["uncertainty"] = from_table(table)
+            values["uncertainty"] = table if isinstance(table, Uncertainty) else from_table(table)
         except UncertaintyError as error:
             raise RobotError(f"uncertainty.{error}") from None
     if "name" not in data:
@@ -303,12 +306,30 @@ def _from_tables(data: dict[str, Any]) -> Robot:
     return Robot(**values)
 
 
-def _refuse_unknown(table: Mapping[str, Any], known: list[str], prefix: str) -> None:
+def _with_coast_down(data: dict[str, Any]) -> dict[str, Any]:
+    """Tables of a file with what its `[coast_down]` gives."""
+    body, effects = data.get("body", {}), data.get("effects", {})
+    if not isinstance(body, Mapping) or not isinstance(effects, Mapping):
+        return data  # which is refused
+    try:
+        measured = coast_down.from_table(data["coast_down"], body.get("mass_kg"))
+    except UncertaintyError as error:
+        raise RobotError(str(error)) from None
+    twice = [f"body.{name}" for name in measured.body if name in body]
+    twice += [f"effects.{name}" for name in measured.effects if name in effects]
+    twice += ["uncertainty"] if measured.uncertainty is not None and "uncertainty" in data else []
+    if twice:
+        raise RobotError(f"coast_down gives {', '.join(twice)} too; remove one of them")
+    data = data | {"body": {**body, **measured.body}, "effects": {**effects, **measured.effects}}
+    return data if measured.uncertainty is None else data | {"uncertainty": measured.uncertainty}
+
+
+def _refuse_unknown(table: Mapping[str, Any], known: list[str], prefix: str, remedy: str = "") -> None:
     for name in table:
         if name not in known:
             raise RobotError(
                 f"{prefix}{name} = {table[name]!r} is not a known field; known: {', '.join(known)}"
-                f"{_belongs_in(str(name)) or _did_you_mean(str(name), known)}"
+                f"{_belongs_in(str(name)) or _did_you_mean(str(name), known) or remedy}"
             )
 
 
@@ -391,7 +412,7 @@ def _checked_effects(effects: Any) -> Mapping[str, Mapping[str, float]]:
         raise RobotError(f"effects = {effects!r} is not a table of effects")
     checked: dict[str, Mapping[str, float]] = {}
     for effect_id, parameters in effects.items():
-        _refuse_unknown({effect_id: parameters}, list(_EFFECT_BY_ID), "effects.")
+        _refuse_unknown({effect_id: parameters}, list(_EFFECT_BY_ID), "effects.", f"; {REMEDY}")
         effect = _EFFECT_BY_ID[effect_id]
         names = [parameter.name for parameter in effect.parameters]
         if not isinstance(parameters, Mapping):

@@ -12,7 +12,11 @@ import numpy as np
 from homeward.physics import thresholds
 
 _MOST_NUMBERS = 64  # chosen: more than the 32 parameters of all effects with those of a robot
-_OF = ("energy", "charge")
+_OF = ("energy", "charge", "force")
+_MEANT = {
+    "charge": "of the motors: shares below refer to their current",
+    "force": "at the wheels: the losses of the drive are no part of it",
+}
 _INSTRUMENTS: dict[str, float] = {
     "power_gain": thresholds.MOST_ERROR, "power_noise": 10.0, "reading_s": 3600.0, "soc_step": thresholds.MOST_ERROR,
     "soc_noise": thresholds.MOST_ERROR, "soc_lag_s": thresholds.MOST_LAG_S, "speed_noise": thresholds.MOST_ERROR,
@@ -40,7 +44,8 @@ class Uncertainty:
         unexplained_m: Correlation length of unexplained power, m.
         instruments: Sizes of the instruments' errors by name, as far as known.
         of: `energy`, or `charge` if motor current was recorded, which follows torque and not power: shares then
-            refer to the charge.
+            refer to the charge; or `force` of a coast-down test and a scale (`homeward.physics.coast_down`): shares of
+            the forces at the wheels and of the mass, of which the losses of the drive are no part.
 
     Raises:
         UncertaintyError: A value is not allowed.
@@ -117,8 +122,8 @@ class Uncertainty:
     def to_toml(self) -> str:
         """Text of the table, readable by `from_table`."""
         lines = ["[uncertainty]", f"source = {_quoted(self.source)}"]
-        if self.of == "charge":
-            lines.append('of = "charge"  # of the motors: shares below refer to their current')
+        if self.of != "energy":
+            lines.append(f'of = "{self.of}"  # {_MEANT[self.of]}')
         lines.append(f"fitted = [{', '.join(map(_quoted, self.fitted))}]")
         rows = (f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in self.covariance)
         lines.append(f"covariance = [{', '.join(rows)}]  # of their relative errors")

@@ -44,6 +44,9 @@ BEHIND_S = 1.0
 FEWEST_SIGNS = 50
 """Readings while driving from which the sign of a current is determined. Chosen: noise has no majority."""
 
+DOUBTED_S = 60.0
+"""Driving time after which units are doubted, s. Chosen: thirty means, of which a measured one falls and rises."""
+
 LEAST_OF_WINDOW = 0.5
 """Share of the averaging window of an accelerometer after which it gives a slope. Chosen: half, as the speed is
 averaged over half of it in bags (`homeward.logs.bags.grade`)."""

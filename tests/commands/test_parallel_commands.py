@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from homeward import __main__ as command
@@ -271,6 +272,25 @@ def test_how_recordings_of_a_fleet_were_read_is_said(
     file.write_text(file.read_text().replace(",", ";"))
     fleet.members_of(fleet.Args(garage, robot="rusti", out=tmp_path / "out"))
     assert capsys.readouterr().err == "loaded/run.csv: read with cells separated by semicolons\n"
+
+
+def test_a_folder_of_tables_is_one_run_of_a_robot(
+    garage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:  # fmt: skip
+    run = garage / "loaded" / "run"
+    run.mkdir()
+    whole = pd.read_csv(garage / "loaded" / "run.csv")
+    power = [name for name in whole if name in ("power_w", "voltage_v", "current_a")]
+    whole.drop(columns=power).to_csv(run / "odom.csv", index=False)
+    whole[["time_s", *power]].to_csv(run / "power.csv", index=False)
+    args = fleet.Args(garage, robot="rusti", out=tmp_path / "out")
+    joined, alone = fleet.members_of(args)["loaded"].recordings
+    assert joined.channels.keys() == alone.channels.keys() and len(joined) == len(alone)
+    assert "loaded/run: tables of one run are joined: " in capsys.readouterr().err
+    (run / "odom.csv").unlink()
+    (run / "power.csv").unlink()
+    with pytest.raises(RecordingError, match="contains no table of a run"):
+        fleet.members_of(args)
 
 
 def test_a_fleet_that_cannot_be_read_is_refused(tmp_path: Path) -> None:

@@ -53,3 +53,20 @@ def test_what_nothing_explains_widens_by_its_measured_interval(way_m: float) -> 
     one = known(**sizes)
     added = math.sqrt(one.with_unexplained(way_m).model_error ** 2 - one.prior.model_error**2)
     assert deviations(0.95) * added == pytest.approx(NORMAL_95 * Uncertainty(**sizes).unexplained_over(way_m))
+
+
+def test_what_was_measured_at_the_wheels_narrows_the_prior() -> None:
+    generic = known_of(load_robot("husky"), has_forecast=True).prior
+    both = known(of="force", fitted=("rolling", "mass"), covariance=((0.02**2, 0.0), (0.0, 0.01**2)), source="a test")
+    assert both.prior.rolling == 1.0 and both.prior.rolling_sd == pytest.approx(0.02)
+    assert both.prior.mass_sd == 0.0 and both.weight_sd == pytest.approx(0.01)
+    assert both.prior.capacity_sd == generic.capacity_sd and both.prior.model_error == generic.model_error
+    assert both.words[:2] == (
+        "measured at the wheels: a test, of rolling, mass",
+        "generic ranges of the rest (capacity 80 to 100 %, 4% of a way's energy that the model omits)",
+    )
+    weighed = known(of="force", fitted=("mass",), covariance=((0.01**2,),))
+    assert weighed.prior.mass == 1.0 and weighed.prior.mass_sd == pytest.approx(0.01) and weighed.weight_sd == 0.0
+    assert weighed.prior.rolling_sd == generic.rolling_sd and "rolling resistance 80 to 130 %" in weighed.words[1]
+    rolled = known(of="force", fitted=("rolling",), covariance=((0.02**2,),))
+    assert rolled.weight_sd == generic.mass_sd and "payload up to 20 %" in rolled.words[1]

@@ -214,6 +214,12 @@ def test_the_recipes_for_an_effect_and_a_mission_work_and_the_effect_is_named(ex
         cwd=extended,
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(extended), "HOMEWARD_CACHE": str(tmp_path), "NUMBA_OPT": "0"},
+        env={
+            **os.environ,
+            "PYTHONPATH": str(extended),
+            "HOMEWARD_CACHE": str(tmp_path),
+            "NUMBA_OPT": "0",
+            "HOMEWARD_EFFECTS": "lamp.py",
+        },
     )
     assert run.returncode == 0, run.stderr

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from homeward.commands.columns import _tried
+from homeward.commands.columns import Args, _tried, main
 from homeward.diagnosis import RecordingError, load_columns, read_recording
 from homeward.logs.channels import CHANNELS
 from homeward.logs.propose import propose
@@ -227,5 +227,34 @@ def test_a_table_without_a_time_gets_a_proposal_that_says_so(tmp_path: Path) -> 
     TRUTH.drop(columns="time_s").to_csv(tmp_path / "run.csv", index=False)
     proposal = propose(tmp_path / "run.csv")
     assert "time_s" not in {guess.channel for guess in proposal.guesses}
-    lines, reads = _tried(proposal)
+    lines, reads = _tried(proposal.path, [proposal])
     assert not reads and "has no time_s; the mapping gives" in lines[-1]
+
+
+def test_tables_of_one_run_get_a_mapping_each_that_reads_them_together(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = {"time_s": "Time [ms]", "speed_mps": "Velocity [km/h]", "voltage_v": "batt"}
+    odometry = TRUTH[[*names]] * {"time_s": 1e3, "speed_mps": 3.6, "voltage_v": 1.0}
+    odometry.rename(columns=names).to_csv(tmp_path / "odom.csv", index=False)
+    names = {"time_s": "t", "voltage_v": "Voltage (V)", "current_a": "Current (mA)", "speed_mps": "v"}
+    battery = TRUTH[[*names]][::5] * {"time_s": 1.0, "voltage_v": 1.0, "current_a": 1e3, "speed_mps": 1.0}
+    battery.rename(columns=names).to_csv(tmp_path / "bat.csv", index=False)
+    both = Path(f"{tmp_path}/odom.csv+{tmp_path}/bat.csv")
+    written = Path(f"{tmp_path}/odom.toml+{tmp_path}/bat.toml")
+    first, second = main(Args(both, out=written))
+    assert [guess.channel for guess in first.guesses] == ["time_s", "speed_mps"]
+    assert [guess.channel for guess in second.guesses] == ["time_s", "voltage_v", "current_a"]
+    assert second.left_over["v"] == " (could be speed_mps, for which Velocity [km/h] of odom.csv is used)"
+    said = " ".join(capsys.readouterr().out.split())
+    assert "With it the file reads: 120 samples over 59.5 s." in said and f"--columns {written}" in said
+    recording = read_recording(both, str(written))
+    np.testing.assert_allclose(recording.channels["current_a"], TRUTH["current_a"][::5], atol=1e-9)
+    main(Args(both))
+    assert "Write it with --out odom.toml+bat.toml" in capsys.readouterr().out
+    for out, words in (
+        (tmp_path / "one.toml", "give a file for each of 2 tables, such as a.toml"),
+        (written, "an existing one is not replaced"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            main(Args(both, out=out))

@@ -41,10 +41,12 @@ from homeward.envs.routes import RouteError, load_route
 from homeward.logs.bags.topics import load_topics
 from homeward.logs.propose import propose
 from homeward.physics import RobotError, load_robot
+from homeward.urdf import read_urdf, robot_file
 from tests.command_line import ended
 from tests.envs.routes.test_tracks import write_fit
 from tests.logs.bag_writer import Stream, write_bag
 from tests.logs.flight_writer import write_dataflash, write_ulog
+from tests.test_urdf import four_wheels
 
 ROOT = Path(__file__).parents[2]
 GIVEN = os.environ.get("HOMEWARD_MUTATIONS")
@@ -248,9 +250,19 @@ def instruments() -> list[bytes]:
     return ["".join(f"{name} = {json.dumps(value)}\n" for name, value in one.items()).encode() for one in every]
 
 
+def coasted() -> list[bytes]:
+    """A robot file with a coast-down test."""
+    lines = load_robot("husky").to_toml().splitlines()
+    kept = [line for line in lines if not line.startswith(("rolling_resistance", "drag_ns2_per_m2"))]
+    table = "[coast_down]\na_n = 30.0\na_sd_n = 0.6\nb_ns_per_m = 4.0\nc_ns2_per_m2 = 0.5\nmass_sd_kg = 0.5\n"
+    return ["\n".join([*kept, table]).encode()]
+
+
 RECORDING = (RecordingError,)
 LOADERS = {
     "robot": Loader(load_robot, ".toml", (RobotError,), lambda: files("homeward/robots/*.toml")),
+    "coast-down test": Loader(load_robot, ".toml", (RobotError,), coasted),
+    "urdf": Loader(lambda path: robot_file(read_urdf(path)), ".urdf", (RobotError,), lambda: [four_wheels().encode()]),
     "route": Loader(lambda path: load_route(path, 5.0), ".csv", (RouteError,), routes),
     "track": Loader(lambda path: load_route(path, 5.0), ".gpx", (RouteError,), tracks),
     "recording": Loader(read_recording, ".csv", RECORDING, tables),

@@ -160,7 +160,9 @@ def test_nothing_of_the_future_is_told(tmp_path: Path) -> None:
 def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = tuple(drive(tmp_path, seed, rolling=1.2) for seed in range(2))
     paths[1].write_text(paths[1].read_text().replace(",", ";"))
-    main(Args(paths, "husky", quiet=True, out=tmp_path / "out"))
+    mcap = tmp_path / "advice.mcap" if find_spec("foxglove") else None
+    main(Args(paths, "husky", quiet=True, out=tmp_path / "out", mcap=mcap))
+    assert mcap is None or mcap.stat().st_size > 10_000
     printed, said = capsys.readouterr()
     assert said == "run1.csv: read with cells separated by semicolons\n"
     assert "in the 90 %" in printed and "way left" in printed and "watch.html" in printed

@@ -30,7 +30,16 @@ from homeward.diagnosis.fit.parameter_groups import (
 from homeward.diagnosis.fit.replay import Runs, thrust_n_per_a
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
-from homeward.physics.effects import EFFECTS, air_temperature, cooler, heater, inertia, regeneration, turning
+from homeward.physics.effects import (
+    EFFECTS,
+    air_temperature,
+    cooler,
+    heater,
+    inertia,
+    regeneration,
+    turning,
+    viscous,
+)
 
 Replay = Callable[[Robot], Array]
 """Prediction for the windows by a robot."""
@@ -52,6 +61,8 @@ _PRECISE = 1e-7  # of the sum that is minimised, relative: a fit ends; chosen
 _SMALL = 1e-4  # of a scale, for a derivative by a finite difference; chosen
 _HARDLY = 1e-3
 """Lambda of the first fit, whose error is what drives leave unexplained: hardly any prior. Chosen."""
+_SURE = 1e-6
+"""Least relative standard deviation of a measured number. Chosen: above rounding."""
 _PENALTIES = np.logspace(-1.0, 1.0, 7)
 """Lambdas that are tried, about 1: prior and minutes then count as stated. Chosen: half a decade apart or less."""
 FEW_RUNS, _OF_FEW = 8, 0.3
@@ -128,6 +139,9 @@ def entries(runs: Runs, robot: Robot, named: Robot, scales: Scales = SCALES) -> 
         "drag": scales.drag_times * problem.scale[DRAG],
         "mass": scales.mass_times * problem.scale[MASS],
     }
+    values = {group.name: float(problem.start[index]) for index, group in enumerate(problem.groups)}
+    for name, measured in _measured(runs, robot, scales, values).items():
+        wide[name] = min(wide.get(name, measured), measured)
     found = []
     for index, group in enumerate(problem.groups):
         per = float(problem.to_group[index])
@@ -139,6 +153,7 @@ def entries(runs: Runs, robot: Robot, named: Robot, scales: Scales = SCALES) -> 
             Entry(group.name, group.unit, per * float(problem.start[index]), per * scale, per * low, per * high)
         )
     found += _of_effects(runs, robot, mean, float(problem.to_group[MASS]), scales)
+    found += _of_viscous(robot)
     known = {entry.name for entry in found}
     for effect, numbers in named.effects.items():
         switch = _SWITCHES[effect]
@@ -147,6 +162,39 @@ def entries(runs: Runs, robot: Robot, named: Robot, scales: Scales = SCALES) -> 
         if name not in known and size and numbers != robot.effects.get(effect):
             found.append(Entry(name, switch.unit, size, abs(size), switch.low, switch.high))
     return tuple(found)
+
+
+def _measured(runs: Runs, robot: Robot, scales: Scales, values: Mapping[str, float]) -> dict[str, float]:
+    """Standard deviations of what a coast-down test and a scale measured at the wheels, by name of the group.
+
+    Recordings of power show the same over the drive's efficiency, which the test does not know: the drive's losses are
+    as uncertain as without it. Recordings of motor current show it over the thrust per ampere of the file.
+    """
+    losses = scales.losses / robot.traction_efficiency if runs.unit == "W" else 0.0
+    if runs.unit == "A" and robot.traction_n_per_a == 0.0:
+        return {}
+    measured = {name: _measured_share(robot, name) for name in values}
+    return {
+        name: values[name] * float(np.hypot(share, losses)) for name, share in measured.items() if share is not None
+    }
+
+
+def _measured_share(robot: Robot, name: str) -> float | None:
+    """Relative standard deviation of a force or mass that was measured; None if it was not."""
+    given = robot.uncertainty
+    variance = given.variance(name) if given is not None and given.of == "force" else None
+    return None if variance is None else max(float(np.sqrt(variance)), _SURE)
+
+
+def _of_viscous(robot: Robot) -> list[Entry]:
+    """Friction that grows with speed, where a coast-down test measured it."""
+    switch = viscous.EFFECT.switch
+    name = f"{viscous.EFFECT.id}.{switch.name}"
+    size = robot.effects.get(viscous.EFFECT.id, {}).get(switch.name, 0.0)
+    share = _measured_share(robot, name)
+    if share is None or size == 0.0:
+        return []
+    return [Entry(name, switch.unit, size, share * size, switch.low, switch.high)]
 
 
 def _of_effects(runs: Runs, robot: Robot, mean: float, per: float, scales: Scales) -> list[Entry]:

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.read.signals import Signals, steps_s
-from homeward.logs.autocorrelation import correlation_windows
+from homeward.logs.doubts import turned_slopes
 from homeward.physics import Robot
 from homeward.physics.model import GRAVITY_MPS2
 
@@ -72,11 +71,7 @@ def _lost_height_j(run: Signals, robot: Robot) -> float | None:
 
 
 def wrong_slopes(signals: Sequence[Signals], robot: Robot) -> str | None:
-    """Whether the energy of climbs shows that slopes have the wrong sign, in all runs together; a phrase, or None.
-
-    Climbing takes at least the robot's weight along the slope. Where power falls with the climbing rate by more than
-    half of that, clearly more than its residuals explain, uphill was recorded as negative.
-    """
+    """Whether the energy of climbs shows that slopes have the wrong sign, in all runs together; a phrase, or None."""
     sloped = [run for run in signals if "grade_rad" in run.context and run.unit == "W"]
     if not sloped:
         return None
@@ -84,19 +79,4 @@ def wrong_slopes(signals: Sequence[Signals], robot: Robot) -> str | None:
     pairs = list(zip(runs.signals, runs.windows, strict=True))
     speed_mps = np.concatenate([cut.means(np.abs(run.speed_mps)) for run, cut in pairs])
     climb_mps = np.concatenate([cut.means(run.speed_mps * np.sin(run.grade_rad)) for run, cut in pairs])
-    causes = np.stack((climb_mps, np.ones(len(speed_mps)), speed_mps), axis=-1)
-    if np.linalg.matrix_rank(causes) < causes.shape[1]:
-        causes = causes[:, :2]  # at one speed
-    if np.linalg.matrix_rank(causes) < causes.shape[1] or len(causes) < thresholds.FEWEST_SAMPLES:
-        return None
-    sizes = np.linalg.lstsq(causes, runs.observed, rcond=None)[0]
-    left = runs.observed - causes @ sizes
-    variance = float(left @ left) / (len(left) - causes.shape[1]) * correlation_windows(left, runs.run)
-    error_n = float(np.sqrt(variance * np.linalg.inv(causes.T @ causes)[0, 0]))
-    force_n, weight_n = float(sizes[0]), robot.mass_kg * GRAVITY_MPS2
-    if force_n > -thresholds.HALF * weight_n or force_n > -thresholds.CLEAR_TILT * error_n:
-        return None
-    return (
-        f"climbs draw less than level ground in all runs together ({force_n:.3g} N along the slope, where the weight "
-        f"of {robot.name} asks for at least {weight_n:.3g} N): is uphill positive? (factor -1 in a mapping file)"
-    )
+    return turned_slopes(climb_mps, speed_mps, runs.observed, runs.run, robot.mass_kg * GRAVITY_MPS2, robot.name)

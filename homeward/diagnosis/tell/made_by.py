@@ -1,7 +1,8 @@
-"""What made a verdict, beside the recordings: version, seed and thresholds."""
+"""What made a verdict, beside the recordings: version, seed, thresholds, and effects of one's own."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,7 @@ from homeward import thresholds as shared
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.result import MadeBy
 from homeward.logs import thresholds as logs_thresholds
+from homeward.own_effects import own_file
 from homeward.physics import thresholds as physics_thresholds
 
 _MODULES = {"shared": shared, "physics": physics_thresholds, "logs": logs_thresholds, "diagnosis": thresholds}
@@ -23,7 +25,9 @@ def made_by(seed: int) -> MadeBy:
         for name, value in vars(module).items()
         if name.isupper() and not name.startswith("_")
     }
-    return MadeBy(homeward.__version__, seed, values)
+    own = own_file()
+    own_effects = {} if own is None else {own.name: hashlib.sha256(own.read_bytes()).hexdigest()}
+    return MadeBy(homeward.__version__, seed, values, own_effects)
 
 
 def _plain(value: Any) -> Any:

@@ -14,9 +14,10 @@ import numpy as np
 
 from homeward import thresholds as shared
 from homeward.companion import CompanionError
-from homeward.watch.mavlink.telling import Texts, chunks, numbers
+from homeward.watch.mavlink.telling import chunks, numbers
 from homeward.watch.mavlink.translate import KINDS, Translator, metres_from
 from homeward.watch.online.link import Message, News
+from homeward.watch.online.texts import Texts
 
 os.environ["MAVLINK20"] = "1"  # pymavlink reads it: messages of version 2 are sent, those of both are received
 

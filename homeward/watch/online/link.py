@@ -39,7 +39,18 @@ class News(NamedTuple):
     silent: bool
 
 
-class Link(Protocol):
+class Output(Protocol):
+    """Where the advice goes beside the link."""
+
+    def tell(self, news: News) -> None:
+        """Publish.
+
+        Raises:
+            OSError, CompanionError: It cannot be published now.
+        """
+
+
+class Link(Output, Protocol):
     """A way to exchange messages with a robot.
 
     Attributes:
@@ -64,13 +75,6 @@ class Link(Protocol):
 
     def faults(self) -> list[str]:
         """What is wrong with the messages, a line each."""
-
-    def tell(self, news: News) -> None:
-        """Publish.
-
-        Raises:
-            OSError, CompanionError: It cannot be published now.
-        """
 
 
 def can_reach_home(advice: Advice) -> bool:

@@ -11,6 +11,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 from homeward import quantities
@@ -80,12 +81,14 @@ class Heard(NamedTuple):
         reading: Keyword arguments of `Companion.update`.
         charged: State of charge to which the battery was charged or swapped, None if it was not.
         by_charger: Whether that was a charge: since the robot drove last, a current flowed into the battery.
+        values: Channels as received.
     """
 
     time_s: float
     reading: dict[str, Any]
     charged: float | None = None
     by_charger: bool = False
+    values: Mapping[str, float] = MappingProxyType({})
 
 
 def _key(topic: Topic) -> tuple[str, str]:
@@ -342,7 +345,7 @@ class Listener:
         if charged:
             what = "charged" if self._on_charger else "charged or swapped"
             self.say(f"the battery was {what}: {reading['soc']:.0%}", now_s, "the battery was charged")
-        return Heard(time_s, reading, reading["soc"] if charged else None, self._on_charger)
+        return Heard(time_s, reading, reading["soc"] if charged else None, self._on_charger, values)
 
     def _heading(self, values: dict[str, float], place: tuple[float, float, float] | None, dt_s: float) -> float:
         """The heading by odometry, else as recorded or by an IMU, else by turning rates from east."""

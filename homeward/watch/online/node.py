@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from homeward.companion import Advice, Companion, CompanionError
@@ -12,7 +13,8 @@ from homeward.companion.saved import DAMAGE, check_sealed, put_values, sealed, v
 from homeward.files import read_json, write_whole
 from homeward.logs.bags.topics import Topics
 from homeward.watch import thresholds
-from homeward.watch.online.link import Link, News, can_reach_home
+from homeward.watch.online.doubted import Doubted
+from homeward.watch.online.link import Link, News, Output, can_reach_home
 from homeward.watch.online.listener import Heard, Listener
 
 PERIOD_S = 0.1
@@ -29,6 +31,7 @@ class Node:
         companion: Companion of the robot.
         link: What carries the messages.
         mapping: Fields of topics for each channel.
+        outputs: Where the advice goes beside the link.
 
     Attributes:
         advice: The last advice, None before the first.
@@ -36,9 +39,12 @@ class Node:
         messages: Number of messages received.
     """
 
-    def __init__(self, companion: Companion, link: Link, mapping: Topics | None = None) -> None:
-        self.companion, self._link = companion, link
+    def __init__(
+        self, companion: Companion, link: Link, mapping: Topics | None = None, outputs: Sequence[Output] = ()
+    ) -> None:
+        self.companion, self._link, self._outputs = companion, link, outputs
         self.listener = Listener(mapping, companion.robot.max_speed_mps)
+        self._doubted = Doubted(companion.robot)
         self.advice: Advice | None = None
         self.warnings: list[str] = []
         self.messages = 0
@@ -84,10 +90,17 @@ class Node:
         elif self.advice is not None and self.silent and now_s - self._published_s >= _PUBLISH_S:
             heard = self.listener.silence(now_s)
         if heard is not None:
+            self._doubted.see(heard)
             self.attempt("advising", lambda: self._advise(heard))
         advised = self.advice.warnings if self.advice else ()
-        self.warnings = [*self.failures, *self._link.faults(), *self.listener.warnings(now_s), *advised]
-        self.attempt("publishing", lambda: self._publish(now_s))
+        self.warnings = [
+            *self.failures,
+            *self._link.faults(),
+            *self.listener.warnings(now_s),
+            *self._doubted.lines,
+            *advised,
+        ]
+        self._publish(now_s)
         return heard is not None
 
     def attempt(self, what: str, act: Callable[[], object]) -> None:
@@ -119,7 +132,10 @@ class Node:
             return
         self._published_s, self._published = now_s, matters
         robot = self.companion.robot
-        self._link.tell(News(self.advice, robot.usable_energy_j, robot.name, self.warnings, self.silent))
+        news = News(self.advice, robot.usable_energy_j, robot.name, self.warnings, self.silent)
+        self.attempt("publishing", partial(self._link.tell, news))
+        for output in self._outputs:
+            self.attempt("streaming", partial(output.tell, news))
 
     def save(self, path: Path) -> None:
         """Write the state for a restart.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from homeward.companion import Companion, CompanionError
 from homeward.logs.bags.topics import load_topics
 from homeward.physics import Robot
 from homeward.watch.live import LiveView, kind_of
-from homeward.watch.online.link import Link
+from homeward.watch.online.link import Link, Output
 from homeward.watch.online.node import PERIOD_S, Node
 
 _SAVED_S = 60.0  # between saved states; chosen: a crash loses a minute at most
@@ -39,6 +39,7 @@ class Session:
         home: Home in the frame of the positions, m; by default the first position received.
         state: File of the state: read if it exists, and written every minute and at the end. One that cannot be used
             is left out with a warning.
+        outputs: Where the advice goes beside the link.
         keywords: Arguments of the companion.
 
     Raises:
@@ -48,11 +49,12 @@ class Session:
 
     def __init__(
         self, robot: Robot, link: Link, where: str, mapping: str | Path | None = None,
-        home: tuple[float, float] | None = None, state: Path | None = None, **keywords: Any,
+        home: tuple[float, float] | None = None, state: Path | None = None, outputs: Sequence[Output] = (),
+        **keywords: Any,
     ) -> None:  # fmt: skip
         topics = None if mapping is None else load_topics(mapping)
         companion = Companion(robot, home="here" if home is None else home, **keywords)
-        self.node = Node(companion, link, topics)
+        self.node = Node(companion, link, topics, outputs)
         self._where = where
         self._state = state
         if state is not None:

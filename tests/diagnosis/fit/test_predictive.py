@@ -22,6 +22,7 @@ from homeward.diagnosis.fit.predictive import (
 from homeward.diagnosis.fit.replay import Runs, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.physics import load_robot, replay
+from homeward.physics.uncertainty import Uncertainty
 
 CAR = dataclasses.replace(
     load_robot("husky"), mass_kg=1500.0, rolling_resistance=0.011, drag_ns2_per_m2=0.4, motor_loss=0.1,
@@ -141,3 +142,29 @@ def test_numbers_and_robot_are_one(winter: tuple[Predictive, Runs]) -> None:
     assert robot.mass_kg / robot.traction_efficiency == pytest.approx(fit.numbers["mass"])
     accelerated_kg = robot.effects["inertia"]["mass_factor"] * robot.mass_kg / robot.traction_efficiency
     assert accelerated_kg == pytest.approx(fit.numbers[INERTIA])
+
+
+def test_what_was_measured_at_the_wheels_narrows_the_fit() -> None:
+    """On the level, two noisy drives of a car whose tyres are soft say little; the losses of the drive stay unknown."""
+    soft = dataclasses.replace(CAR, rolling_resistance=0.02, effects={"viscous": {"drag_ns_per_m": 5.0}})
+    recordings = drives(soft, 5, np.array([20.0, 20.0]), noise_w=8000.0, hilly=False)
+    car = dataclasses.replace(soft, rolling_resistance=CAR.rolling_resistance)
+    names = "rolling", "drag", "mass", "viscous.drag_ns_per_m"
+    measured = Uncertainty(fitted=names, covariance=tuple(map(tuple, np.diag([1e-4] * 4))), of="force")
+    wide, runs = fitted(recordings, car)
+    narrow, _ = fitted(recordings, dataclasses.replace(car, uncertainty=measured))
+
+    scale_of_wide = {entry.name: entry.scale for entry in wide.entries}
+    scale_of_narrow = {entry.name: entry.scale for entry in narrow.entries}
+    assert all(scale_of_narrow[name] < scale_of_wide[name] for name in ("rolling", "drag", "mass"))
+    assert scale_of_narrow["viscous.drag_ns_per_m"] == pytest.approx(0.05)
+    assert "viscous.drag_ns_per_m" not in scale_of_wide
+
+    def moved_and_sd(fit: Predictive) -> tuple[float, float]:
+        """How far rolling resistance moved from the file's, and how unsure it is."""
+        at = [entry.name for entry in fit.entries].index("rolling")
+        variance = fit.covariance(runs, runs.run)[at, at]
+        return abs(fit.numbers["rolling"] - fit.entries[at].centre), float(np.sqrt(variance))
+
+    for less, more in zip(moved_and_sd(narrow), moved_and_sd(wide), strict=True):
+        assert less < 0.5 * more

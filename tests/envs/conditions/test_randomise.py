@@ -55,6 +55,8 @@ def test_of_one_run_it_is_not_known_how_runs_differ(sure: Robot) -> None:
     one = changed(sure, between_runs=None)
     known = known_of(Options("OutAndBack", robot=one, randomise="file"))
     assert known.difficulty.rolling == DIFFICULTY["uncertain"].rolling
+    measured = known_of(Options("OutAndBack", robot=changed(one, of="force"), randomise="file"))
+    assert measured.difficulty.rolling.deviation == pytest.approx(0.04)  # as a coast-down test states it
 
 
 def test_charge_of_motors_is_no_energy(sure: Robot) -> None:

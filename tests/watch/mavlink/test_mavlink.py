@@ -27,13 +27,14 @@ from homeward.companion import Advice, Companion, CompanionError
 from homeward.logs.bags.topics import load_topics
 from homeward.physics import load_robot
 from homeward.watch.mavlink import vehicle as vehicle_module
-from homeward.watch.mavlink.telling import LONGEST_NAME, Severity, Texts, numbers
+from homeward.watch.mavlink.telling import LONGEST_NAME, numbers
 from homeward.watch.mavlink.translate import KINDS, Translator
 from homeward.watch.mavlink.vehicle import Vehicle
 from homeward.watch.online import listener as listener_module
 from homeward.watch.online.link import News
 from homeward.watch.online.listener import Listener
 from homeward.watch.online.session import Session
+from homeward.watch.online.texts import Severity
 
 MAV: Any = mavutil.mavlink
 LAT_DEG, LON_DEG = 47.0, 8.0
@@ -273,20 +274,6 @@ def test_a_wind_is_towards_where_it_comes_from() -> None:
     assert len(translator.winds_mps) == 2
     for wind_mps in translator.winds_mps:
         assert wind_mps == pytest.approx((-2.0, 0.0), abs=1e-6)
-
-
-def test_a_text_is_sent_when_it_is_new_and_an_order_again(advice: Advice) -> None:
-    texts, calm = Texts(), News(advice, 1.7e6, "husky", [], False)
-    turn = calm._replace(advice=advice.__class__(**{**vars(advice), "turn_now": True}))
-    dark = calm._replace(warnings=["nothing on ATTITUDE for 3 s"])
-    later = calm._replace(warnings=["nothing on ATTITUDE for 4 s"])
-    assert list(texts.due(calm, 0.0)) == []
-    assert list(texts.due(dark, 1.0)) == [(Severity.WARNING, "homeward: nothing on ATTITUDE for 3 s")]
-    assert list(texts.due(later, 2.0)) == []
-    order = (Severity.CRITICAL, "homeward: TURN NOW, way home 100 m")
-    assert list(texts.due(turn, 3.0)) == [order]
-    assert [list(texts.due(turn, at_s)) for at_s in (4.0, 33.0)] == [[], [order]]
-    assert list(texts.due(calm, 34.0)) == [(Severity.NOTICE, "homeward: need not turn any more")]
 
 
 def test_numbers_have_names_that_fit(advice: Advice) -> None:
