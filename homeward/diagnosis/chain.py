@@ -84,25 +84,12 @@ def analyse(
     """
     check_names(without)
     robot = load_robot(robot)
-    recordings = (
-        list(recordings) if isinstance(recordings, Sequence) and not isinstance(recordings, str) else [recordings]
-    )
-    if not recordings:
-        raise RecordingError("no recordings given")
-    if strange := [type(one).__name__ for one in recordings if not isinstance(one, Recording | str | Path)]:
-        raise RecordingError(f"a recording is a path or what read_recording returns, not a {strange[0]}")
     progress("reading")
-    runs_read = [one if isinstance(one, Recording) else read_recording(one, columns) for one in recordings]
-    runs_read = [within_top_speed(one, robot.max_speed_mps) for one in runs_read]
+    recorded = _read(recordings, columns, robot)
     progress("checking")
     with threadpool_limits(1):  # busy waiting between threads slows many small products
-        usable, findings = usable_runs(runs_read, robot)
-    used = {run.name for run in usable}
-    infos = tuple(
-        RecordingInfo(one.name, one.sha256, one.duration_s, len(one))
-        for one in {one.name: one for one in runs_read}.values()
-        if one.name in used
-    )
+        usable, findings = usable_runs(recorded, robot)
+    infos = _infos(recorded, {run.name for run in usable})
     if not usable:
         untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings), made_by=made_by(seed))
         return Analysis(untestable, robot, robot, tuple(findings), None)
@@ -110,44 +97,75 @@ def analyse(
     with threadpool_limits(1):
         runs, gauge = weigh_gauge(average(usable, thresholds.SAMPLES_A_WINDOW), robot)
         evidence, fit = _gather(runs, robot, rng, progress, without)
-        if gauge is not None:
-            gauge = dataclasses.replace(gauge, question=capacity_question(evidence.capacity, robot))
-            lines = filter(None, (gauge.says, gauge.question))
-            findings += [Finding(runs.signals[0].name, line) for line in lines]
         verdict, off = _conclude(evidence)
         choice = choose_file(robot, verdict, evidence, rng)
+    if gauge is not None:
+        gauge = dataclasses.replace(gauge, question=capacity_question(evidence.capacity, robot))
+        lines = [line for line in (gauge.says, gauge.question) if line]
+        findings += [Finding(runs.signals[0].name, line) for line in lines]
     if choice.held_out is not None:
-        arm = score(choice.held_out, evidence.runs, evidence.block, evidence.trip, rng)
-        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
-        if choice.joint is not None:
-            evidence = dataclasses.replace(evidence, joint=choice.joint)
+        arm = score(choice.held_out, runs, evidence.block, evidence.trip, rng)
         fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
-    found = missing_physics(evidence)
+        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
+    if choice.joint is not None:
+        evidence = dataclasses.replace(evidence, joint=choice.joint)
+    missing = missing_physics(evidence)
     where = evidence.location.places if evidence.location is not None else ()
     nominal = evidence.predictions.get("nominal")
     reach = None
     if nominal is not None and choice.replayed is not None:
-        reach = recorded_range((robot, choice.robot), (nominal, choice.replayed), evidence.runs, rng)
-    of_range = evidence.runs.unit == "W" and verdict != "unknown_physics"
+        reach = recorded_range((robot, choice.robot), (nominal, choice.replayed), runs, rng)
+    shows_range = runs.unit == "W" and verdict != "unknown_physics"
     diagnosis = Diagnosis(
-        robot.name, infos, verdict, summary(verdict, evidence, off, fit, findings, found, choice.file, gauge),
+        robot.name,
+        infos,
+        verdict,
+        summary(verdict, evidence, off, fit, findings, missing, choice.file, gauge),
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
-        missing_physics=found,
+        missing_physics=missing,
         not_named=not_named(evidence),
         together=evidence.naming.together,
-        where=where or tuple(place for one in found for place in one.where),
+        where=where or tuple(place for effect in missing for place in effect.where),
         fit=fit,
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
         range=reach,
-        range_change_m=float(d_max(choice.robot) - d_max(robot)) if of_range else None,
+        range_change_m=float(d_max(choice.robot) - d_max(robot)) if shows_range else None,
         file=choice.file,
         gauge=gauge,
         next_experiment=next_experiment(evidence),
         made_by=made_by(seed),
-    )  # fmt: skip
+    )
     return Analysis(diagnosis, robot, choice.robot, tuple(findings), evidence)
+
+
+def _read(
+    recordings: Recording | str | Path | Sequence[Recording | str | Path],
+    columns: Columns | str | Path | None,
+    robot: Robot,
+) -> list[Recording]:
+    """The recordings, without readings faster than the robot can drive."""
+    given = list(recordings) if isinstance(recordings, Sequence) and not isinstance(recordings, str) else [recordings]
+    if not given:
+        raise RecordingError("no recordings given")
+    strange = [type(recording).__name__ for recording in given if not isinstance(recording, Recording | str | Path)]
+    if strange:
+        raise RecordingError(f"a recording is a path or what read_recording returns, not a {strange[0]}")
+    recorded = [
+        recording if isinstance(recording, Recording) else read_recording(recording, columns) for recording in given
+    ]
+    return [within_top_speed(recording, robot.max_speed_mps) for recording in recorded]
+
+
+def _infos(recorded: Sequence[Recording], used: Collection[str]) -> tuple[RecordingInfo, ...]:
+    """The recordings that are used, each once."""
+    by_name = {recording.name: recording for recording in recorded}
+    return tuple(
+        RecordingInfo(name, recording.sha256, recording.duration_s, len(recording))
+        for name, recording in by_name.items()
+        if name in used
+    )
 
 
 def _gather(
@@ -160,10 +178,10 @@ def _gather(
     fold, held_out_by = cut_folds(runs, block)
     enough = int(block.max()) + 1 >= thresholds.FEWEST_BLOCKS
     progress("testing what remains")
-    found = dependences(fitted, runs, blocks, fold, rng) if enough else []
-    explanation = explain(fitted, runs, found, block, fold, rng, progress, without)
+    dependent = dependences(fitted, runs, blocks, fold, rng) if enough else []
+    explanation = explain(fitted, runs, dependent, block, fold, rng, progress, without)
     corrected = explanation.naming.corrected
-    if corrected is not None and any(one.term.axis == "time" for one in explanation.naming.named):
+    if corrected is not None and any(effect.term.axis == "time" for effect in explanation.naming.named):
         # A change at one moment of a run does not predict other runs: hold out stretches.
         fold, held_out_by = block % FOLDS, "block"
     capacity, shown = find_effects(fitted, _fault_free(runs, corrected), block, rng) if enough else (None, ())
@@ -181,11 +199,26 @@ def _gather(
         together = left_open.products(runs, block)
     predicted = _predictions(fitted, corrected, explanation.empirical, runs, fold, rng)
     evidence = Evidence(
-        runs, fitted, plain, block, fold, held_out_by, predicted, known, tuple(found), explanation.location,
-        explanation.naming, corrected, explanation.empirical, capacity, shown, explanation.remaining, together,
-        joint(corrected or plain, runs, block),
-    )  # fmt: skip
-    arms = {name: score(one, runs, block, evidence.trip, rng) for name, one in predicted.items()}
+        runs=runs,
+        fitted=fitted,
+        plain=plain,
+        block=block,
+        fold=fold,
+        held_out_by=held_out_by,
+        predictions=predicted,
+        estimates=known,
+        dependences=tuple(dependent),
+        location=explanation.location,
+        naming=explanation.naming,
+        corrected=corrected,
+        empirical=explanation.empirical,
+        capacity=capacity,
+        channel_effects=shown,
+        remaining=explanation.remaining,
+        products=together,
+        joint=joint(corrected or plain, runs, block),
+    )
+    arms = {name: score(values, runs, block, evidence.trip, rng) for name, values in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
@@ -198,7 +231,7 @@ def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple
     """Estimate of each group, fitted beside those that are held; held and confounded groups have none."""
     known = []
     terms = determined.model.terms if isinstance(determined, Corrected) else ()
-    effects = tuple(one.effect.replace("_", " ") for one in terms)
+    effects = tuple(term.effect.replace("_", " ") for term in terms)
     rows = zip(
         estimates(named, runs, block), estimates(determined, runs, block), determined.groups.held.tolist(), strict=True
     )
@@ -233,8 +266,8 @@ def _predictions(
 
 def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     """The verdict by precedence, and the parameters whose interval excludes the robot file's value."""
-    known = {one.group.symbol for one in evidence.estimates if one.off}
-    off = tuple(one for one in evidence.measured if one.group in known)
+    excluded = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
+    off = tuple(group for group in evidence.measured if group.group in excluded)
     capacity = evidence.capacity
     if capacity is not None and capacity.written:
         interval, rivals = capacity.ci95, capacity.rivals
@@ -245,13 +278,13 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
         return "missing_physics", off
     if evidence.location is not None:
         return "unknown_physics", off
-    if all(one.fitted is None for one in evidence.estimates):
+    if all(estimate.fitted is None for estimate in evidence.estimates):
         return "not_testable", ()
     nominal, refitted = evidence.predictions.get("nominal"), evidence.predictions["refit"]
     if nominal is None:
         return "no_mismatch", ()
     observed = evidence.runs.observed
-    before, after = (float(np.mean((observed - one) ** 2)) for one in (nominal, refitted))
+    before, after = float(np.mean((observed - nominal) ** 2)), float(np.mean((observed - refitted) ** 2))
     # A gain below the instruments' own errors, or below that required of an effect, is no wrong parameter.
     least = max(
         thresholds.SMALLEST_GAIN * before, (thresholds.CLEAR * thresholds.GAIN_ERROR) ** 2 * float(np.mean(observed**2))
@@ -261,6 +294,6 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     if p_value > thresholds.FALSE_ALARM_RATE or before - after < least:
         other_capacity = capacity is not None and capacity.written
         return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
-    if any(one.status == "at bound" for one in evidence.estimates):
+    if any(estimate.status == "at bound" for estimate in evidence.estimates):
         return "unknown_physics", off  # only unphysical parameters would explain the recordings
     return "parameters_off", off
