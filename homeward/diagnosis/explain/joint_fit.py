@@ -38,6 +38,11 @@ class Unknown:
     column: int | None  # of the term, or None for a parameter of the kernel
     given: float = 0.0  # value in the robot file or, of a parameter of the kernel, where its search starts
 
+    @property
+    def name(self) -> str:
+        """Effect and parameter."""
+        return f"{self.effect} {self.parameter}"
+
 
 @dataclass(frozen=True)
 class Model:

@@ -24,6 +24,7 @@ from homeward.diagnosis.result import Combination, Product, Range, Value
 from homeward.logs.autocorrelation import independent_windows
 from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, d_max
+from homeward.physics.effects import Parameter
 
 _TRIED = 9  # values of a number over its range; chosen: steps of an eighth
 _AS_LIKELY = float(chi2.ppf(1.0 - thresholds.SIGNIFICANT, 1))  # least likelihood-ratio statistic that is significant
@@ -39,6 +40,12 @@ class Joint:
     values: Array
     covariance: Array
 
+    @property
+    def relative_error(self) -> dict[str, float]:
+        """Standard errors over the values, by name."""
+        errors = np.sqrt(np.diag(self.covariance)) / np.abs(self.values)
+        return dict(zip(self.names, errors.tolist(), strict=True))
+
 
 def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,), without held groups."""
@@ -47,61 +54,75 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     to_group = problem.to_group[free]
     columns = np.column_stack([groups.jacobian[:, free], model.beside])
     unit = np.concatenate([problem.scale[free] * to_group, np.ones(model.beside.shape[1])])
-    found = covariance(columns, runs.observed - model.predicted, block) * np.outer(unit, unit)
+    in_units = covariance(columns, runs.observed - model.predicted, block) * np.outer(unit, unit)
     names = [problem.groups[index].symbol for index in free]
     units = [problem.groups[index].unit for index in free]
     values = (model.theta[free] * to_group).tolist()
     if isinstance(model, Corrected):
-        names += [f"{one.effect} {one.parameter}" for one in model.model.unknowns]
-        units += [one.unit for one in model.model.unknowns]
+        names += [unknown.name for unknown in model.model.unknowns]
+        units += [unknown.unit for unknown in model.model.unknowns]
         values += model.values.tolist()
-    return Joint(tuple(names), tuple(units), np.array(values), found)
+    return Joint(tuple(names), tuple(units), np.array(values), in_units)
 
 
 def _with_groups(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
     """Products of a held group and an effect whose contribution is proportional to it."""
-    problem, theta = model.parameters, model.theta
-    found = []
-    for index in np.flatnonzero(model.groups.held):
-        group, larger = problem.groups[index], theta.copy()
-        larger[index] *= 1.0 + SMALL_STEP
-        with_more = model.model.predict(runs, larger, model.values)
-        column = with_more - model.predicted
-        for number, one in enumerate(model.model.unknowns):
-            added = model.contribution[one.term]
-            more = with_more - model.model.predict(runs, larger, model.values, leave_out=one.term) - added
-            scales = float(more @ added) / max(SMALL_STEP * float(added @ added), 1e-300)
-            cosine = float(column @ added) / max(float(np.linalg.norm(column) * np.linalg.norm(added)), 1e-300)
-            if cosine > thresholds.CONFOUNDED and scales > thresholds.CONFOUNDED and one.column is not None:
-                name = f"{one.effect} {one.parameter}"
-                assumed, at_joint = float(theta[index] * problem.to_group[index]), known.names.index(name)
-                wide = thresholds.NORMAL_95 * (assumed * float(np.sqrt(max(known.covariance[at_joint, at_joint], 0.0))))
-                unit = group.unit if one.unit == "1" else f"{group.unit} {one.unit}"
-                found.append(_product((group.symbol, name), assumed * float(model.values[number]), wide, unit))
-    return found
+    products = []
+    for group in np.flatnonzero(model.groups.held):
+        for number, unknown in enumerate(model.model.unknowns):
+            if unknown.column is not None and _is_proportional(model, runs, int(group), unknown.term):
+                products.append(_with_group(model, known, int(group), number))
+    return products
 
 
-def _powers(model: Corrected, kept: Joint, runs: Runs) -> list[Product]:
+def _is_proportional(model: Corrected, runs: Runs, group: int, term: int) -> bool:
+    """Whether what a term adds grows in proportion to a group, and looks like what the group does."""
+    larger = model.theta.copy()
+    larger[group] *= 1.0 + SMALL_STEP
+    with_more = model.model.predict(runs, larger, model.values)
+    of_group = with_more - model.predicted
+    added = model.contribution[term]
+    added_more = with_more - model.model.predict(runs, larger, model.values, leave_out=term)
+    grows = float((added_more - added) @ added) / max(SMALL_STEP * float(added @ added), 1e-300)
+    cosine = float(of_group @ added) / max(float(np.linalg.norm(of_group) * np.linalg.norm(added)), 1e-300)
+    return cosine > thresholds.CONFOUNDED and grows > thresholds.CONFOUNDED
+
+
+def _with_group(model: Corrected, known: Joint, group: int, number: int) -> Product:
+    """The product of a held group and an unknown, by its number."""
+    problem, unknown = model.parameters, model.model.unknowns[number]
+    held = problem.groups[group]
+    assumed = float(model.theta[group] * problem.to_group[group])
+    place = known.names.index(unknown.name)
+    deviation = float(np.sqrt(max(known.covariance[place, place], 0.0)))
+    unit = held.unit if unknown.unit == "1" else f"{held.unit} {unknown.unit}"
+    value, wide = assumed * float(model.values[number]), thresholds.NORMAL_95 * assumed * deviation
+    return _product((held.symbol, unknown.name), value, wide, unit)
+
+
+def _powers(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
     """Mean power of each effect of which two parameters are confounded."""
-    deviation = np.sqrt(np.maximum(np.diag(kept.covariance), 0.0))
-    correlation = kept.covariance / np.maximum(np.outer(deviation, deviation), 1e-300)
-    first = len(kept.names) - len(model.model.unknowns)
-    found = []
+    deviation = np.sqrt(np.maximum(np.diag(known.covariance), 0.0))
+    correlation = known.covariance / np.maximum(np.outer(deviation, deviation), 1e-300)
+    first = len(known.names) - len(model.model.unknowns)
+    products = []
     for index, term in enumerate(model.model.terms):
-        mine = [first + at for at in model.model.of(index)]
-        pairs = [(a, b) for a, b in combinations(mine, 2) if abs(correlation[a, b]) > thresholds.CONFOUNDED]
+        numbers = [first + unknown for unknown in model.model.of(index)]
+        pairs = [pair for pair in combinations(numbers, 2) if abs(correlation[pair]) > thresholds.CONFOUNDED]
         if not pairs or term.hypothesis.is_weather:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))
-        slopes = np.array([model.beside[:, at - first].mean() for at in mine])
-        error = float(np.sqrt(slopes @ kept.covariance[np.ix_(mine, mine)] @ slopes))
-        names = tuple(dict.fromkeys(kept.names[at] for pair in pairs for at in pair))
-        found.append(_product(names, mean, thresholds.NORMAL_95 * error, runs.unit, "mean power"))
-    return found
+        slopes = np.array([model.beside[:, number - first].mean() for number in numbers])
+        error = float(np.sqrt(slopes @ known.covariance[np.ix_(numbers, numbers)] @ slopes))
+        names = tuple(dict.fromkeys(known.names[number] for pair in pairs for number in pair))
+        products.append(_product(names, mean, thresholds.NORMAL_95 * error, runs.unit, "mean power"))
+    return products
 
 
-def _product(of: tuple[str, ...], value: float, wide: float, unit: str, together: Combination = "product") -> Product:
-    return Product(of, Value(value, (value - wide, value + wide), unit), together)
+def _product(
+    names: tuple[str, ...], value: float, wide: float, unit: str, combination: Combination = "product"
+) -> Product:
+    return Product(names, Value(value, (value - wide, value + wide), unit), combination)
 
 
 def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, rng: Generator) -> Range | None:
@@ -111,22 +132,30 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
     for the same trips, shape (windows,) each. The interval is by bootstrap over runs or, of fewer than three,
     over minutes of driving.
     """
-    path_m, drawn_j = np.abs(runs.context["speed_mps"]) * runs.duration_s, runs.observed * runs.duration_s
+    path_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
+    drawn_j = runs.observed * runs.duration_s
     if runs.unit == "A" or path_m.sum() <= 0.0 or drawn_j.sum() <= 0.0:
         return None
-    before, after = robots
+    given, corrected = robots
     piece = runs.run if len(runs.signals) >= thresholds.FEWEST_RUNS else np.cumsum(runs.duration_s) // 60.0
     number = np.unique(piece, return_inverse=True)[1]
-    energy_j, way_m = (np.bincount(number, one) for one in (drawn_j, path_m))
-    low, high = bootstrap(
-        np.stack([energy_j, way_m]), rng, lambda drawn: (after.usable_energy_j * drawn[1] / drawn[0])[drawn[0] > 0.0]
+    of_pieces = np.stack([np.bincount(number, drawn_j), np.bincount(number, path_m)]).astype(float)
+
+    def range_m(energy_and_way: Array) -> Array:
+        energy_j, way_m = energy_and_way
+        return np.asarray((corrected.usable_energy_j * way_m / energy_j)[energy_j > 0.0])
+
+    def predicted_m(robot: Robot, predicted_w: Array) -> float:
+        return float(robot.usable_energy_j * path_m.sum() / max(float(predicted_w @ runs.duration_s), 1e-9))
+
+    return Range(
+        recorded_m=float(corrected.usable_energy_j * path_m.sum() / drawn_j.sum()),
+        ci95=bootstrap(of_pieces, rng, range_m),
+        nominal_m=predicted_m(given, predictions[0]),
+        file_m=predicted_m(corrected, predictions[1]),
+        d_max_nominal_m=float(d_max(given)),
+        d_max_file_m=float(d_max(corrected)),
     )
-    nominal_m, file_m = (
-        float(robot.usable_energy_j * path_m.sum() / max(float((one * runs.duration_s).sum()), 1e-9))
-        for robot, one in zip(robots, predictions, strict=True)
-    )
-    recorded_m = float(after.usable_energy_j * path_m.sum() / drawn_j.sum())
-    return Range(recorded_m, (low, high), nominal_m, file_m, float(d_max(before)), float(d_max(after)))
 
 
 @dataclass(frozen=True)
@@ -139,38 +168,37 @@ class Open:
     @property
     def spanning(self) -> Corrected:
         """The model, with intervals of its effects' parameters that span those of all, up to the next value tried."""
-        first, alike, spans = self.model, (self.model, *self.others), {}
         if not self.others:
-            return first
+            return self.model
+        first, models = self.model, (self.model, *self.others)
+        spans: dict[tuple[str, str], tuple[float, float]] = {}
         for index, term in enumerate(first.model.terms):
-            numbers = [one.parameters_of(index) for one in alike]
-            for number in term.hypothesis.entry.parameters:
-                if number.name in term.shape:
-                    step = (number.high - number.low) / (_TRIED - 1)
-                    shapes = [one.model.terms[index].shape.get(number.name, number.default) for one in alike]
-                    low, high = max(min(shapes) - step, number.low), min(max(shapes) + step, number.high)
-                    spans[term.effect, number.name] = (low, high)
+            for parameter in term.hypothesis.entry.parameters:
+                if parameter.name in term.shape:
+                    shapes = [model.model.terms[index].shape for model in models]
+                    values = [shape.get(parameter.name, parameter.default) for shape in shapes]
+                    spans[term.effect, parameter.name] = _to_the_next(parameter, values)
+            numbers = [model.parameters_of(index) for model in models]
             for name in {*numbers[0]} - {*term.shape}:
-                lows, highs = np.transpose([one[name].ci95 for one in numbers])
+                lows, highs = np.transpose([number[name].ci95 for number in numbers])
                 spans[term.effect, name] = (float(lows.min()), float(highs.max()))
         terms = tuple(
             replace(term, spread={**term.spread, **{name: spans[term.effect, name] for name in term.shape}})
             for term in first.model.terms
         )
-        ci95 = tuple(spans[one.effect, one.parameter] for one in first.model.unknowns)
+        ci95 = tuple(spans[unknown.effect, unknown.parameter] for unknown in first.model.unknowns)
         return replace(first, model=replace(first.model, terms=terms), ci95=ci95)
 
-    def spanned(self, found: Sequence[Estimate], runs: Runs, block: Index) -> tuple[Estimate, ...]:
+    def spanned(self, known: Sequence[Estimate], runs: Runs, block: Index) -> tuple[Estimate, ...]:
         """Estimates of the groups by the model; one that differs between models is confounded with the effects."""
-        others = [estimates(one, runs, block) for one in self.others]
-        effects = tuple(dict.fromkeys(one.effect for one in self.model.model.terms))
-        result = []
-        for index, own in enumerate(found):
-            values = [one[index].fitted for one in others]
-            if own.ci95 is not None and any(v is None or not own.ci95[0] <= v <= own.ci95[1] for v in values):
-                own = own.confounded(effects)
-            result.append(own)
-        return tuple(result)
+        by_others = [estimates(model, runs, block) for model in self.others]
+        effects = tuple(dict.fromkeys(term.effect for term in self.model.model.terms))
+        spanned = []
+        for index, estimate in enumerate(known):
+            values = [others[index].fitted for others in by_others]
+            differs = any(not _is_within(estimate.ci95, value) for value in values)
+            spanned.append(estimate.confounded(effects) if differs else estimate)
+        return tuple(spanned)
 
     def products(self, runs: Runs, block: Index) -> tuple[Product, ...]:
         """Identifiable combinations of parameters that are not identifiable alone.
@@ -180,55 +208,86 @@ class Open:
         numbers, and sums of mean powers. Windows of different `block`, shape (windows,), count as independent.
         """
         known = joint(self.model, runs, block)
-        found = [*_with_groups(self.model, known, runs), *_powers(self.model, known, runs)]
-        if not self.others:
-            return tuple(found)
-        models = (self.model, *self.others)
-        error = dict(zip(known.names, np.sqrt(np.diag(known.covariance)) / np.abs(known.values), strict=True))
-        units = dict(zip(known.names, known.units, strict=True))
-        groups = {one.symbol for one in self.model.parameters.groups}
-        numbers, powers = [_numbers(one, runs, block) for one in models], [_mean_powers(one, runs) for one in models]
-        logs = [{name: float(np.log(value)) for name, value in one.items() if value > 0.0} for one in numbers]
-        for sign, together in _SIGNS.items():
-            for one, other in _constant(logs, 1.0, sign):
-                if one in groups and other in groups:
+        products = [*_with_groups(self.model, known, runs), *_powers(self.model, known, runs)]
+        if self.others:
+            products += self._equal_products(known, runs, block)
+            products += self._equal_powers(known, runs)
+        return tuple(products)
+
+    def _equal_products(self, known: Joint, runs: Runs, block: Index) -> list[Product]:
+        """Products and ratios of numbers that are equal in all models."""
+        numbers = [_numbers(model, runs, block) for model in (self.model, *self.others)]
+        logarithms = [
+            {name: float(np.log(value)) for name, value in of_model.items() if value > 0.0} for of_model in numbers
+        ]
+        groups = {group.symbol for group in self.model.parameters.groups}
+        error, units = known.relative_error, dict(zip(known.names, known.units, strict=True))
+        products = []
+        for sign, combination in _SIGNS.items():
+            for first, second in _constant(logarithms, 1.0, sign):
+                if first in groups and second in groups:
                     continue
-                value = numbers[0][one] * numbers[0][other] ** sign
-                wide = thresholds.NORMAL_95 * value * float(np.hypot(error.get(one, 0.0), error.get(other, 0.0)))
-                unit = f"({units.get(one, '1')}){'' if sign > 0 else '/'}({units.get(other, '1')})".replace("(1)", "")
-                found.append(_product((one, other), value, wide, unit, together))
+                value = numbers[0][first] * numbers[0][second] ** sign
+                wide = thresholds.NORMAL_95 * value * float(np.hypot(error.get(first, 0.0), error.get(second, 0.0)))
+                between = "" if sign > 0 else "/"
+                unit = f"({units.get(first, '1')}){between}({units.get(second, '1')})".replace("(1)", "")
+                products.append(_product((first, second), value, wide, unit, combination))
+        return products
+
+    def _equal_powers(self, known: Joint, runs: Runs) -> list[Product]:
+        """Sums of two mean powers that are equal in all models."""
+        powers = [_mean_powers(model, runs) for model in (self.model, *self.others)]
+        error = known.relative_error
+        products = []
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
             own = sum(powers[0][name] * error.get(name, 0.0) for name in pair)
             wide = thresholds.NORMAL_95 * own + thresholds.PRODUCT_SPREAD * value
-            found.append(_product(pair, value, wide, runs.unit, "mean power"))
-        return tuple(found)
+            products.append(_product(pair, value, wide, runs.unit, "mean power"))
+        return products
+
+
+def _to_the_next(parameter: Parameter, values: Sequence[float]) -> tuple[float, float]:
+    """Interval of a parameter that spans these values, up to the next that was tried on either side."""
+    step = (parameter.high - parameter.low) / (_TRIED - 1)
+    return max(min(values) - step, parameter.low), min(max(values) + step, parameter.high)
+
+
+def _is_within(ci95: tuple[float, float] | None, value: float | None) -> bool:
+    """Whether a value is in an interval; where there is none, nothing contradicts it."""
+    return ci95 is None or (value is not None and ci95[0] <= value <= ci95[1])
 
 
 def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     """Profile likelihood of the parameters of a model's effects; `fit` holds the groups that the model holds."""
     terms = model.model.terms
-    found = [model, *(fit_model(fit, other, runs, block) for other in _other_terms(fit, terms, runs))]
-    best = min(found, key=lambda one: _error(one, runs))
+    models = [model, *(fit_model(fit, others, runs, block) for others in _other_terms(fit, terms, runs))]
+    best = min(models, key=lambda tried: _error(tried, runs))
     if best is not model:  # go on from there
-        started = [replace(one, hypothesis=of.hypothesis) for one, of in zip(best.model.terms, terms, strict=True)]
-        best = min(best, fit_model(fit, started, runs, block), key=lambda one: _error(one, runs))
-    residual = runs.observed - best.predicted
-    independent = independent_windows(residual, runs.run)
-    most = _error(best, runs) * float(np.exp(_AS_LIKELY / independent))
-    most = max(most, _error(best, runs) + meter_error(runs))
-    alike = [one for one in found if _error(one, runs) <= most]
+        started = [replace(new, hypothesis=old.hypothesis) for new, old in zip(best.model.terms, terms, strict=True)]
+        best = min(best, fit_model(fit, started, runs, block), key=lambda tried: _error(tried, runs))
+    independent = independent_windows(runs.observed - best.predicted, runs.run)
+    as_likely = _error(best, runs) * float(np.exp(_AS_LIKELY / independent))
+    most = max(as_likely, _error(best, runs) + meter_error(runs))
+    alike = [tried for tried in models if _error(tried, runs) <= most]
     if len(alike) < 3:
         return Open(best)  # at most one neighbour is as likely: the parameters are identifiable
-    start, scale = fit.parameters.start, fit.parameters.scale
-    alike.sort(key=lambda one: (float(np.sum(((one.theta - start) / scale) ** 2)), _unusual(one)))
+
+    def from_the_file(tried: Corrected) -> tuple[float, int]:
+        changed = (tried.theta - fit.parameters.start) / fit.parameters.scale
+        return float(np.sum(changed**2)), _unusual(tried)
+
+    alike.sort(key=from_the_file)
     return Open(alike[0], tuple(alike[1:]))
 
 
 def _unusual(model: Corrected) -> int:
     """Parameters of its effects that differ from their defaults, such as a limit where none is reached."""
-    numbers = ((term, one) for term in model.model.terms for one in term.hypothesis.entry.parameters)
-    return sum(term.shape.get(one.name, one.default) != one.default for term, one in numbers)
+    return sum(
+        term.shape.get(parameter.name, parameter.default) != parameter.default
+        for term in model.model.terms
+        for parameter in term.hypothesis.entry.parameters
+    )
 
 
 def _error(model: Corrected, runs: Runs) -> float:
@@ -239,25 +298,25 @@ def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list
     """The terms with another value of one of their parameters."""
     setting = Setting.of(fit, runs)
     for index, term in enumerate(terms):
-        one = term.hypothesis
-        if term.axis != "steady" or term.fixed or not one.physical or one.is_weather:
+        hypothesis = term.hypothesis
+        if term.axis != "steady" or term.fixed or not hypothesis.physical or hypothesis.is_weather:
             continue
-        for number in one.entry.parameters[1:]:
-            if number.name in one.reach(runs):
+        for parameter in hypothesis.entry.parameters[1:]:
+            if parameter.name in hypothesis.reach(runs):
                 continue
-            for value in np.linspace(number.low, number.high, _TRIED).tolist():
-                shape = {**term.shape, number.name: value}
-                columns = setting.response(one, TINY * one.entry.switch.high, shape)[:, None]
+            for value in np.linspace(parameter.low, parameter.high, _TRIED).tolist():
+                shape = {**term.shape, parameter.name: value}
+                columns = setting.response(hypothesis, TINY * hypothesis.entry.switch.high, shape)[:, None]
                 if columns.any():
-                    other = replace(term, hypothesis=replace(one, searched=()), shape=shape, columns=columns)
+                    other = replace(term, hypothesis=replace(hypothesis, searched=()), shape=shape, columns=columns)
                     yield [*terms[:index], other, *terms[index + 1 :]]
 
 
 def _numbers(model: Corrected, runs: Runs, block: Index) -> dict[str, float]:
     """Numbers of the groups that are fitted and of the effects, by name."""
     known = joint(model, runs, block)
-    found = {f"{term.effect} {name}": value for term in model.model.terms for name, value in term.shape.items()}
-    return found | dict(zip(known.names, known.values.tolist(), strict=True))
+    shapes = {f"{term.effect} {name}": value for term in model.model.terms for name, value in term.shape.items()}
+    return shapes | dict(zip(known.names, known.values.tolist(), strict=True))
 
 
 def _mean_powers(model: Corrected, runs: Runs) -> dict[str, float]:
@@ -271,11 +330,15 @@ def _mean_powers(model: Corrected, runs: Runs) -> dict[str, float]:
 
 def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1) -> list[tuple[str, str]]:
     """Pairs of names whose values vary between models (relative to `scale`) while their sum or difference does not."""
-    vary = [
+    varying = [
         name
         for name in models[0]
-        if all(name in one for one in models)
-        and np.std([one[name] for one in models]) > thresholds.PRODUCT_SPREAD * scale
+        if all(name in model for model in models)
+        and np.std([model[name] for model in models]) > thresholds.PRODUCT_SPREAD * scale
     ]
-    sums = {(a, b): [one[a] + sign * one[b] for one in models] for a, b in combinations(vary, 2)}
-    return [pair for pair, values in sums.items() if np.std(values) <= thresholds.PRODUCT_SPREAD * scale]
+    constant = []
+    for first, second in combinations(varying, 2):
+        sums = [model[first] + sign * model[second] for model in models]
+        if np.std(sums) <= thresholds.PRODUCT_SPREAD * scale:
+            constant.append((first, second))
+    return constant
