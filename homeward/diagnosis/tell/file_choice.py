@@ -1,4 +1,4 @@
-"""Choice of corrected.toml: a file with the effects, one with fitted parameters only, or the given one unchanged.
+"""Choice of corrected.toml: a fit made to predict, the named effects, fitted parameters only, or the given file.
 
 The file itself is validated: each fold's fit is written as a robot file, by the code that writes corrected.toml, and
 replayed on the held-out windows. A file cannot contain schedules (except of an effect that begins once and stays),
@@ -82,43 +82,52 @@ def expressible(
         return None
     terms = corrected.model.terms
     forms = [term.plain or term for term in terms]
-    kept = [form for form, one in zip(forms, named, strict=True) if not _excluded(one, form)]
-    if not kept or [id(one) for one in kept] == [id(one) for one in terms]:
-        return corrected if kept else None
-    # A flexible form spans groups that its form in a file does not.
-    held = corrected.groups.held & plain.held if any(one.flexible for one in terms) else corrected.groups.held
+    kept = [form for form, effect in zip(forms, named, strict=True) if not _excluded(effect, form)]
+    if not kept:
+        return None
+    if [id(form) for form in kept] == [id(term) for term in terms]:
+        return corrected
+    held = corrected.groups.held
+    if any(term.flexible for term in terms):
+        held = held & plain.held  # a flexible form spans groups that its form in a file does not
     return _determined(lambda more: fit_model(holding(plain, runs, more), kept, runs, block), held, runs, block)
 
 
 def _excluded(named: Named, form: Term) -> str:
     """Why a robot file does not contain a named effect; empty where it does, and for a fault of an instrument."""
-    one, meant = form.hypothesis, (named.term, *named.rivals)
+    effect, meant = form.hypothesis, (named.term, *named.rivals)
     if any(term.misread for term in meant) and any(term.hypothesis.physical for term in meant):
-        return f"{one.name} is confounded with a fault of the meter"
-    if one.is_weather:
-        return f"{one.name} is weather"
-    return f"a robot file cannot hold when {one.name} is at work" if one.physical and not is_expressible(form) else ""
+        return f"{effect.name} is confounded with a fault of the meter"
+    if effect.is_weather:
+        return f"{effect.name} is weather"
+    if effect.physical and not is_expressible(form):
+        return f"a robot file cannot hold when {effect.name} is at work"
+    return ""
 
 
 def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, block: Index) -> Model:
     model = fit_holding(held)
     while True:
         estimated = estimates(model, runs, block)
-        is_open = np.array([one.status != "fitted" for one in estimated]) & ~held
+        is_open = np.array([estimate.status != "fitted" for estimate in estimated]) & ~held
         if not is_open.any():
             return model
-        at_bound = np.array([one.status == "at bound" for one in estimated])
+        at_bound = np.array([estimate.status == "at bound" for estimate in estimated])
         columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
         # Groups correlated with one at a bound may have absorbed a part of it.
         alike = ((columns.T @ columns)[:, is_open & at_bound] ** 2 > thresholds.ABSORBING).any(axis=1)
         candidates = (is_open | alike) & ~held
-        each = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
-        fits = [model] + [fit_holding(one) for one in each]
-        errors = [float(np.sum((runs.observed - one.predicted) ** 2)) for one in fits]
-        best = 1 + int(np.argmin(errors[1:]))
-        if errors[best] > thresholds.EQUAL * errors[0]:
+        holding_more = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
+        fits = [fit_holding(more) for more in holding_more]
+        errors = [_squared_error(fit, runs) for fit in fits]
+        best = int(np.argmin(errors))
+        if errors[best] > thresholds.EQUAL * _squared_error(model, runs):
             return model
-        model, held = fits[best], each[best - 1]
+        model, held = fits[best], holding_more[best]
+
+
+def _squared_error(model: Refit | Corrected, runs: Runs) -> float:
+    return float(np.sum((runs.observed - model.predicted) ** 2))
 
 
 def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
@@ -131,9 +140,10 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.rand
     """
     choice = _chosen(robot, verdict, evidence, rng)
     changed, file, capacity = choice.robot, choice.file, evidence.capacity
-    if shown := [one.in_file for one in evidence.channel_effects if one.in_file]:
-        for numbers in shown:
-            changed = with_effects_of(changed, numbers)
+    shown = [effect.in_file for effect in evidence.channel_effects if effect.in_file]
+    for numbers in shown:
+        changed = with_effects_of(changed, numbers)
+    if shown:
         file = replace(file, why=f"{file.why}; it also holds what voltage or charge show of the battery")
     if capacity is not None and capacity.written and verdict != "unknown_physics":
         changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
@@ -148,7 +158,7 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so that its prediction cannot be tested"
         return FileChoice(robot, None, None, CorrectedFile("nominal", why))
-    reasons = [_excluded(one, one.term.plain or one.term) for one in evidence.naming.named]
+    reasons = [_excluded(effect, effect.term.plain or effect.term) for effect in evidence.naming.named]
     if verdict == "unknown_physics":
         reasons.append("its parameters absorb a part of the unknown physics and are no measurement")
     named = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
@@ -254,17 +264,20 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: Index, rng: np.ran
 
     The interval of the trips' errors is by bootstrap; `trip` numbers the trips, shape (windows,).
     """
-    errors = [float(np.sqrt(np.mean((one - runs.observed) ** 2))) for one in (after, before)]
-    if errors[0] >= errors[1]:
-        return f"the held-out error would be {errors[0]:.4g} {runs.unit} instead of {errors[1]:.4g}"
-    misses = [np.abs(np.bincount(trip, (one - runs.observed) * runs.duration_s)) for one in (after, before)]
-    if bootstrap((misses[0] - misses[1])[None], rng, lambda drawn: drawn[0])[0] > 0.0:
-        consumed, unit = ("energy", "J") if runs.unit == "W" else ("charge", "A s")
-        return (
-            f"the {consumed} of a held-out trip would be off by {misses[0].mean():.3g} {unit} on average instead of "
-            f"{misses[1].mean():.3g}"
-        )
-    return ""
+    rms_before = float(np.sqrt(np.mean((before - runs.observed) ** 2)))
+    rms_after = float(np.sqrt(np.mean((after - runs.observed) ** 2)))
+    if rms_after >= rms_before:
+        return f"the held-out error would be {rms_after:.4g} {runs.unit} instead of {rms_before:.4g}"
+    off_before = np.abs(np.bincount(trip, (before - runs.observed) * runs.duration_s))
+    off_after = np.abs(np.bincount(trip, (after - runs.observed) * runs.duration_s))
+    least_worse = bootstrap((off_after - off_before)[None], rng, lambda drawn: drawn[0])[0]
+    if least_worse <= 0.0:
+        return ""
+    consumed, unit = ("energy", "J") if runs.unit == "W" else ("charge", "A s")
+    return (
+        f"the {consumed} of a held-out trip would be off by {off_after.mean():.3g} {unit} on average instead of "
+        f"{off_before.mean():.3g}"
+    )
 
 
 def _held_out(robot: Robot, model: Refit | Corrected, evidence: Evidence) -> Array:
