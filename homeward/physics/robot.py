@@ -99,9 +99,11 @@ class Robot:
             if not isinstance(text, str) or (name == "name" and not text):
                 raise RobotError(f"{name} = {text!r} is not a text; allowed: a text in quotes")
         for quantity in _QUANTITIES:
-            value = _checked(f"{quantity.metadata['section']}.{quantity.name}", getattr(self, quantity.name),
-                             quantity.metadata["bounds"])  # fmt: skip
-            object.__setattr__(self, quantity.name, value)
+            value, bounds = getattr(self, quantity.name), quantity.metadata["bounds"]
+            # Fits make thousands of robots, nearly all of whose numbers are floats that are allowed.
+            if type(value) is not float or not bounds.hold(value):
+                checked = _checked(f"{quantity.metadata['section']}.{quantity.name}", value, bounds)
+                object.__setattr__(self, quantity.name, checked)
         if self.min_speed_mps > self.max_speed_mps:
             raise RobotError(
                 f"drive.min_speed_mps = {self.min_speed_mps:g} is above drive.max_speed_mps = {self.max_speed_mps:g}; "
@@ -138,7 +140,7 @@ class Robot:
         """Omega = (1 - eta1)(1 - eta2)(1 - eta3)(1 - eta4), the paper's overall system efficiency (Table I)."""
         return (1.0 - self.storage_loss) * self.traction_efficiency * (1.0 - self.ancillary_loss)
 
-    @property
+    @functools.cached_property
     def usable_energy_j(self) -> float:
         """Energy of a full charge after the robot's own cycles and age (Eq. 6), J."""
         return float(model.usable_energy(self, self.cycles, self.age))
@@ -159,7 +161,8 @@ class Robot:
             active |= (table.get(effect.switch.name, 0.0) != 0.0) << bit
         own = (getattr(self, quantity.name) for quantity in _QUANTITIES)
         of_effects = (table.get(one.name, one.default) for effect, table in tables for one in effect.parameters)
-        return np.array([(active, *own, *of_effects, battery.squares_of(self.curve))], ROBOT_DTYPE)
+        squares_v2 = _squares_v2(self.chemistry, self.cells_in_series, self.open_circuit_v)
+        return np.array([(active, *own, *of_effects, squares_v2)], ROBOT_DTYPE)
 
     def to_toml(self, comments: Mapping[str, str] = MappingProxyType({})) -> str:
         """Text of a robot file that `load_robot` reads back as an equal robot.
@@ -220,6 +223,11 @@ def _curve(chemistry: str, cells: int, points: tuple[tuple[float, float], ...]) 
     if chemistry == battery.FLAT:
         return battery.curve_of(points)
     return battery.curve_of([(share, cells * volts) for share, volts in battery.CHEMISTRIES[chemistry]])
+
+
+@functools.lru_cache(maxsize=64)
+def _squares_v2(chemistry: str, cells: int, points: tuple[tuple[float, float], ...]) -> NDArray[np.float32]:
+    return battery.squares_of(_curve(chemistry, cells, points))
 
 
 def preset_names() -> list[str]:

@@ -193,7 +193,8 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     # The load per unit of a size depends on the groups, such as a share of the power.
     for again in range(_PASSES if any(one.at_work is not None for one in terms) else 1):
         model = _at(model, runs, theta, values) if again else model
-        start = (theta, values, *_linearised(model, runs, theta, values, fit.held))
+        predicted = model.predict(runs, theta, values)
+        start = (theta, values, predicted, _jacobian(model, runs, theta, values, predicted, fit.held))
         theta, values, predicted, jacobian = _descended(fit, model, runs, everything, start)
     groups = fit.jacobian.shape[1]
     at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
@@ -249,7 +250,7 @@ def _descended(
         if to_first and share == 1.0:
             break
         done, error = after > error * (1.0 - 1e-7), after
-        _, jacobian = _linearised(model, runs, theta, values, fit.held)
+        jacobian = _jacobian(model, runs, theta, values, predicted, fit.held)
         if done:
             break
     return theta, values, predicted, jacobian
@@ -299,10 +300,9 @@ def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     return _stepped(fit, model, model.given, jacobian, runs.observed - fit.predicted)[1:]
 
 
-def _linearised(model: Model, runs: Runs, theta: Array, values: Array, held: Mask) -> tuple[Array, Array]:
-    """Prediction, (windows,), and its Jacobian by the groups that are not `held` and the
-    unknowns, (windows, columns)."""
-    predicted = model.predict(runs, theta, values)
+def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: Array, held: Mask) -> Array:
+    """Derivatives of the prediction at theta and values, which is `predicted`, shape (windows,), by the groups and the
+    unknowns, (windows, columns); 0 for groups that are `held`."""
     columns = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), held)
     for index, one in enumerate(model.unknowns):
         term = model.terms[one.term]
@@ -314,7 +314,7 @@ def _linearised(model: Model, runs: Runs, theta: Array, values: Array, held: Mas
         moved = values.copy()
         moved[index] += step
         columns.append((model.predict(runs, theta, moved) - predicted) / step)
-    return predicted, np.column_stack(columns)
+    return np.column_stack(columns)
 
 
 def _stepped(at: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> tuple[Array, Array, Array]:

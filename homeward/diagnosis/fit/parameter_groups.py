@@ -74,10 +74,13 @@ class Parameters:
         """The robot with these parameters."""
         *ancillary, rolling, drag, mass = theta.tolist()
         resistance = float(np.clip(rolling / mass, 1e-9, 1.0))
-        robot = dataclasses.replace(self.nominal, mass_kg=mass, rolling_resistance=resistance, drag_ns2_per_m2=drag)
         if len(ancillary) == 2:
-            return with_ancillary(robot, *ancillary)
-        return dataclasses.replace(robot, rest_current_a=max(ancillary[0], 0.0))
+            at_rest = _ancillary_changes(self.nominal, *ancillary)
+        else:
+            at_rest = {"rest_current_a": max(ancillary[0], 0.0)}
+        return dataclasses.replace(
+            self.nominal, mass_kg=mass, rolling_resistance=resistance, drag_ns2_per_m2=drag, **at_rest
+        )
 
     def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:
         """Prediction of these parameters, shape (windows,), with effects if any are given."""
@@ -99,16 +102,22 @@ def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) ->
 
 def with_ancillary(robot: Robot, idle_w: float, sample_j: float) -> Robot:
     """The robot with another idle ancillary power and energy per sample, shared out as before."""
+    changes = _ancillary_changes(robot, idle_w, sample_j)
+    return dataclasses.replace(robot, **changes) if changes else robot
+
+
+def _ancillary_changes(robot: Robot, idle_w: float, sample_j: float) -> dict[str, Any]:
+    """What that changes in the robot's file."""
     idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w
     sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
     if idle_w == idle and sample_j == sample:
-        return robot
+        return {}
     changes: dict[str, Any] = {"controller_w": idle_w, "sensing_j_per_sample": sample_j}
     if idle > 0.0:
         changes |= {name: getattr(robot, name) * idle_w / idle for name in _IDLE_PARTS}
     if sample > 0.0:
         changes |= {name: getattr(robot, name) * sample_j / sample for name in _SAMPLE_PARTS}
-    return dataclasses.replace(robot, **changes)
+    return changes
 
 
 def parameters(runs: Runs, robot: Robot) -> Parameters:

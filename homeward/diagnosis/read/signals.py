@@ -287,12 +287,12 @@ class Windows:
     """Bounds of the averaging windows of one run; none reaches across a gap."""
 
     start: Index  # (windows,), first sample
+    counts: Index  # (windows,), samples of each
     keep: Mask  # (windows,), filled at least half
 
     def means(self, values: Array) -> Array:
         """Mean of each kept window; a window with a NaN is NaN."""
-        counts = np.diff(np.append(self.start, len(values)))
-        return np.asarray((np.add.reduceat(values, self.start) / counts)[self.keep])
+        return np.asarray((np.add.reduceat(values, self.start) / self.counts)[self.keep])
 
     def samples(self, means: Array, count: int) -> Array:
         """For each of `count` samples the value of its window, or of the kept one before it; the reverse of `means`."""
@@ -323,4 +323,4 @@ def windows(time_s: Array, window_s: float) -> Windows:
     number = np.floor((time_s - time_s[begins][part]) / window_s + 1e-9)
     start = np.union1d(begins, np.flatnonzero(np.diff(number, prepend=-1.0)))
     counts = np.diff(np.append(start, len(time_s)))
-    return Windows(start, counts >= thresholds.HALF * np.median(counts))
+    return Windows(start, counts, counts >= thresholds.HALF * np.median(counts))
