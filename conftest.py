@@ -2,9 +2,15 @@
 
 import importlib.util
 import os
+import sys
 
 # Before numpy is imported: tests run side by side, and threads of small products would wait for each other in a loop.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Whatever the environment says, bytecode is kept: tests start Python about a hundred times, and to read every module
+# again takes each start one to four seconds.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 collect_ignore_glob = [] if importlib.util.find_spec("cyclonedds") else ["homeward/watch/ros2/*"]

@@ -198,7 +198,7 @@ def extended(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the project, extended by the recipes."""
     folder = tmp_path_factory.mktemp("extended")
     for name in ("agents", "envs", "homeward"):
-        shutil.copytree(root / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(root / name, folder / name, symlinks=True)  # bytecode too: of what is patched it is made anew
     page = (root / "docs" / "extending.md").read_text("utf-8")
     for path, text in re.findall(r'^```python title="(.+?)"\n(.+?)^```$', page, re.MULTILINE | re.DOTALL):
         assert not (folder / path).exists()
