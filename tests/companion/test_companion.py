@@ -32,7 +32,7 @@ def companion(**keywords: Any) -> Companion:
 
 @pytest.mark.parametrize(("rolling", "health"), [(0.85, 0.95), (1.25, 0.85)])
 def test_it_learns_what_home_takes_and_what_is_left(rolling: float, health: float) -> None:
-    one, robot = companion(), Driven(rolling=rolling, health=health)
+    one, robot = companion(), Driven(every_s=5.0, rolling=rolling, health=health)
     advice = robot.drive(one, 0.0, 2000.0)
     takes_j = robot.power_w() * 2000.0
     assert advice.way_home_m == pytest.approx(2000.0, rel=1e-3)
@@ -80,10 +80,10 @@ def turned(one: Companion, robot: Driven, **other: Any) -> Advice:
 def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
     rng, one, robot = np.random.default_rng(0), companion(), Driven(rolling=1.2, health=0.85, every_s=5.0)
     turned(one, robot)
-    robot.every_s = 1.0
     while robot.xy[0] > 0.5:
-        here = robot.xy - (1.0, 0.0) + rng.normal(scale=1.5, size=2)
-        back = robot.drive(one, HOME, 1.0, position=tuple(here))
+        robot.every_s = 5.0 if robot.xy[0] > 200.0 else 1.0
+        here = robot.xy - (robot.every_s, 0.0) + rng.normal(scale=1.5, size=2)
+        back = robot.drive(one, HOME, robot.every_s, position=tuple(here))
         assert back.turn_now or robot.xy[0] < 12.0, robot.xy
     stood = [one.update(robot.time_s + k, speed_mps=0.0, power_w=20.0, position=tuple(rng.normal(scale=1.5, size=2)))
              for k in range(1, 60)]  # fmt: skip
@@ -92,11 +92,11 @@ def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
 
 
 def test_who_reckons_its_way_does_not_know_that_it_has_arrived() -> None:
-    one, robot = companion(), Driven(rolling=1.2, health=0.85)
+    one, robot = companion(), Driven(every_s=5.0, rolling=1.2, health=0.85)
     turned(one, robot, position=None)
     back = robot.drive(one, HOME, robot.xy[0], position=None)
-    assert back.way_home_m < 2.0 and back.turn_now
-    assert not robot.drive(one, HOME, 1.0).turn_now  # a position says it
+    assert back.way_home_m < 6.0 and back.turn_now  # it does not know of the way to its first reading
+    assert not robot.drive(one, HOME, 5.0).turn_now  # a position says it
 
 
 def test_the_way_home_follows_the_trail_and_short_cuts_of_it() -> None:
@@ -115,8 +115,8 @@ def test_the_way_home_follows_the_trail_and_short_cuts_of_it() -> None:
 
 def test_it_takes_an_update_of_any_rate_alike() -> None:
     slow, fast = companion(), companion()
-    by_minute = Driven(every_s=30.0, rolling=1.1).drive(slow, 0.0, 300.0)
-    by_tenth = Driven(every_s=0.1, rolling=1.1).drive(fast, 0.0, 300.0)
+    by_minute = Driven(every_s=30.0, rolling=1.1).drive(slow, 0.0, 150.0)
+    by_tenth = Driven(every_s=0.1, rolling=1.1).drive(fast, 0.0, 150.0)
     assert by_tenth.energy_home_j.mean == pytest.approx(by_minute.energy_home_j.mean, rel=0.01)
     assert by_tenth.energy_home_j.sd == pytest.approx(by_minute.energy_home_j.sd, rel=0.1)
 
@@ -150,7 +150,7 @@ def test_generic_ranges_are_those_of_uncertain_missions() -> None:
 
 
 def sd_of(**other: Any) -> Advice:
-    one, robot = companion(), Driven()
+    one, robot = companion(), Driven(every_s=5.0)
     robot.drive(one, 0.0, 900.0)
     return robot.drive(one, 0.0, 300.0, **other)
 
@@ -162,7 +162,7 @@ def test_what_is_missing_widens_and_is_said() -> None:
         lacking = sd_of(**{silent: None})
         assert lacking.energy_home_j.sd > 1.002 * whole.energy_home_j.sd, silent
         assert any(one.startswith(words) for one in lacking.warnings), lacking.warnings
-    nothing, robot = companion(), Driven()
+    nothing, robot = companion(), Driven(every_s=5.0)
     robot.drive(nothing, 0.0, 900.0)
     later = nothing.update(robot.time_s + 300.0)
     assert later.energy_home_j.sd > 1.02 * whole.energy_home_j.sd
@@ -175,8 +175,9 @@ def test_what_is_missing_widens_and_is_said() -> None:
     [("power_w", 1e6), ("speed_mps", 40.0), ("soc", 87.0), ("grade_rad", 5.7), ("position", (1e5, 0.0))],
 )
 def test_absurd_readings_are_left_out_and_said(name: str, value: Any) -> None:
-    one, robot = companion(), Driven()
+    one, robot = companion(), Driven(every_s=5.0)
     before = robot.drive(one, 0.0, 900.0)
+    robot.every_s = 1.0
     after = robot.drive(one, 0.0, 3.0, **{name: value})
     assert after.way_home_m == pytest.approx(before.way_home_m + 3.0, abs=1.0)
     assert after.energy_left_j.mean == pytest.approx(before.energy_left_j.mean, rel=0.01)
@@ -184,7 +185,7 @@ def test_absurd_readings_are_left_out_and_said(name: str, value: Any) -> None:
 
 
 def test_repeated_and_late_readings_count_once_and_a_clock_set_back_goes_on() -> None:
-    one, robot = companion(), Driven()
+    one, robot = companion(), Driven(every_s=5.0)
     before = robot.drive(one, 0.0, 900.0)
     again = one.update(900.0, **robot.reads(0.0))
     late = one.update(890.0, **robot.reads(0.0))
@@ -198,7 +199,7 @@ def test_repeated_and_late_readings_count_once_and_a_clock_set_back_goes_on() ->
 
 
 def test_without_power_the_state_of_charge_tells() -> None:
-    one, robot = companion(), Driven(rolling=1.25)
+    one, robot = companion(), Driven(every_s=5.0, rolling=1.25)
     advice = robot.drive(one, 0.0, 3000.0, power_w=None)
     assert advice.energy_home_j.low < robot.power_w() * 3000.0 < advice.energy_home_j.high
     assert "no power: energy from the model and the state of charge" in advice.rests_on
@@ -206,15 +207,15 @@ def test_without_power_the_state_of_charge_tells() -> None:
 
 def test_voltage_times_current_is_power() -> None:
     watts, amps = companion(), companion()
-    by_power = Driven().drive(watts, 0.0, 600.0)
-    robot = Driven()
+    by_power = Driven(every_s=5.0).drive(watts, 0.0, 600.0)
+    robot = Driven(every_s=5.0)
     by_current = robot.drive(amps, 0.0, 600.0, power_w=None, voltage_v=24.0, current_a=robot.power_w() / 24.0)
     # The first window ends with the first voltage.
     assert by_current.energy_home_j.mean == pytest.approx(by_power.energy_home_j.mean, rel=1e-3)
 
 
 def test_a_swapped_battery_is_full_again_and_unlatches() -> None:
-    one, robot = companion(), Driven(health=0.8)
+    one, robot = companion(), Driven(every_s=5.0, health=0.8)
     advice = robot.drive(one, 0.0, 60.0)
     while not advice.turn_now:
         advice = robot.drive(one, 0.0, 30.0)
@@ -228,7 +229,7 @@ def test_a_swapped_battery_is_full_again_and_unlatches() -> None:
 
 
 def test_a_battery_that_is_not_full_at_the_start() -> None:
-    one, robot = companion(), Driven()
+    one, robot = companion(), Driven(every_s=5.0)
     robot.used_j = 0.6 * robot.full_j
     advice = robot.drive(one, 0.0, 600.0)
     assert advice.energy_left_j.low < robot.left_j < advice.energy_left_j.high
@@ -403,9 +404,10 @@ def test_of_a_home_that_moved_near_little_is_unsure_for_want_of_positions() -> N
 
 
 def test_another_way_home_is_costed_by_its_slopes_and_grows_shorter() -> None:
-    one, robot = companion(), Driven()
+    one, robot = companion(), Driven(every_s=5.0)
     flat = robot.drive(one, 0.0, 1000.0)
     one.take_home(route([0.05] * 30))
+    robot.every_s = 1.0
     steep = robot.drive(one, 0.0, 1.0)
     r = robot.robot
     climbs_j = r.mass_kg * 9.81 * 0.05 * 1500.0 / r.traction_efficiency
@@ -461,16 +463,16 @@ def test_a_cut_off_voltage_keeps_energy_in_the_battery() -> None:
 
 
 def test_a_restart_goes_on_as_if_nothing_had_been(tmp_path: Path) -> None:
-    one, robot = companion(), Driven(rolling=1.15)
-    robot.drive(one, 0.0, 1234.0)
+    one, robot = companion(), Driven(every_s=5.0, rolling=1.15)
+    robot.drive(one, 0.0, 1235.0)
     one.save(tmp_path / "state.json")
     other = companion()
     other.load(tmp_path / "state.json")
     assert other._advise() == one._advise()
     robot.time_s += 60.0  # the robot stood while it restarted
     on = robot.drive(other, 0.0, 300.0)
-    assert on.way_home_m == pytest.approx(1534.0, abs=2.0)
-    assert on.energy_home_j.low < robot.power_w() * 1534.0 < on.energy_home_j.high
+    assert on.way_home_m == pytest.approx(1535.0, abs=2.0)
+    assert on.energy_home_j.low < robot.power_w() * 1535.0 < on.energy_home_j.high
 
 
 def test_a_state_with_another_way_home_asks_for_that() -> None:
