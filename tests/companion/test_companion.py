@@ -499,7 +499,7 @@ def test_a_state_that_cannot_be_used_is_refused(tmp_path: Path, content: str) ->
 
 def test_the_state_of_a_long_and_winding_way_stays_small(tmp_path: Path) -> None:
     one = Companion("husky", home="here")
-    for step in range(3000):
+    for step in range(1500):
         one.update(20.0 * step, speed_mps=0.9, heading_rad=0.01 * step % 6.0, power_w=100.0)
     one.save(tmp_path / "state.json")
     assert 1_000 < (tmp_path / "state.json").stat().st_size < 200_000
@@ -721,7 +721,7 @@ def test_a_voltage_tells_the_charge_also_beside_a_power_and_without_either() -> 
     falls = with_curve((0.0, 19.0), (1.0, 25.0))
     deviations = []
     for silent in ((), ("current_a",), ("current_a", "power_w"), ("current_a", "voltage_v")):
-        one, robot = Companion(falls, home=(0.0, 0.0), soc=1.0), Driven(health=0.85, every_s=5.0)
+        one, robot = Companion(falls, home=(0.0, 0.0), soc=1.0), Driven(health=0.85, every_s=10.0)
         for _ in range(60):
             read = {**electric(robot, falls), "power_w": robot.power_w()}
             advice = robot.drive(one, 0.0, 60.0, soc=None, **{**read, **dict.fromkeys(silent)})

@@ -147,7 +147,7 @@ def test_no_damage_is_taken_for_a_state(driven: Companion) -> None:
         st.none(), st.booleans(), st.floats(), st.integers(), st.text(max_size=5), st.just([]), st.just({})
     )
 
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=150, deadline=None)
     @given(st.sampled_from(paths(good)), wrong, st.booleans())
     def refused(path: tuple[Any, ...], value: Any, left_out: bool) -> None:
         state = copy.deepcopy(good)

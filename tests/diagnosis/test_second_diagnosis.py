@@ -99,7 +99,7 @@ def test_a_load_that_changes_between_runs_counts_beyond_that_of_the_file(drive: 
     def loaded(load_kg: float) -> Robot:
         return dataclasses.replace(husky, effects={"payload": {"mass_kg": load_kg}})
 
-    runs = [drive(loaded(kg), runs=4)[number] for number, kg in enumerate((10.0, 10.0, 30.0, 30.0))]
+    runs = [drive(loaded(kg), runs=4, minutes=4.0)[number] for number, kg in enumerate((10.0, 10.0, 30.0, 30.0))]
     analysis = analyse(runs, loaded(10.0))
     (found,) = analysis.diagnosis.missing_physics
     assert found.effect == "payload"

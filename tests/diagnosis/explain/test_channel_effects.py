@@ -166,7 +166,7 @@ def test_a_gauge_that_goes_up_and_down_between_runs_is_not_called_ageing(drive: 
 def test_a_gauge_that_falls_far_too_fast_is_no_battery_that_fades(drive: Drive, small: Robot) -> None:
     """It would have lost more than the effect allows, which no robot file takes."""
     large = dataclasses.replace(small, rated_energy_j=20.0 * small.rated_energy_j)
-    recordings = with_charge(drive(large, runs=4), large, (0.0, 0.3, 0.6, 0.96))
+    recordings = with_charge(drive(large, runs=4, minutes=4.0), large, (0.0, 0.3, 0.6, 0.96))
     assert "ageing" not in {one.hypothesis.id for one in shown(recordings, large)[1]}
 
 
@@ -335,7 +335,7 @@ def test_what_the_gauge_showed_is_not_asked_for_again(
     """Whether power is voltage times current or not: what the file's battery loses is no part of it."""
     robot = dataclasses.replace(HUSKY, rated_energy_j=0.6e5 if cause == "age" else 1.2e5)
     runs = (
-        with_charge(drive(robot, runs=4), robot, (0.0, 0.08, 0.16, 0.24))
+        with_charge(drive(robot, runs=4, minutes=4.0), robot, (0.0, 0.08, 0.16, 0.24))
         if cause == "age"
         else drawn_faster(short_drive(robot), robot, 0.3, 80.0)
     )

@@ -39,7 +39,7 @@ EFFECTS: Mapping[str, Mapping[str, float]] = {
     "internal_resistance": {"ohm": 0.4},
 }
 
-MINUTES: Mapping[str, float] = {"slip": 8.0, "motor_heating": 8.0}
+MINUTES: Mapping[str, float] = {"slip": 4.0, "motor_heating": 8.0}
 """How long the drives of a robot have to be that show an effect, where two minutes do not."""
 
 

@@ -52,7 +52,7 @@ def test_a_group_whose_assumed_value_hardly_counts_is_handed_over_as_fitted(shor
 
 def test_a_drag_of_zero_is_a_value_like_any_other(drive: Drive, husky: Robot) -> None:
     dragging = dataclasses.replace(husky, drag_ns2_per_m2=30.0, mass_kg=0.6 * husky.mass_kg)
-    analysis = analyse(drive(husky, drag_ns2_per_m2=0.0), dragging)
+    analysis = analyse(drive(husky, minutes=4.0, drag_ns2_per_m2=0.0), dragging)
     assert analysis.diagnosis.verdict == "parameters_off"
     off = {one.group: one for one in analysis.diagnosis.parameters_off}
     assert off["c / Gamma"].fitted == pytest.approx(0.0, abs=1.0) and off["c / Gamma"].ci95[0] == 0.0

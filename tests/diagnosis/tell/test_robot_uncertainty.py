@@ -18,7 +18,7 @@ Drive = Callable[..., list[Recording]]
 @pytest.fixture(scope="module")
 def off(drive: Drive, husky: Robot) -> Analysis:
     """Three drives of a Husky that rolls a third harder than its file says."""
-    return analyse(drive(husky, minutes=6.0, rolling_resistance=1.33 * husky.rolling_resistance), husky)
+    return analyse(drive(husky, minutes=4.0, rolling_resistance=1.33 * husky.rolling_resistance), husky)
 
 
 def test_it_is_written_and_read_back(off: Analysis, tmp_path: Path) -> None:
