@@ -83,6 +83,20 @@ def test_where_all_is_linear_it_is_least_squares() -> None:
     assert after.covariance[0, ROLLED, ROLLING] == pytest.approx(whole[1] * covariance[1, 1], rel=0.03)
 
 
+def test_on_even_ground_the_whole_way_rolls_as_its_end_does_whatever_wind_is_learnt() -> None:
+    """Each turn tells wind from rolling, and moves what the way consumed and what new ground will by the same share."""
+    estimator = alone(CALM._replace(rolling_sd=0.144, wind_sd_mps=1.5, forecast_sd_mps=1.0))
+    v, rng, rolls = estimator.vehicle, np.random.default_rng(0), 0.0
+    for k in range(1, 41):
+        east, north = float(np.cos(0.15 * k)), float(np.sin(0.15 * k))
+        force_n = 1.2 * rolling(v, 0.0) + drag(v, 0.5, 2.0 * east)
+        power_w = (v.idle_w + 0.5 * force_n) * (1.0 + 0.01 * rng.normal())
+        read(estimator, 100.0, 50.0 * k, power_w=power_w, east=east, north=north)
+        rolls += rolling(v, 0.0) * 50.0 / v.full_j
+        mean = estimator.mean()[0]
+        assert mean[ROLLED] == pytest.approx(rolls * mean[ROLLING], rel=1e-3)
+
+
 def test_states_of_charge_are_least_squares_of_the_capacity() -> None:
     """Of a robot of which all else is known: charge used is energy used over the capacity."""
     prior = CALM._replace(capacity=0.9, capacity_sd=0.058, soc_noise=0.01)

@@ -36,6 +36,25 @@ def test_a_value_is_a_missing_value(table: pd.DataFrame, csv: Write, channel: st
         assert [note for note in read.notes if note.startswith(f"2 of 600 values of {channel} are")]
 
 
+PUBLISHED = {
+    "voltage_v": [(2**16 - 1) / 1000.0, 2**16 - 1, -1.0, -0.001],  # mV, V
+    "current_a": [(2**16 - 1) / 100.0, (2**15 - 1) / 100.0, -(2**15) / 100.0, -0.01],  # cA
+    "power_w": [2**16 - 1],
+    "speed_mps": [(2**16 - 1) / 100.0, 2**16 - 1],  # cm/s, m/s
+    "soc": [-0.01, -1.0, 2.55, 255.0],  # -1 %, -1, UINT8_MAX % and UINT8_MAX
+    "heading_rad": [math.radians((2**16 - 1) / 100.0), math.radians(2**16 - 1)],  # cdeg, degrees
+    "temperature_c": [(2**15 - 1) / 100.0, -(2**15) / 100.0, -273.15],  # cdegC, absolute zero
+    "elevation_m": [-(2**15), 2**15 - 1, -9999.0, -999.0, -99999.0],
+}
+"""What MAVLink, MAVROS, SRTM and GeoTIFF write, by the type and the unit of their fields."""
+
+
+def test_the_values_that_are_published_are_those_that_are_left_out() -> None:
+    assert VALUES.keys() == PUBLISHED.keys()
+    for channel, values in PUBLISHED.items():
+        assert sorted(VALUES[channel]) == pytest.approx(sorted(values), rel=1e-7), channel
+
+
 def test_zero_is_unknown_among_other_heights_only() -> None:
     assert unknown("elevation_m", np.array([410.0, 0.0, 412.0, 0.0, *[411.0] * 20])).sum() == 2
     assert not unknown("elevation_m", np.array([3.0, 1.0, 0.0, -1.0, *[4.0] * 20])).any()

@@ -158,6 +158,11 @@ def test_a_robot_that_draws_far_more_or_less_than_its_file_says_may_be_another(
     assert any("is this the right robot" in one for one in texts) == asks
 
 
+def test_a_motor_current_asks_for_no_other_robot_where_the_thrust_of_an_ampere_is_unknown(husky: Robot) -> None:
+    unknown = dataclasses.replace(husky, traction_n_per_a=0.0)
+    assert not any("is this the right robot" in text for text in said(amperes(drive()), unknown))
+
+
 def test_of_several_runs_the_sensor_and_the_clock_are_mended(husky: Robot) -> None:
     """A slope that is tilted, and a clock of power that falls back."""
     late = recordings("husky", lambda of, rng: {
