@@ -9,7 +9,7 @@ import pytest
 
 from homeward.estimation import Prior, vehicle_of
 from homeward.estimation.drive import climbing, drag, rolling
-from homeward.estimation.filter import PLACE_DTYPE, place_of
+from homeward.estimation.filter import HYPOTHESIS_DTYPE, PLACE_DTYPE, _likeliest, place_of
 from homeward.estimation.prior import (
     EAST,
     GAIN,
@@ -192,6 +192,14 @@ def test_a_position_is_in_a_place_and_beyond_the_last_in_the_last() -> None:
     vehicle = vehicle_of(ROBOT, PLACE_M)
     places = np.zeros(4, PLACE_DTYPE)
     assert [place_of(vehicle, x * PLACE_M, places) for x in (0.0, 0.99, 1.0, 3.99, 4.0, 1e6)] == [0, 0, 1, 3, 3, 3]
+
+
+@pytest.mark.parametrize("likeliest", range(3))
+def test_the_likeliest_hypothesis_decides_for_all_whether_it_coasts(likeliest: int) -> None:
+    hypotheses = np.zeros(3, HYPOTHESIS_DTYPE).view(np.recarray)
+    hypotheses.log_weight = [-2.0, -np.inf, -3.0]
+    hypotheses.log_weight[likeliest] = -0.5
+    assert _likeliest(hypotheses) == likeliest
 
 
 def test_weights_sum_to_one_and_none_is_lost() -> None:
