@@ -69,8 +69,8 @@ JOBS = {
     "train": Job(f"train {TINY} --resume", of_training, "--replace --seed 1"),
     "evaluate": Job("evaluate --env homeward/OutAndBack-v0 --episodes 10 --agents soc50 planner", of_evaluation),
     "diagnose": Job("diagnose RUN --robot husky", lambda out: of_files(out, "*.json", "*.toml")),
-    "sweep": Job(f"sweep --seeds 0 {TINY}", lambda out: list(map(of_training, sorted(out.glob("seed_*")))),
-                 "--seeds 5"),
+    "sweep": Job(f"sweep --seeds {'0 1' if KILLS else '0'} {TINY}",
+                 lambda out: list(map(of_training, sorted(out.glob("seed_*")))), "--seeds 5"),
     "fleet": Job("fleet GARAGE --robot husky", lambda out: of_files(out, "fleet.csv", "*/*.json")),
     "watch": Job("watch RUN --robot husky --quiet", lambda out: of_files(out, "watch.csv"), "--risk 0.01"),
 }  # fmt: skip
