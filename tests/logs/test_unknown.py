@@ -36,7 +36,7 @@ def test_a_value_is_a_missing_value(table: pd.DataFrame, csv: Write, channel: st
         assert [note for note in read.notes if note.startswith(f"2 of 600 values of {channel} are")]
 
 
-PUBLISHED = {
+PUBLISHED: dict[str, list[float]] = {
     "voltage_v": [(2**16 - 1) / 1000.0, 2**16 - 1, -1.0, -0.001],  # mV, V
     "current_a": [(2**16 - 1) / 100.0, (2**15 - 1) / 100.0, -(2**15) / 100.0, -0.01],  # cA
     "power_w": [2**16 - 1],
