@@ -86,6 +86,10 @@ def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(shor
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "predictive"
     assert "no measurement" in analysis.diagnosis.file.why
     assert analysis.diagnosis.parameters == ()
+    shown = {number.name: number for number in analysis.diagnosis.file.numbers}
+    mass = shown["m / Gamma"]
+    assert mass.value * husky.traction_efficiency == pytest.approx(analysis.corrected.mass_kg, rel=1e-3)
+    assert mass.ci95[0] <= mass.value <= mass.ci95[1]
 
 
 @pytest.mark.parametrize(
