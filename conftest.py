@@ -8,8 +8,8 @@ import sys
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Whatever the environment says, bytecode is kept: without it pytest rewrites the assertions of all tests in each process
-# again, which takes six to eight seconds of CPU.
+# Whatever the environment says, bytecode is kept: without it pytest rewrites the assertions of all tests again in each
+# process, which takes six to eight seconds of CPU.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
