@@ -182,13 +182,6 @@ def _beside_place(together: Together) -> float | None:
     return together.schedules_by_place / max(together.by_schedules, 1e-300)
 
 
-def _beyond_formula(together: Together) -> float | None:
-    most = together.residual.most
-    if not together.is_scheduled or not most.found or most.channel.name == "time_s":
-        return None
-    return max(together.first.held_out_gain, together.share) - together.by_formula
-
-
 def _beyond_channel(together: Together) -> float | None:
     if not together.hides_another_channel:
         return None
@@ -221,12 +214,6 @@ TOGETHER: tuple[Condition[Together], ...] = (
         "a schedule that is not of the ground", "at most", lambda together: thresholds.BY_PLACE,
         f"{thresholds.BY_PLACE:g}", "BY_PLACE",
         _beside_place,
-    ),
-    Condition(
-        "formula", "share that they explain, less that of the best formula of a channel",
-        "a schedule where the residual depends most on a channel", "at least", lambda together: 0.0, "0",
-        "a schedule is for causes that were not recorded",
-        _beyond_formula,
     ),
     Condition(
         "channel", "share that they explain, less what the channel explains on which the residual depended most",

@@ -1,8 +1,8 @@
-"""All named effects together, beside what else would explain the residual: motion, place, or a channel's formula.
+"""All named effects together, beside what else would explain the residual: motion, the place, or another channel.
 
-A schedule of levels in time fits any intermittent cause. Where the robot's motion alone, the place, or a formula of a
-channel predicts held-out stretches as well, the cause was recorded, and the effect is not named. Every number that a
-condition on all of them reads is computed here.
+A schedule of levels in time fits any intermittent cause. Where the robot's motion alone or the place predicts held-out
+stretches as well, the cause was recorded, and the effect is not named. Every number that a condition on all of them
+reads is computed here.
 """
 
 from __future__ import annotations
@@ -149,12 +149,6 @@ class Together:
         if any(effect.term.hypothesis.by_place for effect in self.naming.named):
             return 0.0
         return place_gain(self._beside_channels, self.runs, self.residual.rng)
-
-    @property
-    def by_formula(self) -> float:
-        """Share of the residual that a formula of a channel explains."""
-        formula = self.residual.formula
-        return 0.0 if formula is None else formula.held_out_gain
 
     @cached_property
     def remaining(self) -> RemainingDependence | None:
