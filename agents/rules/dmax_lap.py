@@ -67,6 +67,7 @@ class LapRule(BelievingRule):
         return np.asarray(super()._may_turn(distance_m) | at_far_post)
 
     def _forget(self, count: int) -> None:
+        self.charges = np.zeros(count, np.bool_)
         self._laps = np.zeros((3, count))  # number, sum of their energy, and of its squares
         self._first, self._back = np.zeros((2, count))  # energy of the first lap, and of the last way home
         self._arrival, self._left = np.ones((2, count))  # energy on arrival at the last post, and at the home post

@@ -67,7 +67,7 @@ class Docking:
         """Which missions have only the time left for the way home and for charging what it needs, shape (n,)."""
         short_j = np.maximum(-energies.spare, 0.0) * self._known.shared["usable_j"][0]
         charging_s = short_j / self._charge_w.min()
-        return self._left_s(observations) < thresholds.HOME_TIME * (self._round_s + charging_s)
+        return np.asarray(self._left_s(observations) < thresholds.HOME_TIME * (self._round_s + charging_s))
 
     def margin(self, observations: Observations, energies: Energies) -> NDArray[np.float64]:
         """Energy beyond going on and back to the last dock, or on to the next one, and the reserve, shape (n,)."""

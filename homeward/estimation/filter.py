@@ -122,7 +122,8 @@ def update(
                     bend,
                     coasts,
                 )
-            hypotheses[i, k].mean[USED] -= reading.charged_j / v.full_j
+            if reading.charged_j > 0.0:  # not NaN
+                hypotheses[i, k].mean[USED] -= reading.charged_j / v.full_j
         _normalise(hypotheses[i])
         used = mean_of(hypotheses[i], USED)
         _update_with_charge(prior, robot, reading.soc, dt_s, used, used_before, hypotheses[i])
