@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from homeward.envs import kernel, reward
 from homeward.envs.actions import allowed_actions
 from homeward.envs.docks import observe_docks
-from homeward.envs.features import DOCK_FEATURES, FEATURES, LIMIT, OBSERVATION_DTYPE
+from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE, names_of
 from homeward.envs.options import OptionError, Options, constants_of
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
 from homeward.envs.threads import Threads
@@ -97,8 +97,7 @@ def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
 
 def observation_space(docks: bool = False) -> spaces.Box:
     """Space of one observation, see `homeward.envs.features.FEATURES`; with docks `DOCK_FEATURES` follow."""
-    count = len(FEATURES) + (len(DOCK_FEATURES) if docks else 0)
-    return spaces.Box(-LIMIT, LIMIT, (count,), np.float32)
+    return spaces.Box(-LIMIT, LIMIT, (len(names_of(docks)),), np.float32)
 
 
 class Batch:

@@ -78,11 +78,16 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
-def write_docks(docks: Docks, shared: Any) -> None:
+def write_docks(docks: Docks, idle_w: float, shared: Any) -> None:
     """Write docks into the shared record, which has the route's length; one beside a border is on it.
 
+    Args:
+        docks: The docks.
+        idle_w: Power of the robot at a stand with nothing sensed, W.
+        shared: Shared record.
+
     Raises:
-        DockError: One is beyond the end of the route.
+        DockError: One is beyond the end of the route, or its charger is weaker than the robot's electronics.
     """
     length_m, place_m = float(shared["length_m"]), float(shared["place_m"])
     shared["dock_count"] = len(docks)
@@ -92,6 +97,11 @@ def write_docks(docks: Docks, shared: Any) -> None:
             position_m = border * place_m
         if position_m > max(length_m, shared["places"] * place_m):
             raise DockError(f"a dock at {position_m:g} m is not on the route, which ends at {length_m:g} m")
+        if charger_w <= idle_w:
+            raise DockError(
+                f"the charger of the dock at {position_m:g} m has {charger_w:g} W, which charges no battery; give more "
+                f"than the {idle_w:.3g} W that the robot consumes at a stand"
+            )
         record["position_m"], record["charger_w"] = position_m, charger_w
 
 
@@ -149,3 +159,12 @@ def observe_docks(
     )
     for column, (values, _) in enumerate(zip(columns, DOCK_FEATURES, strict=True)):
         features[:, column] = np.minimum(values, LIMIT)
+
+
+def text_of(docks: Docks) -> str:
+    """Docks as `docks_of` reads them.
+
+    >>> text_of(((0.0, 60.0), (120.0, 45.5)))
+    '0:60,120:45.5'
+    """
+    return ",".join(f"{position_m:.12g}:{charger_w:.12g}" for position_m, charger_w in docks)

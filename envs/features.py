@@ -82,6 +82,13 @@ DOCK_FEATURES: tuple[tuple[str, str, str], ...] = (
 NAMES = tuple(name for name, _, _ in FEATURES)
 DOCK_NAMES = tuple(name for name, _, _ in DOCK_FEATURES)
 INDEX = {name: index for index, name in enumerate(NAMES + DOCK_NAMES)}
+
+
+def names_of(docks: bool) -> tuple[str, ...]:
+    """Names of the features of an environment, with or without docks."""
+    return NAMES + DOCK_NAMES if docks else NAMES
+
+
 LIMIT = 10.0
 """Bound of every feature; values are clipped to it. Chosen: ten times the unit of each, which are typical sizes."""
 

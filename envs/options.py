@@ -168,7 +168,7 @@ class Options:
         except DockError as error:
             raise OptionError(str(error)) from None
         if self.docks and self.time_limit_s is None:
-            raise OptionError("docks need a time limit, as no battery ends the mission; give time_limit_s, in seconds")
+            raise OptionError("docks need a time limit, as no battery ends the mission; give one in seconds")
 
 
 def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Options:
@@ -341,7 +341,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     s["score_scale"] = mission.good_score(half_m, s)
     _write_instruments(instruments, robot, difficulty, s)
     try:
-        write_docks(checked(options.docks), s)
+        write_docks(checked(options.docks), float(ancillary_power(robot, 0.0)), s)
     except DockError as error:
         raise OptionError(str(error)) from None
     for inverse, name in INVERSES.items():

@@ -13,6 +13,7 @@ from typing import Any
 import homeward
 from homeward.envs.conditions.difficulty import DIFFICULTY
 from homeward.envs.conditions.gauges import COUNTER
+from homeward.envs.docks import text_of
 from homeward.envs.options import Known, Options, constants_of
 
 _LEARNER = (
@@ -24,7 +25,7 @@ _LEARNER = (
     "rules/reserves.py",
     "thresholds.py",
 )
-_COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "randomise")
+_COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "randomise", "docks", "time_limit_s")
 
 
 def made_with(options: Options) -> dict[str, str]:
@@ -80,7 +81,7 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
         known: Its constants.
     """
     training, code = _mapping(description.get("training")), _mapping(description.get("made_with"))
-    here: dict[str, Any] = {"env": env, **vars(options)}
+    here: dict[str, Any] = {"env": env, **vars(options), "docks": text_of(options.docks)}
     different = [name for name in _COMPARED if name in training and str(training[name]) != str(here[name])]
     # By their contents: a file may have changed, or moved.
     for name, numbers in (("robot", robot_hash(known)), ("instruments", _instruments_hash(known))):
