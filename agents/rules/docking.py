@@ -129,6 +129,6 @@ class Docking:
             self._last, self._full = now.copy(), np.zeros(len(begun), np.bool_)
         later = now[0] > self._last[0]
         took = now[1] - self._last[1] - self._idle_share
-        self._full = np.where(later, (now[2] == self._last[2]) & (took < least), self._full & ~begun)
+        self._full = ~begun & np.where(later, (now[2] == self._last[2]) & (took < least), self._full)
         self._last = np.where(later | begun, now, self._last)
         return self._full
