@@ -161,10 +161,10 @@ def observe_docks(
         features[:, column] = np.minimum(values, LIMIT)
 
 
-def text_of(docks: Docks) -> str:
+def text_of(docks: Docks | str) -> str:
     """Docks as `docks_of` reads them.
 
     >>> text_of(((0.0, 60.0), (120.0, 45.5)))
     '0:60,120:45.5'
     """
-    return ",".join(f"{position_m:.12g}:{charger_w:.12g}" for position_m, charger_w in docks)
+    return ",".join(f"{position_m:.12g}:{charger_w:.12g}" for position_m, charger_w in checked(docks))

@@ -115,12 +115,17 @@ def test_features_of_docks_follow_the_others_and_show_where_they_are() -> None:
 
 def test_a_dock_that_no_mission_uses_changes_nothing_to_the_last_digit() -> None:
     rng = np.random.default_rng(5)
-    options = {"difficulty": "harsh", "time_limit_s": 6_000.0, "decision_s": 300.0, "autoreset_mode": "SameStep"}
+    options: dict[str, Any] = {
+        "difficulty": "harsh",
+        "time_limit_s": 6_000.0,
+        "decision_s": 300.0,
+        "autoreset_mode": "SameStep",
+    }
     far = ((3_600.0, 15.0),)
     plain, docked = (HomewardVectorEnv(6, mission="Survey", docks=docks, **options) for docks in ((), far))
     assert plain.single_observation_space.shape == (len(FEATURES),)
     seen = [env.reset(seed=7)[0][:, : len(FEATURES)] for env in (plain, docked)]
-    np.testing.assert_array_equal(*seen)
+    np.testing.assert_array_equal(seen[0], seen[1])
     for _ in range(40):
         actions = random_actions(rng, "discrete", 6)
         (one, *more, info), (other, *others, _) = plain.step(actions), docked.step(actions)
