@@ -135,6 +135,35 @@ def test_a_dock_that_no_mission_uses_changes_nothing_to_the_last_digit() -> None
         assert (info["energy_j"]["charger"] == 0.0).all()
 
 
+BEFORE_DOCKS = {
+    "OutAndBack": (86678.66139799591, 2512.5, 66.20797199755907),
+    "Survey": (97012.80371315226, 2282.205245874141, 78.55781255569309),
+    "Patrol": (93726.92766570079, 0.0, 59.49635683372617),
+}
+"""Energy left (J), score and features of four missions, summed, at commit 325159d before there were docks."""
+
+
+def test_without_docks_missions_are_those_of_before() -> None:
+    rng = np.random.default_rng(9)
+    for name, figures in BEFORE_DOCKS.items():
+        envs = HomewardVectorEnv(4, mission=name, difficulty="harsh", decision_s=300.0, autoreset_mode="Disabled")
+        envs.reset(seed=3)
+        for _ in range(5):
+            modes = rng.choice([STOP, GO], 4, p=[0.3, 0.7])
+            observations, *_ = envs.step(np.column_stack((rng.integers(0, 5, (4, 2)), modes)))
+        records = envs.batch.records
+        now = records["energy_j"].sum(), records["score"].sum(), observations.astype(np.float64).sum()
+        assert now == pytest.approx(figures, rel=1e-9), name  # processors differ in the last digits
+
+
+def test_the_viewer_shows_a_charged_battery() -> None:
+    env = patrol(docks=((0.0, 60.0),), render_mode="rgb_array")
+    for _ in drive(env, [[4, 0, GO]] * 60):
+        pass
+    picture = env.render()
+    assert isinstance(picture, np.ndarray) and picture.ndim == 3
+
+
 def test_a_mission_with_docks_lasts_for_the_time_limit_and_several_charges() -> None:
     env = patrol(docks=((0.0, 60.0),))
     *_, last = drive(env, [[4, 0, GO]] * 1000)
