@@ -74,8 +74,9 @@ class Docking:
         home_cost, dock_cost = feature(observations, "home_cost"), feature(observations, "dock_cost")
         beyond = energies.home * (1.0 - dock_cost / np.maximum(home_cost, 1e-9))
         back = energies.margin + np.where(home_cost > 0.0, beyond, 0.0)
-        out, in_ = feature(observations, "dock_out"), feature(observations, "dock_back")
-        ahead_m = np.where(feature(observations, "outbound") > 0.0, out, in_) * self._known.shared["reach_m"][0]
+        outwards = feature(observations, "outbound") > 0.0
+        ahead = np.where(outwards, feature(observations, "dock_out"), feature(observations, "dock_back"))
+        ahead_m = ahead * self._known.shared["reach_m"][0]
         onwards = energies.spare + energies.home - ahead_m * energies.round_trip / self._round_m
         return np.where(ahead_m > 0.0, np.maximum(back, onwards), back)
 
