@@ -11,8 +11,8 @@ if __name__ == "envs":
 from gymnasium.envs import registration  # not `gymnasium`, of which old versions come here half imported
 
 __all__ = [
-    "IDS", "MISSION_FILES", "MULTI_OBJECTIVE_IDS", "actions", "docks", "features", "multi_objective", "options",
-    "register", "routes", "scalar", "vector", "viewer",
+    "IDS", "MISSION_FILES", "MULTI_OBJECTIVE_IDS", "actions", "features", "multi_objective", "options", "register",
+    "routes", "scalar", "vector", "viewer",
 ]  # fmt: skip
 
 MISSION_FILES = {
