@@ -90,6 +90,10 @@ class Args:
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
     randomise: str = "generic"
     """generic (robots within the ranges of the difficulty) or file (drawn with the uncertainty in the robot's file)."""
+    docks: str = ""
+    """Charging docks, POSITION:POWER,...: metres along the route and watts, such as 0:15,120:20."""
+    time_limit: float | None = None
+    """Time limit of a mission, s; by default twice the time that the battery lasts. Docks need one."""
     optimum: bool = False
     """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds per episode."""
     margins: bool = False
@@ -202,6 +206,8 @@ def _options(args: Args) -> Options:
         action_type=args.action_type,
         decision_s=args.decision_s,
         randomise=args.randomise,
+        docks=args.docks,
+        time_limit_s=args.time_limit,
     )
 
 
@@ -319,17 +325,19 @@ def _warn_of_transfer(agents: Mapping[str, Sequence[Policy]], env_id: str, env: 
 def _print(summary: Mapping[str, Any], out: Path, files: Sequence[str]) -> None:
     reference = next(iter(summary["agents"]))
     options = summary["options"]
+    optimum = ["optimum"] if summary["optimum"] else []
     table = Table(
         title=f"{summary['env']}, {summary['episodes']} episodes, seed {summary['seed']}\n"
         f"{options['difficulty']}, {options['robot']}, route {options['route']}, {options['action_type']} actions"
-        + (f" every {options['decision_s']:g} s" if options["decision_s"] else ""),
+        + (f" every {options['decision_s']:g} s" if options["decision_s"] else "")
+        + (f"\ndocks {options['docks']} (m:W)" if options["docks"] else "")
+        + (f", time limit {options['time_limit_s']:g} s" if options["time_limit_s"] else ""),
         caption="below: 95 % intervals; late: out of time; us: microseconds a decision\n"
-        + ("optimum: share of the upper and of the lower bound\n" if summary["optimum"] else "")
+        + (f"optimum: share of the upper and of the lower bound, {_gap(summary['optimum'])}\n" if optimum else "")
         + ", ".join(f"{library} {which}" for library, which in summary["versions"].items()),
         box=box.SIMPLE_HEAD,
     )
     table.add_column("agent", overflow="fold", min_width=13)
-    optimum = ["optimum"] if summary["optimum"] else []
     for heading in ("score", "IQM", f"minus {reference}", *optimum, "stranded", "late", "us"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, agent in summary["agents"].items():
@@ -359,6 +367,13 @@ def _share_of_optimum(agent: Mapping[str, Any]) -> str:
     """Share of the upper bound, and of the oracle's score: the true share lies between."""
     at_least, at_most = agent["share_of_optimum_at_least"], agent["share_of_optimum"]
     return "" if at_least is None or at_most is None else f"{at_least:.0%} to\n{at_most:.0%}"
+
+
+def _gap(optimum: Mapping[str, float]) -> str:
+    """The bounds of the optimum, and how far they are apart."""
+    lower, upper = optimum["lower"], optimum["upper"]
+    gap = f", a gap of {1.0 - lower / upper:.1%}" if upper > 0.0 else ""
+    return f"{_number(upper)} and {_number(lower)}{gap}"
 
 
 def _with_interval(value: float, ends: list[float] | None, write: Callable[[float], str]) -> Text:

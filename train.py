@@ -27,6 +27,7 @@ from homeward.agents.learning.settings import PPOSettings, TrainingError, check_
 from homeward.agents.trained.provenance import made_with
 from homeward.agents.trained.run_folder import RunState, extended_from, locked, open_run
 from homeward.envs import IDS
+from homeward.envs.docks import text_of
 from homeward.envs.options import Known, OptionError, Options, known_of
 from homeward.envs.routes import RouteError
 from homeward.installed import advice
@@ -76,6 +77,10 @@ class Args:
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
     randomise: str = "generic"
     """generic (robots within the ranges of the difficulty) or file (drawn with the uncertainty in the robot's file)."""
+    docks: str = ""
+    """Charging docks, POSITION:POWER,...: metres along the route and watts, such as 0:15,120:20."""
+    time_limit: float | None = None
+    """Time limit of a mission, s; by default twice the time that the battery lasts. Docks need one."""
     scaled_for: str | None = None
     """Preset name or TOML file of the robot for which routes and limits are scaled, if not --robot."""
     ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
@@ -93,6 +98,7 @@ def main(args: Args) -> Path:
     settings = {
         "env": args.env,
         **{name: value for name, value in vars(options).items() if name != "mission"},
+        "docks": text_of(options.docks),
         "steps": args.steps,
         "seed": args.seed,
         "checkpoints": args.checkpoints,
@@ -185,6 +191,8 @@ def _options(args: Args) -> Options:
         discount=args.ppo.discount,
         decision_s=args.decision_s,
         randomise=args.randomise,
+        docks=args.docks,
+        time_limit_s=args.time_limit,
         scaled_for=args.scaled_for,
     )
 

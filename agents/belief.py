@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -103,7 +105,7 @@ class Belief:
 
     def _forget(self, count: int) -> None:
         self.estimator = Estimator(self._vehicle, self._prior, int(self._known.shared["places"][0]), count)
-        self._modelled, self._position_m = np.zeros((2, count))
+        self._modelled, self._position_m, self._supplied_j = np.zeros((3, count))
         self._place, self._decisions = np.full(count, -1), np.zeros(count, np.int64)
         self._soc_lowest = np.ones(count)
 
@@ -126,6 +128,7 @@ class Belief:
             self.estimator.begin(begun, east_mps, north_mps)
             self._modelled[begun] = 0.0
             self._position_m[begun] = 0.0
+            self._supplied_j[begun] = 0.0
             self._place[begun] = -1
             self._decisions[begun], self._soc_lowest[begun] = 0, 1.0
         outwards = feature(observations, "outbound")
@@ -140,9 +143,13 @@ class Belief:
         later, self._decisions = decisions > self._decisions, decisions
         readings["time_s"] = self._decisions * s["decision_s"]
         readings["position_m"] = position_m
+        readings["charged_j"] = self._charged_j(observations)
         readings["power_w"] = feature(observations, "power") * s["cruise_w"] if self._sees_turns else np.nan
+        # Beside a charger's power, that of the robot is not read well.
+        readings["power_w"][readings["charged_j"] > 0.0] = np.nan
         # A gauge that rises was reset: from then on it says nothing.
         soc = feature(observations, "energy")
+        self._soc_lowest[(readings["charged_j"] > 0.0) & (self._soc_lowest != LOST)] = 1.0
         self._soc_lowest = lowest_believed(self._soc_lowest, soc)
         readings["soc"] = np.where(self._soc_lowest == LOST, np.nan, soc)
         readings["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
@@ -158,6 +165,14 @@ class Belief:
         self._place = np.where(new, place, self._place)
         self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
         self._modelled, self._position_m = modelled, position_m
+
+    def _charged_j(self, observations: Observations) -> Any:
+        """Energy that a charger supplied since the last observation, J, shape (n,); 0 without docks."""
+        if not self._known.shared["dock_count"][0]:
+            return 0.0
+        charged_j = feature(observations, "supplied") * self._known.shared["usable_j"][0]
+        supplied_j, self._supplied_j = charged_j - self._supplied_j, charged_j
+        return supplied_j
 
     def forget_forecast(self) -> None:
         """Ignore the forecast of the wind, whatever missions observe; to be called before they begin."""

@@ -76,7 +76,8 @@ def _trained(start: str) -> Callable[[Request], Policy]:
 
         try:
             policy = load_policy(request.file or shipped(request.known.mission, start), request.known)
-            policy.check_spaces(observation_space(), action_space(bool(request.known.shared["discrete"][0])))
+            has_docks = bool(request.known.shared["dock_count"][0])
+            policy.check_spaces(observation_space(has_docks), action_space(bool(request.known.shared["discrete"][0])))
         except PolicyFileError as error:
             raise AgentError(str(error)) from None
         return policy

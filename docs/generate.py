@@ -36,7 +36,7 @@ from homeward.envs.batch import observation_space
 from homeward.envs.conditions.difficulty import DIFFICULTY, DRAWN
 from homeward.envs.conditions.gauges import GAUGES, rms_error, suits
 from homeward.envs.conditions.instruments import INSTRUMENTS, Instruments
-from homeward.envs.features import FEATURES, RANGES
+from homeward.envs.features import DOCK_FEATURES, FEATURES, INDEX, RANGES
 from homeward.envs.options import Options, known_of
 from homeward.logs.channels import CHANNELS, Array
 from homeward.physics import CAUSES, EFFECTS, Robot, d_max, load_robot, optimal_speed, preset_names
@@ -98,6 +98,12 @@ def features() -> str:
         for i, (name, unit, meaning) in enumerate(FEATURES)
     )
     return table(("index", "feature", "lowest", "highest", "unit", "meaning"), rows)
+
+
+def dock_features() -> str:
+    """Observed features of missions with docks."""
+    rows = ([str(INDEX[name]), f"`{name}`", unit, meaning] for name, unit, meaning in DOCK_FEATURES)
+    return table(("index", "feature", "unit", "meaning"), rows)
 
 
 def spaces(mission: str) -> str:
@@ -401,8 +407,8 @@ def worked_case() -> str:
 GENERATED: dict[str, Callable[..., str]] = {
     one.__name__: one
     for one in (
-        agents, causes, channels, conditions, counts, difficulties, drives, effects, features, gauges, instruments,
-        missions, bench,
+        agents, causes, channels, conditions, counts, difficulties, dock_features, drives, effects, features, gauges,
+        instruments, missions, bench,
         reference_scores, results, robot_file, robots, spaces, worked_case,
     )
 }  # fmt: skip

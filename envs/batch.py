@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from homeward.envs import kernel, reward
 from homeward.envs.actions import allowed_actions
-from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE
+from homeward.envs.docks import observe_docks
+from homeward.envs.features import FEATURES, LIMIT, OBSERVATION_DTYPE, names_of
 from homeward.envs.options import OptionError, Options, constants_of
 from homeward.envs.state import CONSTANTS_DTYPE, MISSION_DTYPE, ROUTE_DTYPE
 from homeward.envs.threads import Threads
@@ -94,9 +95,9 @@ def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
     }
 
 
-def observation_space() -> spaces.Box:
-    """Space of one observation, see `homeward.envs.features.FEATURES`."""
-    return spaces.Box(-LIMIT, LIMIT, (len(FEATURES),), np.float32)
+def observation_space(docks: bool = False) -> spaces.Box:
+    """Space of one observation, see `homeward.envs.features.FEATURES`; with docks `DOCK_FEATURES` follow."""
+    return spaces.Box(-LIMIT, LIMIT, (len(names_of(docks)),), np.float32)
 
 
 class Batch:
@@ -118,6 +119,8 @@ class Batch:
         self._none = np.zeros(count, np.bool_)
         self._discrete = options.action_type != "continuous"
         self._action_shape = (count, 3)
+        # The kernels write the features that all missions have; where docks add some, into an array of their own.
+        self._features = np.zeros((count, len(FEATURES)), np.float32) if options.docks else None
 
     def __getstate__(self) -> dict[str, Any]:
         # numba's lists cannot be pickled; this one is rebuilt.
@@ -166,6 +169,7 @@ class Batch:
             begin.nonzero()[0], self._numbas_generators(), self._constants, self.records, self._robots, self._routes,
             self._rows(observations),
         )  # fmt: skip
+        self._add_docks(observations)
 
     def step(
         self,
@@ -209,10 +213,18 @@ class Batch:
             threads.record(time.perf_counter() - start_s)
         if ended < 0:
             self._refuse(actions, -1 - ended)
+        self._add_docks(observations)
         return ended
 
     def _rows(self, observations: NDArray[np.float32]) -> NDArray[np.void]:
-        return np.ndarray(self.count, OBSERVATION_DTYPE, observations)
+        written = observations if self._features is None else self._features
+        return np.ndarray(self.count, OBSERVATION_DTYPE, written)
+
+    def _add_docks(self, observations: NDArray[np.float32]) -> None:
+        if self._features is not None:
+            count = len(FEATURES)
+            observations[:, :count] = self._features
+            observe_docks(self.records, self._routes, self.known.shared[0], observations[:, count:])
 
     def _numbas_generators(self) -> Any:
         if self._typed_generators is None:

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from homeward.envs import sensing
-from homeward.envs.conditions import weather
+from homeward.envs import docks, sensing
+from homeward.envs.conditions import gauges, weather
 from homeward.envs.state import RETURN, STOP
 from homeward.physics import model
 from homeward.physics.jit import inline
-from homeward.physics.kernel import Conditions, advance, demand
+from homeward.physics.kernel import Conditions, advance, connect, demand
 
 
 @inline
@@ -26,7 +26,10 @@ def decide(
     sensing_hz: float,
     mode: int,
 ) -> None:
-    """Carry out one decision, place by place, until its time is over, the battery is empty or the robot is home."""
+    """Carry out one decision, place by place, until its time is over, the battery is empty or the robot is home.
+
+    A robot that stops drives on to a dock that it reaches within the decision, and stands there.
+    """
     outwards = m.direction
     heads_home = mode == RETURN and not m.returning
     if heads_home:
@@ -43,29 +46,39 @@ def decide(
     accel = (speed_mps - m.speed_mps) * shared.per_decision
     left_s = shared.decision_s
     while left_s > 0.0 and not m.home and not m.depleted:
-        speed, dt_s, border_m, crossing = 0.0, left_s, 0.0, False
+        speed, dt_s, halt_m, arriving, crossing = 0.0, left_s, 0.0, False, False
+        dock_m = docks.next_dock_m(m, shared) if mode == STOP else np.inf
+        to_dock_m = m.direction * (dock_m - m.position_m)
+        docks_now = 0.0 < to_dock_m <= speed_mps * left_s
         if m.dwell_s > 0.0:
             dt_s = min(left_s, m.dwell_s)
-        elif mode != STOP and _may_drive(m, shared, heads_home and not m.returning):
-            border_m = (m.place + (m.direction > 0.0)) * shared.place_m
-            ahead_m = m.direction * (border_m - m.position_m)
+        elif docks_now or (mode != STOP and _may_drive(m, shared, heads_home and not m.returning)):
+            halt_m = (m.place + (m.direction > 0.0)) * shared.place_m
+            ahead_m = m.direction * (halt_m - m.position_m)
             if ahead_m <= 0.0:
                 cross(m, p, route, nominal, shared)
                 continue
+            crossing = not (docks_now and to_dock_m < ahead_m)
+            if not crossing:
+                halt_m, ahead_m = dock_m, to_dock_m
             speed = speed_mps
-            crossing = ahead_m <= speed * left_s
-            if crossing:
+            arriving = ahead_m <= speed * left_s
+            if arriving:
                 dt_s = ahead_m / speed
         x = _conditions(m, m.here, speed, sensing_hz, accel, weather.headwind(m, m.here), m.direction)
-        passed_s = advance(p, m, x, dt_s)
+        charger_w = docks.charger_w(m, shared) if speed == 0.0 else 0.0
+        passed_s = advance(p, m, x, connect(p, m, x, charger_w, dt_s))
+        m.charger_w = 0.0
+        if charger_w > 0.0:
+            gauges.expect_rise(m)
         left_s -= passed_s
         m.dwell_s = max(m.dwell_s - passed_s, 0.0)
-        crossing = crossing and not m.depleted
-        m.position_m = border_m if crossing else m.position_m + m.direction * speed * passed_s
+        arriving = arriving and not m.depleted
+        m.position_m = halt_m if arriving else m.position_m + m.direction * speed * passed_s
         new_m = max(m.position_m - m.furthest_m, 0.0)
         m.furthest_m = max(m.furthest_m, m.position_m)
         _account(m, nominal, shared, x, passed_s, new_m)
-        if crossing:
+        if arriving and crossing:
             cross(m, p, route, nominal, shared)
     if heads_home and not m.returning and m.direction < 0.0:
         m.direction = outwards

@@ -70,8 +70,25 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
 )
 """Name, unit and meaning of each observed feature."""
 
+DOCK_FEATURES: tuple[tuple[str, str, str], ...] = (
+    ("dock_out", "reach", "distance to the next dock outwards, 10 if there is none"),
+    ("dock_back", "reach", "distance to the next dock towards home or, if there is none, to home"),
+    ("dock_cost", "usable energy", "energy to get there over the driven ground, by the robot's own model"),
+    ("supplied", "usable energy", "energy that chargers have supplied so far, by their own meters, which are exact"),
+    ("charged", "usable energy", "state of charge that this is, by the estimate of metered"),
+)
+"""Further features of missions with docks, after the others; at a dock both distances are 0."""
+
 NAMES = tuple(name for name, _, _ in FEATURES)
-INDEX = {name: index for index, name in enumerate(NAMES)}
+DOCK_NAMES = tuple(name for name, _, _ in DOCK_FEATURES)
+INDEX = {name: index for index, name in enumerate(NAMES + DOCK_NAMES)}
+
+
+def names_of(docks: bool) -> tuple[str, ...]:
+    """Names of the features of an environment, with or without docks."""
+    return NAMES + DOCK_NAMES if docks else NAMES
+
+
 LIMIT = 10.0
 """Bound of every feature; values are clipped to it. Chosen: ten times the unit of each, which are typical sizes."""
 
@@ -133,7 +150,7 @@ def observe(m: Any, shared: Any, cost_j: float, out: Any) -> None:
     place = m.here
     cost, modelled = cost_j * shared.per_usable_j, m.modelled_j * shared.per_usable_j
     margin = m.metered - cost
-    ratio = (1.0 - m.metered + _DRAWN) / (modelled + _DRAWN)
+    ratio = (1.0 - m.metered + m.charged + _DRAWN) / (modelled + _DRAWN)
     corrected = m.metered - cost * ratio
     out.energy, out.metered = m.soc, m.metered
     out.power = _cut(m.read_w * shared.per_cruise_w, LIMIT)

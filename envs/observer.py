@@ -60,7 +60,7 @@ class Observer:
         mean_grade: Mean sine of the route's slope; by default that of the forecast.
 
     Raises:
-        ValueError: The forecast has other places than `known`.
+        ValueError: The forecast has other places than `known`, or that has docks.
     """
 
     def __init__(
@@ -72,6 +72,8 @@ class Observer:
     ) -> None:
         self.known = known
         s = known.shared[0]
+        if s["dock_count"]:
+            raise ValueError("features of docks are not read on a robot yet; give an environment without docks")
         self._count, self._place_m = int(s["places"]), float(s["place_m"])
         if forecast is None:
             nothing = np.zeros(self._count)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from homeward.envs.conditions.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty, Uniform
 from homeward.envs.conditions.gauges import GAUGES, RISE, resistance_ohm, rms_error, suits, write_gauge
 from homeward.envs.conditions.instruments import InstrumentError, Instruments, load_instruments
+from homeward.envs.docks import DockError, Docks, checked, write_docks
 from homeward.envs.mission_base import Mission
 from homeward.envs.missions import CODES, MISSIONS
 from homeward.envs.routes import load_route
@@ -53,6 +54,9 @@ consumes 0.5 % of the battery."""
 _FEWEST_DECISIONS, _MOST_DECISIONS = 5, 20_000
 """Bounds of the same. With fewer, one decision is so much of the way that the moment to turn is a matter of luck; with
 more, an episode takes tens of thousands of steps. One second is allowed for every preset."""
+_LONGEST = 5.0
+"""Longest time limit, over the time that the battery lasts at cruise. Chosen: what the features `modelled` and
+`charged` show ends at ten batteries, and the fastest sensing may double the consumption."""
 _REACH = 0.625
 """Distance scale and length of generated routes, over d_max. Chosen a quarter above the half from which a robot comes
 home, so that the battery and not the end of the route limits it: of 1,000 missions out and back each, driven by
@@ -114,6 +118,10 @@ class Options:
             those of `robot`, the consumption is not.
         scaled_for: The robot for which lengths, times and memory are scaled, if it is not `robot`: different robots
             then have the same routes and limits.
+        docks: Charging places (`homeward.envs.docks`): pairs of position along the route (m) and power of the charger
+            (W), or their text `POSITION:POWER,...`. A robot that stands at one charges.
+        time_limit_s: Time limit of a mission, s, in whole decisions; by default twice the time that the battery lasts
+            at cruise. Missions with docks need one, as no battery limits them.
 
     Raises:
         OptionError: A value is not allowed.
@@ -132,6 +140,8 @@ class Options:
     randomise: str = "generic"
     true_robot: str | Path | Robot | None = None
     scaled_for: str | Path | Robot | None = None
+    docks: Docks | str = ()
+    time_limit_s: float | None = None
 
     def __post_init__(self) -> None:
         for name, value, allowed in (
@@ -150,8 +160,15 @@ class Options:
                 load_instruments(self.instruments)
             except InstrumentError as error:
                 raise OptionError(str(error)) from None
-        if self.decision_s is not None:
-            object.__setattr__(self, "decision_s", _number("decision_s", self.decision_s, 1e9))
+        for name in ("decision_s", "time_limit_s"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _number(name, getattr(self, name), 1e9))
+        try:
+            object.__setattr__(self, "docks", checked(self.docks))
+        except DockError as error:
+            raise OptionError(str(error)) from None
+        if self.docks and self.time_limit_s is None:
+            raise OptionError("docks need a time limit, as no battery ends the mission; give one in seconds")
 
 
 def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Options:
@@ -292,7 +309,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     s["mission"], s["shuttles"], s["senses"] = CODES[mission.name], mission.shuttles, mission.senses
     s["route_is_known"] = difficulty.route_is_known
     s["shaped"], s["discrete"] = options.shaping == "dmax", options.action_type != "continuous"
-    s["max_decisions"] = int(np.ceil(2.0 * lasts_s / decision_s))
+    s["max_decisions"] = _max_decisions(options, scale, lasts_s, decision_s)
     s["return_decisions"] = max(round(RETURN_SHARE * lasts_s / decision_s), 1)
     s["decision_s"], s["discount"] = decision_s, options.discount
     s["min_speed_mps"], s["max_speed_mps"] = robot.min_speed_mps, robot.max_speed_mps
@@ -323,6 +340,10 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
         )
     s["score_scale"] = mission.good_score(half_m, s)
     _write_instruments(instruments, robot, difficulty, s)
+    try:
+        write_docks(checked(options.docks), float(ancillary_power(robot, 0.0)), s)
+    except DockError as error:
+        raise OptionError(str(error)) from None
     for inverse, name in INVERSES.items():
         s[inverse] = 1.0 / s[name] if s[name] else 0.0
     return Known(options.mission, robot, shared, difficulty, instruments), Hidden(truth, hidden)
@@ -419,6 +440,19 @@ def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:
             f"{robot.name!r} lasts {lasts_s:.0f} s: {_FEWEST_DECISIONS} to {_MOST_DECISIONS} decisions"
         )
     return options.decision_s
+
+
+def _max_decisions(options: Options, robot: Robot, lasts_s: float, decision_s: float) -> int:
+    if options.time_limit_s is None:
+        return int(np.ceil(2.0 * lasts_s / decision_s))
+    least_s, most_s = _FEWEST_DECISIONS * decision_s, _LONGEST * lasts_s
+    if not least_s <= options.time_limit_s <= most_s:
+        raise OptionError(
+            f"time_limit_s = {options.time_limit_s:g} is not allowed; give {least_s:g} to {most_s:.0f} s: "
+            f"{_FEWEST_DECISIONS} decisions to {_LONGEST:g} times the {lasts_s:.0f} s that the battery of "
+            f"{robot.name!r} lasts"
+        )
+    return int(options.time_limit_s / decision_s * (1.0 + 1e-12))
 
 
 def _check_route(route: Route, robot: Robot, mission: Mission, range_m: float, decision_s: float) -> None:

@@ -39,7 +39,7 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
     def __init__(self, *, mission: str = "Survey", render_mode: str | None = None, **options: Any) -> None:
         self.render_mode = render_mode
         self.options = parse_options({"mission": mission, **options}, ("render_mode",))
-        self.observation_space: Any = observation_space()
+        self.observation_space: Any = observation_space(bool(self.options.docks))
         self.action_space = space_of(self.options.action_type)
         self._flat = self.options.action_type == "flat"
         self.batch = Batch(self.options, 1)

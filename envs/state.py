@@ -81,6 +81,8 @@ MISSION_DTYPE = np.dtype(
         ("soc", np.float64),  # read
         ("metered", np.float64),  # state of charge by the meter
         ("metered_j", np.float64),  # energy by the meter since the start
+        ("supplied_j", np.float64),  # energy that chargers supplied, by their meters
+        ("charged", np.float64),  # the same as a share of a full battery, by the estimate of `metered`
         ("gauge", np.int64),  # which one the mission has
         ("gauge_reset_left", np.float64),  # share of charge at which it is set anew; 0 if it is not, or was
         ("gauge_shift", np.float64),  # what it shows too much since
@@ -116,6 +118,11 @@ generated route; a place takes 128 bytes in every mission."""
 ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,)), ("apart", PLACE_DTYPE)], align=True)
 """The route of one mission; the shared record says how many places it has. The last field keeps routes from lying at
 multiples of a power of two, where they would evict each other from the caches."""
+
+MOST_DOCKS = 8
+"""Most docks of a route. Chosen: their table stays in a few cache lines."""
+DOCK_DTYPE = np.dtype([("position_m", np.float64), ("charger_w", np.float64)], align=True)
+"""A dock: position along the route, and power of its charger."""
 
 INVERSES = {
     "per_usable_j": "usable_j",
@@ -186,6 +193,8 @@ SHARED_DTYPE = np.dtype(
         ("resistance_ohm", np.float64),  # of the battery, by the same
         ("gauge_count", np.int64),  # gauges, of which each mission has one
         ("gauges", GAUGE_DTYPE, (len(GAUGES),)),
+        ("dock_count", np.int64),  # docks, by increasing position
+        ("docks", DOCK_DTYPE, (MOST_DOCKS,)),
     ],
     align=True,
 )

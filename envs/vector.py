@@ -58,7 +58,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self.options = parse_options({"mission": mission, **options}, ("num_envs", "autoreset_mode", "render_mode"))
         self.num_envs = num_envs
         self.render_mode = None
-        self.single_observation_space = observation_space()
+        self.single_observation_space = observation_space(bool(self.options.docks))
         self.single_action_space = space_of(self.options.action_type)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -27,6 +27,7 @@ from homeward.agents.evaluation.statistics import (
     probability_of_improvement,
     wilson,
 )
+from homeward.envs.docks import text_of
 from homeward.envs.options import Options
 from homeward.files import csv_text
 
@@ -98,7 +99,8 @@ class Evaluation:
         return {
             "schema": SCHEMA,
             "env": self.env,
-            "options": {name: _plain(value) for name, value in vars(self.options).items() if name != "mission"},
+            "options": {name: _plain(value) for name, value in vars(self.options).items() if name != "mission"}
+            | {"docks": text_of(self.options.docks)},
             "episodes": len(self.seeds),
             "seed": self.seed,
             "versions": _versions(),

@@ -32,6 +32,7 @@ from homeward.agents.learning.tracking import WandbOutput, log_settings
 from homeward.agents.trained.inputs import BeliefInputs, first_policy, make_inputs, valued
 from homeward.agents.trained.policy_file import ON_THE_GO, Layer, NetworkPolicy, save_policy
 from homeward.agents.trained.run_folder import CURVE_POLICIES, FIRST, LAST, TENSORBOARD
+from homeward.envs.features import names_of
 from homeward.envs.options import Known, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
@@ -97,7 +98,8 @@ def train(
 
         def write(into: Path, layers: Sequence[Layer], after: int) -> None:
             description = {**details, **ON_THE_GO, "steps": total, "after_steps": after, "versions": versions}
-            save_policy(into, layers, model.action_space, description, inputs_of(settings, known))
+            features = names_of(bool(options.docks))
+            save_policy(into, layers, model.action_space, description, inputs_of(settings, known), features)
 
         if not model.num_timesteps:
             write(folder / FIRST, layers_of(model), 0)
@@ -155,7 +157,7 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     inputs = inputs_of(settings, known)
     env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True, senses_on_the_go=True)
     start = first_policy(known, inputs)
-    network = {"hidden": settings.hidden, "first": start, "valued": valued() if settings.start == DMAX else None}
+    network = {"hidden": settings.hidden, "first": start, "valued": valued(known) if settings.start == DMAX else None}
     model = PPO(
         ResidualPolicy,
         env,

@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 from homeward.agents.trained.inputs import COLUMNS, BeliefInputs
 from homeward.agents.trained.policy_file import sensing_on_the_go
 from homeward.envs.batch import INFO_KEYS
-from homeward.envs.features import FEATURES, LIMIT
+from homeward.envs.features import LIMIT, names_of
 from homeward.envs.vector import HomewardVectorEnv
 
 AnyVectorEnv = VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]
@@ -76,7 +76,8 @@ class SB3Adapter(VecEnv):
         self.env, self.missions = env, missions
         space = env.single_observation_space
         if inputs is not None:
-            space = spaces.Box(-LIMIT, LIMIT, (len(FEATURES) + len(COLUMNS),), np.float32)
+            features = len(names_of(bool(missions.options.docks)))
+            space = spaces.Box(-LIMIT, LIMIT, (features + len(COLUMNS),), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
         self._stranding_cost = stranding_cost
         self._inputs = inputs

@@ -17,7 +17,7 @@ from homeward.agents.evaluation.tasks import self_contained
 from homeward.agents.oracle.linear_programs import bound_out_and_back, bound_patrol
 from homeward.agents.oracle.problem import Problem, problem_of
 from homeward.agents.oracle.rates import REFUSED, measure_rates
-from homeward.agents.oracle.search import best_actions, guide_out_and_back, guide_patrol, points_of
+from homeward.agents.oracle.search import best_actions, best_shuttle, guide_out_and_back, guide_patrol, points_of
 from homeward.envs.missions import MISSIONS
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
@@ -100,6 +100,10 @@ def check(options: Options) -> None:
             f"the oracle has no bound for {options.mission}: its score is neither a sum over the metres reached nor a "
             "number of laps; leave out --optimum"
         )
+    if options.docks and not MISSIONS[options.mission].shuttles:
+        raise OracleError(
+            f"the oracle has no bound for {options.mission} with docks, for Patrol only; leave out --optimum"
+        )
     for effect in REFUSED:
         if effect in load_robot(options.robot).active_effects:
             raise OracleError(f"the oracle has no bound for a robot with the effect {effect}; switch it off")
@@ -122,6 +126,8 @@ def _solve(case: Problem) -> tuple[float, NDArray[np.int64]]:
     points_m = points_of(rates, decision_s)
     if case.shared["shuttles"]:
         upper, multipliers = bound_patrol(rates, pit_stop_s)
+        if case.shared["dock_count"]:
+            return upper, best_shuttle(case, rates, points_m)
         guide = guide_patrol(rates, multipliers, pit_stop_s, points_m)
     else:
         upper, plan = bound_out_and_back(rates)

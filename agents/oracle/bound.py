@@ -26,7 +26,9 @@ that do not fit on board may be those without information. Powers, scores and sa
 environment's own step, which are constant within a place (where the radio's power grows with distance, its least within
 the place is taken). Robots for which they are not are refused.
 
-A patrol's score is a whole number of laps, and so is its bound.
+A patrol's score is a whole number of laps, and so is its bound. At a dock a second adds energy and consumes time; the
+bound holds where that has no positive Lagrangian either (`dual_feasible_at_docks`). It favours the policy in two more
+ways: the battery may be charged beyond full, and without losses.
 
 Source: Fisher, The Lagrangian relaxation method for solving integer programming problems, Management Science 27, 1981.
 """
@@ -89,6 +91,12 @@ def dual_feasible(rates: Rates, multipliers: Multipliers) -> Multipliers:
     rises = np.maximum(_pass(rates, multipliers.per_j, per_s, sample), 0.0) * rates.piece_m / rates.memory
     limit = _running_total(rises)
     return Multipliers(multipliers.per_j, per_s, limit + np.minimum.accumulate(multipliers.per_sample - limit))
+
+
+def dual_feasible_at_docks(rates: Rates, multipliers: Multipliers) -> Multipliers:
+    """Raise the multiplier of time so far that no second at a dock has a positive Lagrangian."""
+    charging = multipliers.per_j * float(rates.charge_w.max(initial=0.0))
+    return Multipliers(multipliers.per_j, max(multipliers.per_s, charging), multipliers.per_sample)
 
 
 def _pass(rates: Rates, per_j: float, per_s: float, sample: Array) -> Array:
@@ -159,9 +167,9 @@ def patrol_bound(rates: Rates, pit_stop_s: float, multipliers: Multipliers) -> f
     Args:
         rates: Rates of the patrol.
         pit_stop_s: Length of a pit stop, s.
-        multipliers: Multipliers of energy and time; that of a sample is not used.
+        multipliers: Multipliers of energy and time, feasible at the docks; that of a sample is not used.
     """
-    stops_s, stand_w = 2.0 * pit_stop_s, float(rates.standing_w.min())
+    stops_s, stand_w = 2.0 * pit_stop_s, rates.pit_stop_w
     stops = (multipliers.per_j * stand_w + multipliers.per_s) * stops_s
     per_m = (multipliers.per_j * leg_w(rates) + multipliers.per_s) / rates.speeds_mps
     lap = float(per_m.min(axis=1).sum()) * rates.place_m + stops

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from homeward.envs import docks
 from homeward.envs.actions import LEVELS, at_level
 from homeward.envs.conditions import weather
 from homeward.envs.driving import decide, map_place
@@ -133,6 +134,28 @@ def measure(
                 _roll(m, p, route, c, 0, 0, GO if moving else STOP)
                 radio_hz[k * pieces + piece, moving] = (backlog_before - m.backlog) / s.decision_s
         s.radio_hz = 0.0
+
+
+@compiled
+def charge(constants: Any, robots: Any, routes: Any, starts: Any, works: Any, charge_w: Any) -> None:
+    """Measure the power into the battery at every dock, by one short decision each, in the warmest air of the mission.
+
+    Args:
+        constants: Shared record changed: decisions are short.
+        charge_w: Written, W, shape (docks,).
+    """
+    c = constants[0]
+    s = c.shared
+    m = works[0]
+    winds = np.empty((s.max_decisions + 1, 2))
+    warmest_c = _weather(works, starts, winds)
+    s.decision_s = _HAIR_M / s.min_speed_mps
+    for k in range(s.dock_count):
+        at_m = s.docks[k].position_m
+        _set_out(works, starts, routes[0], min(int(at_m / s.place_m), s.places - 1), at_m, 0.0)
+        _set_weather(m, 0.0, warmest_c)
+        _roll(m, robots[0], routes[0], c, 0, 0, STOP)
+        charge_w[k] = -m.power_w
 
 
 @called
@@ -353,6 +376,55 @@ def search(
         fresh[row, :] = False
         near += 1
     return nodes
+
+
+@compiled
+def shuttle(
+    constants: Any, robots: Any, routes: Any, starts: Any, works: Any, speed_level: int, home_j: Any, step_m: float,
+    actions: Any,
+) -> int:  # fmt: skip
+    """Shuttle at one speed until the time limit, and charge at docks only as much as the way to the next stop needs.
+
+    So no time is lost at a dock, as long as the battery is not full there. Before every dock the robot looks ahead,
+    with the environment's own step, whether it would come to the next one with the energy for the way home from there.
+
+    Args:
+        works: Work space, `MISSION_DTYPE`, shape (2,).
+        speed_level: Level of the speed.
+        actions: Written, int64, shape (decisions, 3): speed level, sensing level and mode.
+
+    Returns:
+        Number of actions until the battery is empty or the time is over.
+    """
+    c = constants[0]
+    p = robots[0]
+    route = routes[0]
+    s = c.shared
+    way_m = at_level(speed_level, s.min_speed_mps, s.max_speed_mps) * s.decision_s
+    works[0] = starts[0]
+    m = works[0]
+    for n in range(s.max_decisions):
+        mode = GO
+        if _may_dock(m, s, way_m):
+            works[1] = works[0]
+            ahead = works[1]
+            _roll(ahead, p, route, c, speed_level, 0, GO)
+            while not (ahead.depleted or _may_dock(ahead, s, way_m)):
+                _roll(ahead, p, route, c, speed_level, 0, GO)
+            _roll(ahead, p, route, c, speed_level, 0, STOP)
+            short = ahead.energy_j < _at(home_j, ahead.position_m, step_m)
+            mode = STOP if ahead.depleted or short else GO
+        actions[n, 0], actions[n, 1], actions[n, 2] = speed_level, 0, mode
+        _roll(m, p, route, c, speed_level, 0, mode)
+        if m.depleted:
+            return n
+    return int(s.max_decisions)
+
+
+@called
+def _may_dock(m: Any, s: Any, way_m: float) -> bool:
+    """Whether a robot that stops comes to a dock in this decision."""
+    return bool(0.0 <= m.direction * (docks.next_dock_m(m, s) - m.position_m) <= way_m)
 
 
 @compiled

@@ -13,6 +13,7 @@ from homeward.agents.oracle.bound import (
     Multipliers,
     bounds_by_turn,
     dual_feasible,
+    dual_feasible_at_docks,
     leg_w,
     patrol_bound,
     with_rounding,
@@ -106,15 +107,19 @@ def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Multipliers]:
     """Upper bound of the number of laps of a patrol, and its multipliers, in laps per J and per s."""
     speed, power_w = rates.speeds_mps, leg_w(rates)
     legs, stops_s = len(power_w), 2.0 * pit_stop_s
-    stand_w = float(rates.standing_w.min())
-    # Columns: metres by leg and speed, and laps.
-    joules = np.append((power_w / speed).ravel(), stops_s * stand_w)
-    seconds = np.append(np.tile(1.0 / speed, legs), stops_s)
-    driven = sparse.hstack([_per_piece(np.ones((legs, LEVELS))), sparse.csr_matrix(np.full((legs, 1), -rates.place_m))])
+    stand_w = rates.pit_stop_w
+    # Columns: metres by leg and speed, laps, and seconds at each dock.
+    docks = np.zeros(len(rates.charge_w))
+    joules = np.concatenate([(power_w / speed).ravel(), [stops_s * stand_w], docks - rates.charge_w])
+    seconds = np.concatenate([np.tile(1.0 / speed, legs), [stops_s], docks + 1.0])
+    laps = np.concatenate([np.full((legs, 1), -rates.place_m), np.zeros((legs, len(docks)))], axis=1)
+    driven = sparse.hstack([_per_piece(np.ones((legs, LEVELS))), sparse.csr_matrix(laps)])
     room = np.array([rates.energy_j + stops_s * stand_w, rates.time_s + stops_s])
-    result = _most(np.append(np.zeros(power_w.size), 1.0), np.stack([joules, seconds]), room, driven, (0.0, None))
+    gain = np.concatenate([np.zeros(power_w.size), [1.0], docks])
+    result = _most(gain, np.stack([joules, seconds]), room, driven, (0.0, None))
     per_j, per_s = np.maximum(-result.ineqlin.marginals, 0.0)
-    multipliers = Multipliers(float(per_j), float(per_s), np.zeros(len(rates.radio_hz) + 1))
+    prices = Multipliers(float(per_j), float(per_s), np.zeros(len(rates.radio_hz) + 1))
+    multipliers = dual_feasible_at_docks(rates, prices)
     return patrol_bound(rates, pit_stop_s, multipliers), multipliers
 
 

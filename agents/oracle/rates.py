@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from homeward.agents.oracle import kernel
 from homeward.agents.oracle.problem import Problem
+from homeward.agents.thresholds import AT_END
 from homeward.envs.actions import LEVELS, at_level
 from homeward.physics.effects import EFFECTS
 
@@ -19,6 +20,7 @@ ONLY_ADDING = ("breakaway", "intermittent_load", "motor_heating")
 """Effects with a state that can only increase consumption: without them the bound is higher, and still valid."""
 REFUSED = ("inertia",)
 """Effects whose power depends on more than the place: energy that one decision consumes may be recovered later."""
+_BATTERY = tuple(effect.id for effect in EFFECTS if effect.kind == "battery")
 _BITS = {effect.id: np.uint64(1 << index) for index, effect in enumerate(EFFECTS)}
 
 Array = NDArray[np.float64]
@@ -34,6 +36,8 @@ class Rates:
         out_w: Power away from home by place, speed and sensing rate, W, shape (places, levels, levels).
         home_w: Power towards home, as above.
         standing_w: Power at a stand by place and sensing rate, W, shape (places, levels).
+        post_w: Least power in a pit stop at home and at the far end, W, shape (2,); negative at a dock.
+        charge_w: Power into the battery at each dock without its losses, W, shape (docks,).
         gain_per_m: Score per metre reached for the first time, shape (places, levels, levels).
         samples_per_m: Samples taken per metre, as above.
         radio_hz: Samples sent per second at the end of a piece near home, at a stand and moving, shape (pieces, 2).
@@ -47,6 +51,8 @@ class Rates:
     out_w: Array
     home_w: Array
     standing_w: Array
+    post_w: Array
+    charge_w: Array
     gain_per_m: Array
     samples_per_m: Array
     radio_hz: Array
@@ -65,6 +71,11 @@ class Rates:
         return np.arange(len(self.radio_hz)) // PIECES
 
     @property
+    def pit_stop_w(self) -> float:
+        """Mean power of the two pit stops of a lap, W."""
+        return float(self.post_w.mean())
+
+    @property
     def piece_m(self) -> float:
         """Length of a piece, m."""
         return self.place_m / PIECES
@@ -76,7 +87,9 @@ def measure_rates(case: Problem) -> Rates:
     for record in (case.robot, case.constants["nominal"]):
         for effect in ONLY_ADDING:
             record["effects"] &= ~_BITS[effect]
+    charge_w = _charge_w(case)
     s = case.shared
+    s["dock_count"] = 0  # so that a stand at a dock is measured without its charger
     places, by_action = int(s["places"]), (int(s["places"]), LEVELS, LEVELS)
     rates = Rates(
         speeds_mps=at_level(np.arange(LEVELS), s["min_speed_mps"], s["max_speed_mps"]),
@@ -84,6 +97,8 @@ def measure_rates(case: Problem) -> Rates:
         out_w=np.zeros(by_action),
         home_w=np.zeros(by_action),
         standing_w=np.zeros((places, LEVELS)),
+        post_w=np.zeros(2),
+        charge_w=charge_w,
         gain_per_m=np.zeros(by_action),
         samples_per_m=np.zeros(by_action),
         radio_hz=np.zeros((places * PIECES, 2)),
@@ -96,4 +111,23 @@ def measure_rates(case: Problem) -> Rates:
         case.constants, case.robot, case.route, case.start, case.start.copy(), PIECES, rates.out_w, rates.home_w,
         rates.standing_w, rates.gain_per_m, rates.samples_per_m, rates.radio_hz,
     )  # fmt: skip
+    rates.post_w[:] = rates.standing_w.min()
+    for position_m, power_w in zip(s["docks"]["position_m"], charge_w, strict=False):
+        if position_m <= 0.0:
+            rates.post_w[0] = -power_w
+        elif position_m >= AT_END * s["length_m"]:
+            rates.post_w[1] = -power_w
     return rates
+
+
+def _charge_w(case: Problem) -> Array:
+    """Power into the battery at each dock, W, shape (docks,), without the losses of the battery's effects."""
+    case = case.copy()
+    for record in (case.robot, case.constants["nominal"]):
+        for effect in _BATTERY:
+            record["effects"] &= ~_BITS[effect]
+    charge_w = np.zeros(int(case.shared["dock_count"]))
+    if len(charge_w):
+        case.start["energy_j"] *= 0.5  # a full battery takes nothing
+        kernel.charge(case.constants, case.robot, case.route, case.start, case.start.copy(), charge_w)
+    return charge_w

@@ -13,7 +13,7 @@ from homeward.agents.oracle.linear_programs import Plan
 from homeward.agents.oracle.problem import Problem
 from homeward.agents.oracle.rates import PIECES, Array, Rates
 from homeward.envs.actions import LEVELS
-from homeward.envs.state import GO, STOP
+from homeward.envs.state import GO, RETURN, STOP
 
 _FINE = 4.0
 """Points along the route per shortest move of a decision, and cells of energy and backlog per greatest change in one.
@@ -87,7 +87,7 @@ def guide_patrol(rates: Rates, multipliers: Multipliers, pit_stop_s: float, poin
     out_per_m, home_per_m = np.split(per_m, 2)
     out = np.interp(points_m, borders, np.append(0.0, np.cumsum(out_per_m * rates.place_m)))
     home = np.interp(points_m, borders, np.append(0.0, np.cumsum(home_per_m * rates.place_m)))
-    standing_per_s = multipliers.per_j * float(rates.standing_w.min()) + multipliers.per_s
+    standing_per_s = multipliers.per_j * rates.pit_stop_w + multipliers.per_s
     pit_stop = standing_per_s * pit_stop_s
     return Guide(
         multipliers=np.array([multipliers.per_j, multipliers.per_s, standing_per_s]),
@@ -136,6 +136,29 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
                 if count > 0:
                     return actions[:count].copy()
     return np.array([[0, 0, 2]])
+
+
+def best_shuttle(case: Problem, rates: Rates, points_m: Array) -> NDArray[np.int64]:
+    """The best of the patrols at one speed that charge at docks as little as they can (`kernel.shuttle`).
+
+    Returns:
+        Its actions, shape (decisions, 3), each patrol with the latest turn after which it comes home.
+    """
+    step_m = points_m[1]
+    records, work = (case.constants, case.robot, case.route, case.start), np.repeat(case.start, 2)
+    out, actions = np.empty((2, int(case.shared["max_decisions"]), 3), np.int64)
+    home = np.full((2, len(points_m)), np.inf)  # energy (J) and time (s)
+    kernel.way_home(*records, work, step_m, 0.0, home[0], home[1])
+    best_legs, best = 0.0, np.array([[0, 0, RETURN]])
+    for level in range(LEVELS):
+        turn = kernel.shuttle(*records, work, level, home[0], step_m, out)
+        count = -1
+        while count < 0 and turn > 0:
+            count = kernel.follow(*records, work, out[:turn], home[0], home[1], 0.0, step_m, actions)
+            turn -= 1
+        if count > 0 and work["legs"][0] // 2.0 > best_legs // 2.0:
+            best_legs, best = work["legs"][0], actions[:count].copy()
+    return best
 
 
 def _actions_to(node: int, parents: NDArray[np.int64], codes: NDArray[np.int8]) -> NDArray[np.int64]:

@@ -51,7 +51,7 @@ class Planner(Policy):
     driving on. That of memory is the cost of sending a sample from the farthest useful stop. At every decision, pairs
     of multipliers are tried. For each the survey is simulated to its turn, over the ground in sight and then over the
     known or forecast ground. The pair with the most information determines speed, sensing rate and stops. The oracle
-    uses the same multipliers, with full knowledge.
+    uses the same multipliers, with full knowledge. At docks it charges as the rule does.
 
     Args:
         known: Constants of the environment.
@@ -112,10 +112,12 @@ class Planner(Policy):
             commands = np.empty((out.sum(), 3))
             kernel.plan(beliefs[out], *numbers, commands)
             speed_mps[out], sensing_hz[out], stops[out] = commands.T
-        mode = np.where(homebound, RETURN, np.where(stops > 0.0, STOP, GO))
+        charges = self.rule.charges
+        speed_mps, sensing_hz = np.where(charges, s["cruise_mps"], speed_mps), np.where(charges, 0.0, sensing_hz)
+        mode = np.where(charges | (stops > 0.0), STOP, np.where(homebound, RETURN, GO))
         actions = encode_actions(self._known, speed_mps, sensing_hz, mode)
         if self._belief:
-            actions[self._belief.looks_back(observations) & ~homebound] = self._belief.back_action
+            actions[self._belief.looks_back(observations) & ~homebound & ~charges] = self._belief.back_action
         return actions
 
     def _beliefs(self, observations: Observations) -> NDArray[np.void]:
@@ -132,7 +134,7 @@ class Planner(Policy):
         reserve = self.rule.deviations * outlook.deviation
         beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
         # On patrols the rule plans whole laps.
-        beliefs["margin"] = self.rule.margin_above_reserve_by(outlook) if self._belief else np.inf
+        beliefs["margin"] = self.rule.margin if self._belief else np.inf
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.agents.base import Observations, feature
+from homeward.agents.rules.docking import Energies
 from homeward.agents.rules.pace import Pace
 from homeward.agents.rules.turn_back import TurnBackRule
 from homeward.envs.options import Known
@@ -28,6 +29,10 @@ class DmaxRule(TurnBackRule):
     def __init__(self, known: Known, pace: Pace, reserve: float) -> None:
         super().__init__(known, pace)
         self._reserve = reserve
+
+    def energies(self, observations: Observations) -> Energies:
+        """Energies of the last decision, with the way home on the average grade, see `TurnBackRule.energies`."""
+        return super().energies(observations)._replace(home=self.home_cost_on_average(observations))
 
     def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Energy beyond the way home on the average grade and the reserve, see `TurnBackRule.margin_above_reserve`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,7 @@ class AdaptiveDmaxRule(BelievingRule):
         )
 
     def _forget(self, count: int) -> None:
+        self._charged: Any = np.zeros(count)  # energy that chargers supplied so far
         self._last = np.zeros((count, 2))  # energy used and modelled so far, shares of the usable energy
         self._normal = np.zeros((count, 2, 2))  # normal equations: weighted products of driving and sensing,
         self._moment = np.zeros((count, 2))  # their products with the energy used,
@@ -67,12 +68,17 @@ class AdaptiveDmaxRule(BelievingRule):
             self._forget(len(begun))
         for total in (self._last, self._normal, self._moment, self._square):
             total[begun] = 0.0
-        now = np.stack((1.0 - feature(observations, "metered"), feature(observations, "modelled")), axis=-1)
+        used = 1.0 - feature(observations, "metered") + self.charged(observations)
+        now = np.stack((used, feature(observations, "modelled")), axis=-1)
         used, modelled = (now - self._last).T
+        # Beside a charger's power, that of the robot is not metered well.
+        drawn = self.charged(observations) == self._charged
+        self._charged = self.charged(observations)
         self._last = now
         sensing = np.minimum(self._sensing(observations), modelled)
         causes = np.stack((modelled - sensing, sensing), axis=-1)
         weight = np.divide(1.0, modelled, out=np.zeros_like(modelled), where=modelled > 0.0)
+        weight *= drawn
         self._normal += weight[:, None, None] * causes[:, :, None] * causes[:, None, :]
         self._moment += (weight * used)[:, None] * causes
         self._square += weight * used * used

@@ -35,13 +35,16 @@ class Pace:
     interest: float
     full: float
 
-    def act(self, known: Known, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
-        """Actions of missions that go on or, where `homebound` of shape (n,), head home; shape (n, 3)."""
+    def act(
+        self, known: Known, observations: Observations, homebound: NDArray[np.bool_], charges: NDArray[np.bool_]
+    ) -> NDArray[Any]:
+        """Actions of missions that go on, head home (`homebound`) or stop at a dock (`charges`), both shape (n,);
+        shape (n, 3)."""
         s = known.shared[0]
-        worth = ~homebound & (INTEREST_UNIT * feature(observations, "interest") >= self.interest)
+        worth = ~homebound & ~charges & (INTEREST_UNIT * feature(observations, "interest") >= self.interest)
         waits = worth & (feature(observations, "backlog") >= self.full)
         sensing_hz = np.where(worth & ~waits, self.rate * s["max_sensing_hz"], 0.0)
-        mode = np.where(homebound, RETURN, np.where(waits, STOP, GO))
+        mode = np.where(charges | waits, STOP, np.where(homebound, RETURN, GO))
         return encode_actions(known, s["cruise_mps"], sensing_hz, mode)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from homeward.agents import thresholds
 from homeward.agents.base import Observations, Policy, feature
+from homeward.agents.rules.docking import Docking, Energies
 from homeward.agents.rules.pace import Pace
 from homeward.envs.features import SINE_UNIT
 from homeward.envs.options import Known
@@ -37,11 +38,16 @@ class TurnBackRule(Policy):
     """Goes on while there is enough energy, and then heads home.
 
     It also heads home at the far end of the route, and when only enough time is left. A patrol decides at its home post
-    whether another lap fits.
+    whether another lap fits. With docks, the energy must suffice to the next one, in either direction, or home, and the
+    rule charges at those that it passes (`Docking`).
 
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
+
+    Attributes:
+        charges: Which missions stop at a dock in the last decision, shape (n,).
+        margin: Energy beyond the reserve in the last decision, the docks included, shape (n,).
     """
 
     chances = 2.0
@@ -66,6 +72,10 @@ class TurnBackRule(Policy):
         self._outward_m = float(outward_s * s["cruise_mps"])
         self._extra_share = float(extra_j / s["usable_j"])
         self._round_s = float(2.0 * (outward_s + s["pit_stop_s"]))
+        self._round_m = 2.0 * self._outward_m
+        self._docking = Docking(known, self._round_m, self._round_s) if s["dock_count"] else None
+        self.charges = self._turned.copy()
+        self.margin = np.zeros(0)
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission, see `Policy.act`."""
@@ -75,20 +85,28 @@ class TurnBackRule(Policy):
         """Which missions head home, including those already returning, shape (n,). Arguments as in `act`."""
         s = self._known.shared[0]
         distance_m = feature(observations, "distance") * self._reach_m
-        turns = (self.margin_above_reserve(observations, begun) < 0.0) | self._late(observations, distance_m)
+        if len(begun) != len(self._turned):
+            self._turned, self.charges = np.zeros((2, len(begun)), np.bool_)
+        self._turned[begun] = self.charges[begun] = False
+        self.margin = self.margin_above_reserve(observations, begun)
+        must = self._late(observations, distance_m)
+        if not self._shuttles:
+            must |= distance_m >= thresholds.AT_END * s["length_m"]
+        self.charges = np.zeros(len(begun), np.bool_)
+        if self._docking is not None:
+            energies = self.energies(observations)
+            must |= self._docking.must_turn(observations, energies)
+            self.margin = self._docking.margin(observations, energies)
+            self.charges = self._docking.stops(observations, begun, energies, self._turned | must)
+        turns = (self.margin < 0.0) | must
         if self._sees_posts:
             turns &= self._may_turn(distance_m)
-        elif not self._shuttles:
-            turns |= distance_m >= thresholds.AT_END * s["length_m"]
-        if len(begun) != len(self._turned):
-            self._turned = np.zeros(len(begun), np.bool_)
-        self._turned[begun] = False
-        self._turned = self._turned | turns | (feature(observations, "returning") >= 1.0)
+        self._turned = self._turned | turns & ~self.charges | (feature(observations, "returning") >= 1.0)
         return self._turned.copy()
 
     def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
         """Actions at the rule's pace for missions that go on or, where `homebound` of shape (n,), head home."""
-        return self._pace.act(self._known, observations, homebound)
+        return self._pace.act(self._known, observations, homebound, self.charges)
 
     def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Where a patrol may turn back for good, shape (n,)."""
@@ -100,6 +118,21 @@ class TurnBackRule(Policy):
 
         As a share of the usable energy; the robot turns back when it is negative. Arguments as in `act`.
         """
+
+    def energies(self, observations: Observations) -> Energies:
+        """Energies of the last decision, for the docks."""
+        spare = self.margin + self.cost_of_going_on(observations)
+        return Energies(self.margin, spare, feature(observations, "home_cost"), self.round_trip(observations))
+
+    def round_trip(self, observations: Observations) -> NDArray[np.float64]:
+        """Energy of a round at cruise by Eq. 7, with the consumption so far, a share of the usable energy."""
+        sine = _mean_sine(observations)
+        by_file = 0.5 * self._round_m * (self._share_per_m(sine) + self._share_per_m(-sine)) + self._extra_share
+        return (1.0 + feature(observations, "consumption")) * by_file
+
+    def charged(self, observations: Observations) -> Any:
+        """Energy that chargers have supplied so far, a share of the usable energy; 0 without docks."""
+        return 0.0 if self._docking is None else feature(observations, "charged")
 
     def home_cost_on_average(self, observations: Observations) -> NDArray[np.float64]:
         """Energy to get home by Eq. 8 at the average grade, a share of the usable energy, shape (n,)."""
@@ -148,6 +181,11 @@ class BelievingRule(TurnBackRule):
     def margin_above_reserve_by(self, outlook: Outlook) -> NDArray[np.float64]:
         """The same, from an outlook."""
         return outlook.left - outlook.home - outlook.onwards - self.deviations * outlook.deviation
+
+    def energies(self, observations: Observations) -> Energies:
+        """Energies of the last decision, see `TurnBackRule.energies`."""
+        spare = self.margin + self.outlook.onwards
+        return Energies(self.margin, spare, self.outlook.home, self.round_trip(observations))
 
     @abstractmethod
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:

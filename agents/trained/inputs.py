@@ -21,7 +21,7 @@ from homeward.agents.rules.pace import NO_SENSING
 from homeward.agents.rules.reserves import pace_of, reserve_of
 from homeward.agents.rules.turn_back import sees_posts
 from homeward.envs.actions import LEVELS, MODES, encode_actions
-from homeward.envs.features import GAINS, INDEX, INTEREST_UNIT, NAMES
+from homeward.envs.features import GAINS, INDEX, INTEREST_UNIT, NAMES, names_of
 from homeward.envs.options import Known
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, PER_CAPACITY, ROLLING, WEIGHT
@@ -47,6 +47,7 @@ COLUMNS: tuple[tuple[str, str], ...] = (
 nothing can be decided, which saves half of the time."""
 _BELIEVED = tuple(name for name, _ in COLUMNS)
 _SPARE = len(NAMES)
+_DOCKS = len(NAMES) + len(COLUMNS)  # column from which the features of docks follow
 _FLEETING = (
     "power", "speed", "sensing", "temperature", "forecast_east", "forecast_north", "east", "north", "full", "to_send",
     "worth", "look_back",
@@ -115,13 +116,14 @@ class BeliefInputs:
     def __call__(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Inputs, float32, shape (n, features + columns); arguments as in `homeward.agents.base.Policy.act`.
 
-        A repeated observation counts once.
+        A repeated observation counts once. Features of docks come last.
         """
         going = feature(observations, "returning") < 1.0
-        inputs = np.zeros((len(observations), len(NAMES) + len(COLUMNS)), np.float32)
-        inputs[:, : len(NAMES)] = observations
+        inputs = np.zeros((len(observations), observations.shape[1] + len(COLUMNS)), np.float32)
+        inputs[:, : len(NAMES)] = observations[:, : len(NAMES)]
+        inputs[:, _DOCKS:] = observations[:, len(NAMES) :]
         self._belief.learn(observations, begun, going)
-        inputs[going, _SPARE:] = self._believed(observations, going)[going]
+        inputs[going, _SPARE:_DOCKS] = self._believed(observations, going)[going]
         return inputs
 
     def forget_forecast(self) -> None:
@@ -208,11 +210,19 @@ def number(value: Any) -> float:
     return float(value)
 
 
-def valued() -> NDArray[np.bool_]:
+def valued(known: Known) -> NDArray[np.bool_]:
     """Which inputs, with the belief, the value sees, shape (inputs,): from the others it would learn noise."""
     fleeting = (*_FLEETING, "interest", "grade")
-    steady = (name not in fleeting and not name.startswith(("interest_", "grade_")) for name in NAMES + _BELIEVED)
+    steady = (
+        name not in fleeting and not name.startswith(("interest_", "grade_"))
+        for name in NAMES + _BELIEVED + _docks_of(known)
+    )
     return np.fromiter(steady, np.bool_)
+
+
+def _docks_of(known: Known) -> tuple[str, ...]:
+    """Names of the features of docks, none without docks."""
+    return names_of(bool(known.shared["dock_count"][0]))[len(NAMES) :]
 
 
 def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -226,7 +236,7 @@ def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.
         known: Constants of the environment.
         inputs: Inputs of the policy; only the observation if None.
     """
-    columns = len(NAMES) + (0 if inputs is None else len(COLUMNS))
+    columns = len(NAMES) + len(_docks_of(known)) + (0 if inputs is None else len(COLUMNS))
     build = _discrete if known.shared["discrete"][0] else _continuous
     weight, bias = build(known, columns, pace_of(known.mission).rate > 0.0, inputs is not None)
     return weight.astype(np.float32), bias.astype(np.float32)

@@ -129,6 +129,8 @@ def main(args: Args) -> onnx.ModelProto:
         raise ExportError(f"exporting needs {error.name}: {advice('onnx', str(error.name))}") from None
     policy = load_policy(args.policy)
     options, known = setting_of(policy, args.robot)
+    if options.docks:
+        raise ExportError(f"{args.policy}: was trained with docks, whose features no robot reads yet; train without")
     model = to_onnx(policy, options, known)
     content = model.SerializeToString()
     check_equal(content, policy, known, np.random.default_rng(0))

@@ -24,7 +24,7 @@ from homeward.envs.options import Known, Options
 from homeward.envs.state import GO
 
 _SENSING_IF_IT_GOES = "sensing_if_it_goes"
-_ELSEWHERE = ("robot", "true_robot")  # in a text of its own, and hidden from a robot
+_ELSEWHERE = ("robot", "true_robot", "docks")  # in a text of its own, hidden from a robot, and none in what is exported
 _OPSET, _IR_VERSION = 17, 8
 """Opset of 2022, so that the runtimes of older robots read the file."""
 

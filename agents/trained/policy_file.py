@@ -18,7 +18,7 @@ from safetensors.numpy import load, save
 from homeward.agents.base import Observations, Policy
 from homeward.agents.trained.inputs import COLUMNS, BeliefInputs, inputs_from
 from homeward.envs.actions import modes, silenced
-from homeward.envs.features import NAMES
+from homeward.envs.features import NAMES, names_of
 from homeward.envs.options import Known
 from homeward.envs.state import GO
 from homeward.files import read_bytes, read_json, write_whole
@@ -28,6 +28,8 @@ SCHEMA = 2
 """Version of the format of policy.json; one of another schema is refused."""
 MOST_BYTES = 100_000_000
 """Limit of a policy's file. Chosen: 2,500 times those of the shipped policies (40 kB), and it fits in memory."""
+_OBSERVED = [list(names_of(docks)) for docks in (False, True)]
+"""Features of policies, without and with docks."""
 _MOST_LAYERS = 100  # chosen: far more than a policy needs
 ON_THE_GO = {"senses": "on the go"}
 """Entry of a description: the policy was trained with `sensing_on_the_go`."""
@@ -73,6 +75,11 @@ class NetworkPolicy(Policy):
     def senses_on_the_go(self) -> bool:
         """Whether it was trained not to sense where it stops or heads home."""
         return ON_THE_GO.items() <= self.description.items()
+
+    @property
+    def features(self) -> list[str]:
+        """Names of the features that it observes."""
+        return list(self.description.get("observation_space", {}).get("features", NAMES))
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission: int64 levels, or float32 within the box, shape (n, 3).
@@ -123,9 +130,10 @@ class NetworkPolicy(Policy):
         Raises:
             PolicyFileError: Its spaces are different.
         """
-        if observation_space.shape != (len(NAMES),):
+        if observation_space.shape != (len(self.features),):
             raise PolicyFileError(
-                f"the policy observes {len(NAMES)} features, the environment {observation_space.shape}"
+                f"the policy observes {len(self.features)} features, the environment {observation_space.shape}: "
+                "with docks there are more, for policies that were trained with docks"
             )
         if action_space != self.action_space:
             raise PolicyFileError(
@@ -140,6 +148,7 @@ def save_policy(
     action_space: spaces.Space[Any],
     details: Mapping[str, Any],
     inputs: BeliefInputs | None = None,
+    features: Sequence[str] = NAMES,
 ) -> None:
     """Write a policy into a folder, each file completely or not at all.
 
@@ -149,6 +158,7 @@ def save_policy(
         action_space: `MultiDiscrete` or `Box` of one action.
         details: Additions to the description, such as the environment and the training.
         inputs: Computes the network's inputs, if they are not the observation.
+        features: Names of the observed features, those of docks included.
 
     Raises:
         OSError: The folder cannot be written to.
@@ -160,7 +170,7 @@ def save_policy(
     weights = save(tensors)
     description = {
         "schema": SCHEMA,
-        "observation_space": {"type": "Box", "features": list(NAMES)},
+        "observation_space": {"type": "Box", "features": list(features)},
         "action_space": _describe(action_space),
         "network": {"layers": len(layers), "activation": "tanh"},
         "weights_sha256": hashlib.sha256(weights).hexdigest(),
@@ -199,7 +209,8 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
         )
     except (KeyError, TypeError, ValueError, OverflowError, AssertionError) as error:
         raise PolicyFileError(f"{folder / DESCRIPTION} does not describe {WEIGHTS}: {error!r}") from None
-    _check_layers(folder / WEIGHTS, layers, action_space, len(NAMES) + len(COLUMNS) * ("inputs" in description))
+    width = len(description["observation_space"]["features"]) + len(COLUMNS) * ("inputs" in description)
+    _check_layers(folder / WEIGHTS, layers, action_space, width)
     inputs = None
     if "inputs" in description and known is not None:
         try:
@@ -239,7 +250,7 @@ def _read_description(path: Path) -> dict[str, Any]:
             f"{path} has schema {description.get('schema')!r}, this version reads {SCHEMA}: train again"
         )
     observed = description["observation_space"]
-    if not isinstance(observed, dict) or observed.get("features") != list(NAMES):
+    if not isinstance(observed, dict) or observed.get("features") not in _OBSERVED:
         raise PolicyFileError(
             f"{path}: the policy observes other features than this version's environments: train again"
         )

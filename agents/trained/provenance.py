@@ -13,6 +13,7 @@ from typing import Any
 import homeward
 from homeward.envs.conditions.difficulty import DIFFICULTY
 from homeward.envs.conditions.gauges import COUNTER
+from homeward.envs.docks import DockError, text_of
 from homeward.envs.options import Known, Options, constants_of
 
 _LEARNER = (
@@ -24,7 +25,7 @@ _LEARNER = (
     "rules/reserves.py",
     "thresholds.py",
 )
-_COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "randomise")
+_COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "randomise", "docks", "time_limit_s")
 
 
 def made_with(options: Options) -> dict[str, str]:
@@ -80,7 +81,9 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
         known: Its constants.
     """
     training, code = _mapping(description.get("training")), _mapping(description.get("made_with"))
-    here: dict[str, Any] = {"env": env, **vars(options)}
+    here: dict[str, Any] = {"env": env, **vars(options), "docks": text_of(options.docks)}
+    if "docks" in training:
+        training = {**training, "docks": _docks(training["docks"])}
     different = [name for name in _COMPARED if name in training and str(training[name]) != str(here[name])]
     # By their contents: a file may have changed, or moved.
     for name, numbers in (("robot", robot_hash(known)), ("instruments", _instruments_hash(known))):
@@ -101,6 +104,14 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
     if trained_s and chosen and trained_s != decision_s:
         sentences.append(f"decision_s {decision_s:g} (trained with {trained_s:g})")
     return sentences
+
+
+def _docks(value: Any) -> str:
+    """The text of docks, as they stand in a policy's file."""
+    try:
+        return text_of(value)
+    except DockError:
+        return str(value)
 
 
 def _trained_with(training: Mapping[str, Any], name: str, here: Mapping[str, Any]) -> str:

@@ -219,6 +219,13 @@ def lowest_believed(lowest: Any, soc: Any) -> Any:
 
 
 @inline
+def expect_rise(m: Any) -> None:
+    """Let a robot at a charger believe a gauge that rises."""
+    if m.soc_lowest != LOST:
+        m.soc_lowest = 1.0
+
+
+@inline
 def choose(m: Any, shared: Any) -> None:
     """Draw the gauge of a mission, and when it is set anew, by the mission's key."""
     m.gauge = np.int64(uniform(m.key, 0, GAUGE) * shared.gauge_count)

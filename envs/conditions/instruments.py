@@ -17,6 +17,7 @@ from homeward.physics import battery
 from homeward.physics import thresholds as physics_thresholds
 from homeward.physics.intervals import Bounds
 from homeward.physics.jit import inline
+from homeward.physics.kernel import CHARGER
 
 
 class InstrumentError(ValueError):
@@ -153,6 +154,7 @@ def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
     m.soc = m.soc_followed = m.soc_lowest = m.metered = 1.0
     m.metered_j = m.metered_followed = m.read_w = m.read_mps = 0.0
     m.sum_used_metered = m.sum_metered_squared = 0.0
+    m.supplied_j = m.charged = 0.0
     gauges.choose(m, shared)
 
 
@@ -201,8 +203,11 @@ def meter(m: Any, shared: Any) -> None:
     (`gauges.RISE`) counts no more.
     """
     m.metered_j += m.read_w * shared.decision_s
+    charged_j = -m.ledger_j[CHARGER] - m.supplied_j
+    m.supplied_j = -m.ledger_j[CHARGER]
     if not shared.inexact:
         m.metered = m.soc
+        m.charged += charged_j / m.capacity_j
         return
     metered, step = m.metered_j * shared.per_usable_j, m.read_w * shared.decision_s * shared.per_usable_j
     lag_metered = step * shared.soc_lag_decisions
@@ -214,6 +219,7 @@ def meter(m: Any, shared: Any) -> None:
     per_metered = shared.soc_prior * shared.soc_per_metered + m.sum_used_metered
     per_metered /= shared.soc_prior + m.sum_metered_squared
     m.metered = min(max(1.0 - metered * per_metered, 0.0), 1.0)
+    m.charged += charged_j * shared.per_usable_j * per_metered
 
 
 @inline

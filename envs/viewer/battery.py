@@ -17,6 +17,7 @@ COLOURS: dict[str, Colour] = {
     "sensing": palette.VIOLET,
     "computer": palette.AMBER,
     "electronics": (120, 128, 140),
+    "charger": (240, 228, 66),
     "battery losses": (68, 170, 153),
 }
 _HATCHED_GREEN = mix(palette.DARK_GREEN, palette.GREEN, 0.6)

@@ -50,6 +50,7 @@ READING_DTYPE = np.dtype(
         ("sine", np.float64),  # of the slope here, in the direction of the way out
         ("east", np.float64),  # direction of the way out here
         ("north", np.float64),
+        ("charged_j", np.float64),  # energy that a charger supplied since the last reading
     ]
 )
 """Readings of a robot; NaN where an instrument was not read."""
@@ -121,6 +122,8 @@ def update(
                     bend,
                     coasts,
                 )
+            if reading.charged_j > 0.0:  # not NaN
+                hypotheses[i, k].mean[USED] -= reading.charged_j / v.full_j
         _normalise(hypotheses[i])
         used = mean_of(hypotheses[i], USED)
         _update_with_charge(prior, robot, reading.soc, dt_s, used, used_before, hypotheses[i])

@@ -18,15 +18,20 @@ from homeward.physics.effects import EFFECTS, Kind, breakaway, intermittent_load
 from homeward.physics.jit import inline
 from homeward.physics.robot import Robot
 
-BASE_CAUSES = ("sensing", "communication", "controller", "computer", "rolling", "drag", "grade", "braking")
+BASE_CAUSES = (
+    "sensing", "communication", "controller", "computer", "rolling", "drag", "grade", "braking", "charger",
+)  # fmt: skip
 CAUSES = BASE_CAUSES + tuple(effect.id for effect in EFFECTS)
 """Columns of the energy ledger. Forces are booked while the drive works, with `grade` negative downhill. Where the
-slope drives the robot alone, no force is booked. `braking` is regenerated energy that a full battery cannot store."""
+slope drives the robot alone, no force is booked. `braking` is regenerated energy that a full battery cannot store.
+`charger` is negative: what a charger supplied, of which the battery stores what the other causes leave."""
 
-SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING = range(len(BASE_CAUSES))
+SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING, CHARGER = range(len(BASE_CAUSES))
 _BASE, _EFFECTS, _FORCES = len(BASE_CAUSES), len(EFFECTS), sum(effect.kind == "force" for effect in EFFECTS)
 _INTERMITTENT = np.uint64(1 << [effect.id for effect in EFFECTS].index("intermittent_load"))
 _GUESSES, _HALVINGS, _ROUNDING = 20, 60, 1e-14  # of the moment of depletion; chosen: halvings reach rounding
+_FULL = 1e-12
+"""Share of the capacity within which a battery counts as full. Chosen: above rounding, and no energy."""
 
 STATE_FIELDS = (
     ("energy_j", np.float64),  # left in the battery
@@ -41,6 +46,7 @@ STATE_FIELDS = (
     ("traction_n", np.float64),  # force at the wheels in the last step
     ("drive_w", np.float64),  # mean power into the drive in the last step
     ("power_w", np.float64),  # mean power out of the battery in the last step
+    ("charger_w", np.float64),  # power of the charger that the robot is connected to in the step under way
     ("depleted", np.bool_),
     ("endless", np.bool_),  # the battery does not run out, and is never full: that of a recording
     ("ledger_j", np.float64, (len(CAUSES),)),  # energy that left the battery, by cause
@@ -121,8 +127,9 @@ def _paper_demand(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     )
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
     drive_w = np.maximum(force_n, 0.0) * watts_per_n
-    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, ancillary_w + drive_w
-    return ancillary_w + drive_w
+    power_w = ancillary_w + drive_w - s.charger_w
+    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, power_w
+    return power_w
 
 
 @inline
@@ -133,7 +140,7 @@ def _demand_with_effects(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
     ancillary_w += _extra_ancillary(on, p, s, x, ancillary_w, 1.0)
     drive_w = np.maximum(force_n, 0.0) * watts_per_n + _extra_drive(on, p, s, x, force_n, 1.0)
-    power_w = ancillary_w + drive_w
+    power_w = ancillary_w + drive_w - s.charger_w
     power_w += _extra_battery(on, p, s, x, power_w, 1.0)
     s.traction_n, s.drive_w, s.power_w = force_n, drive_w, power_w
     return power_w
@@ -171,9 +178,9 @@ def _stepper(effects: bool) -> Callable[..., Any]:
                 power_w = _demand_until_empty(p, s, x, watts_per_n)
             passed_s = s.energy_j / power_w if power_w > 0.0 else 0.0
             spent_j = s.energy_j
-        elif effects and spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j and not s.endless:
-            # A full battery stores nothing: the brakes take the energy.
-            s.ledger_j[BRAKING] += s.energy_j - spent_j - s.capacity_j
+        elif spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j and not s.endless:
+            # A full battery stores nothing: the brakes take the energy, or the charger keeps it.
+            s.ledger_j[CHARGER if s.charger_w > 0.0 else BRAKING] += s.energy_j - spent_j - s.capacity_j
             spent_j = s.energy_j - s.capacity_j
         s.energy_j -= spent_j
         _book(p, s, x, passed_s, watts_per_n)
@@ -209,6 +216,34 @@ def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
     if p.effects != 0:
         return _advance_by_switches(p, s, x, dt_s)
     return _paper_step(p, s, x, dt_s)
+
+
+@inline
+def connect(p: Any, s: Any, x: Any, charger_w: float, dt_s: float) -> Any:
+    """Connect a standing robot to a charger for the next `advance`, and return for how long, s.
+
+    The charger carries the robot and charges the battery with the rest, less the losses of the battery's effects. A
+    full battery takes nothing: then the charger carries the robot only.
+
+    Args:
+        p: Robot record.
+        s: State record; `charger_w` is set, and stays set.
+        x: `Conditions`, at a stand.
+        charger_w: Power of the charger, W; 0 for none.
+        dt_s: Time to stand, s.
+
+    Returns:
+        That time or, if it is shorter, the time until the battery is full.
+    """
+    s.charger_w = charger_w
+    if charger_w > 0.0:
+        power_w = demand(p, s, x)
+        room_j = s.capacity_j - s.energy_j
+        if power_w < 0.0 and room_j <= _FULL * s.capacity_j:
+            s.charger_w += power_w
+        elif power_w < 0.0:
+            return min(dt_s, room_j / -power_w)
+    return dt_s
 
 
 @inline
@@ -261,6 +296,7 @@ def _book(p: Any, s: Any, x: Any, passed_s: float, watts_per_n: float) -> None:
     s.ledger_j[COMMUNICATION] += p.communication_w * passed_s
     s.ledger_j[CONTROLLER] += p.controller_w * passed_s
     s.ledger_j[COMPUTER] += model.computer_power(p, x.sensing_hz) * passed_s
+    s.ledger_j[CHARGER] -= s.charger_w * passed_s
     joules_per_n = (s.traction_n > 0.0) * watts_per_n * passed_s
     s.ledger_j[ROLLING] += model.rolling_force(p, x.cos_grade) * joules_per_n
     s.ledger_j[DRAG] += model.drag_force(p, x.speed_mps) * joules_per_n

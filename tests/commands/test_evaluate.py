@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -36,6 +37,12 @@ def hardly_any_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.Monk
 def run_with(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     monkeypatch.setattr(sys, "argv", ["evaluate.py", *arguments])
     return run()
+
+
+def test_docks_of_the_command_line_are_those_of_the_environment() -> None:
+    given: dict[str, Any] = {"env": "homeward/Patrol-v0", "docks": "120:20,0:15", "time_limit": 9_000.0}
+    for options in (evaluate._options(Args(**given)), train._options(train.Args(**given))):
+        assert options.docks == ((0.0, 15.0), (120.0, 20.0)) and options.time_limit_s == 9_000.0
 
 
 def test_files_and_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

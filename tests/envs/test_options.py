@@ -105,7 +105,7 @@ def test_a_decision_a_second_is_allowed_for_every_preset(robot: str) -> None:
 def test_a_wrong_keyword_lists_the_right_ones() -> None:
     options = (
         "robot, route, difficulty, instruments, weather, action_type, shaping, discount, decision_s, randomise, "
-        "true_robot, scaled_for, "
+        "true_robot, scaled_for, docks, time_limit_s, "
     )
     with pytest.raises(OptionError, match=options + "render_mode$"):
         gym.make(IDS["Patrol"], rute="box")

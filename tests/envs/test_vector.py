@@ -41,19 +41,21 @@ class TwoThreads(Threads):
         pass
 
 
-def cases() -> list[tuple[str, AutoresetMode, str, str, str]]:
+def cases() -> list[tuple[str, AutoresetMode, str, str, str, bool]]:
     """Which kernel steps which missions: all settings in one autoreset mode, and in others each of them somewhere.
 
     How missions begin anew knows nothing of difficulties and types of actions, and neither does the number of threads.
+    The last entry says whether there are docks: on patrols, with either kernel in every mode.
     """
     chosen = [
-        ("in_turn", AutoresetMode.NEXT_STEP, *setting)
+        ("in_turn", AutoresetMode.NEXT_STEP, *setting, False)
         for setting in itertools.product(MISSIONS, DIFFICULTIES, IN_PARTS)
     ]
     for first, mode in enumerate(AutoresetMode):
         for second, mission in enumerate(MISSIONS):
             difficulty, action_type = list(DIFFICULTIES)[(first + second) % 3], IN_PARTS[(first + second) % 2]
-            chosen += [(kernel_of, mode, mission, difficulty, action_type) for kernel_of in ("in_turn", "in_parallel")]
+            setting = mission, difficulty, action_type, mission == "Patrol"
+            chosen += [(kernel_of, mode, *setting) for kernel_of in ("in_turn", "in_parallel")]
     return list(dict.fromkeys(chosen))
 
 
@@ -104,11 +106,15 @@ class Scalars:
         return observation, reward, terminated, truncated, info, None
 
 
-@pytest.mark.parametrize(("threads", "mode", "mission", "difficulty", "action_type"), cases(), indirect=["threads"])
+@pytest.mark.parametrize(
+    ("threads", "mode", "mission", "difficulty", "action_type", "docks"), cases(), indirect=["threads"]
+)
 def test_vector_equals_scalar(
-    mode: AutoresetMode, mission: str, difficulty: str, action_type: str, threads: str
+    mode: AutoresetMode, mission: str, difficulty: str, action_type: str, docks: bool, threads: str
 ) -> None:
     options: dict[str, Any] = {"difficulty": difficulty, "action_type": action_type, "decision_s": SHORT_S}
+    if docks:
+        options |= {"docks": ((0.0, 60.0), (75.0, 90.0)), "time_limit_s": 20.0 * SHORT_S}
     scalars = Scalars(mode, mission, SEEDS, **options)
     envs = HomewardVectorEnv(COUNT, mission=mission, autoreset_mode=mode, **options)
     observations, info = envs.reset(seed=SEEDS)

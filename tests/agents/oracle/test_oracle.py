@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 import homeward
 from homeward.agents import AGENTS, make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
-from homeward.agents.oracle import Optimum, OracleError, score_of, solve
-from homeward.agents.oracle.bound import Multipliers, bounds_by_turn, dual_feasible, patrol_bound
+from homeward.agents.oracle import Optimum, OracleError, check, score_of, solve
+from homeward.agents.oracle.bound import (
+    Multipliers,
+    bounds_by_turn,
+    dual_feasible,
+    dual_feasible_at_docks,
+    patrol_bound,
+)
 from homeward.agents.oracle.problem import problem_of
 from homeward.agents.oracle.rates import PIECES, REFUSED, Rates, measure_rates
 from homeward.agents.registry import FROM_FILES
@@ -281,3 +287,36 @@ def _lower(mission: str) -> float:
     if mission not in LOWER:
         LOWER[mission] = float(solve(Options(mission), SEEDS[:1]).lower[0])
     return LOWER[mission]
+
+
+def with_docks(docks: str) -> Options:
+    return Options("Patrol", weather="still", instruments="exact", docks=docks, time_limit_s=12_000.0)
+
+
+def test_the_bound_is_reached_in_still_weather_and_by_no_agent_exceeded() -> None:
+    for docks in ("0:15", "60:15"):
+        options = with_docks(docks)
+        optimum = solve(options, SEEDS)
+        np.testing.assert_array_equal(score_of(options, SEEDS, optimum.actions), optimum.lower)
+        assert (optimum.upper - optimum.lower <= 1.0).all()
+        assert any((actions[:, 2] == STOP).any() for actions in optimum.actions)
+        policy = make_policy("planner", HomewardVectorEnv(**vars(options)))
+        assert (run_episodes(policy, options, SEEDS).episodes.score <= optimum.upper).all()
+
+
+@pytest.mark.parametrize(("per_j", "per_s"), [(1e-4, 0.0), (5e-4, 1e-3), (0.0, 3e-3)])
+def test_the_bound_with_docks_holds_at_any_feasible_multipliers(per_j: float, per_s: float) -> None:
+    options = with_docks("0:15")
+    env = HomewardVectorEnv(1, **vars(options))
+    env.reset(seed=SEEDS[:1])
+    case = problem_of(env.batch, 0)
+    rates = measure_rates(case)
+    assert rates.charge_w[0] == pytest.approx(15.0 - 0.588, abs=1e-3)
+    multipliers = dual_feasible_at_docks(rates, Multipliers(per_j, per_s, np.zeros(len(rates.radio_hz) + 1)))
+    assert multipliers.per_s >= per_j * rates.charge_w[0]
+    assert patrol_bound(rates, float(case.shared["pit_stop_s"]), multipliers) >= solve(options, SEEDS[:1]).upper[0]
+
+
+def test_other_missions_with_docks_have_no_bound() -> None:
+    with pytest.raises(OracleError, match="no bound for Survey with docks, for Patrol only"):
+        check(Options("Survey", docks="0:15", time_limit_s=12_000.0))

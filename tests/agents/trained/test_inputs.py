@@ -52,7 +52,7 @@ def test_from_scratch_it_knows_nothing_of_energy(action_type: str) -> None:
     options = Options("OutAndBack", action_type=action_type)
     policy = first(options, by_rule=False)
     weight, _ = policy.layers[0]
-    used = {name for name, index in INDEX.items() if np.abs(weight[:, index]).max() > 0.0}
+    used = {name for name in NAMES if np.abs(weight[:, INDEX[name]]).max() > 0.0}
     assert used <= {"returning"}
     assert driven(policy, options)[0] == 0.0
 

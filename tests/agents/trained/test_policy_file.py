@@ -18,7 +18,7 @@ from safetensors.numpy import save
 
 import homeward  # noqa: F401 - registers the environments
 from homeward.agents import AgentError, make_policy
-from homeward.agents.trained.inputs import COLUMNS, make_inputs
+from homeward.agents.trained.inputs import COLUMNS, first_policy, make_inputs, valued
 from homeward.agents.trained.policy_file import (
     DESCRIPTION,
     ON_THE_GO,
@@ -30,9 +30,10 @@ from homeward.agents.trained.policy_file import (
     sensing_on_the_go,
 )
 from homeward.envs.actions import decode_actions, encode_actions
-from homeward.envs.features import NAMES
+from homeward.envs.features import DOCK_NAMES, NAMES, names_of
 from homeward.envs.options import Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
+from homeward.envs.vector import HomewardVectorEnv
 
 DISCRETE = spaces.MultiDiscrete([5, 5, 3])
 CONTINUOUS = spaces.Box(-1.0, 1.0, (3,), np.float32)
@@ -245,6 +246,22 @@ def test_a_policy_that_sees_beliefs_acts_only_with_what_is_known(believing: Path
     assert load_policy(believing, known_of(Options("Survey"))).act(observations, begun).shape == (2, 3)
     with pytest.raises(PolicyFileError, match="load it with known="):
         load_policy(believing).act(observations, begun)
+
+
+def test_a_policy_trained_with_docks_observes_them_and_acts_nowhere_else(tmp_path: Path) -> None:
+    docked, without = (HomewardVectorEnv(2, mission="Patrol", docks=docks, time_limit_s=9e3) for docks in ("0:15", ""))
+    known, begun = docked.batch.known, np.ones(2, np.bool_)
+    inputs, observations = make_inputs(known), docked.reset(seed=0)[0]
+    seen = inputs(observations, begun)
+    np.testing.assert_array_equal(seen[:, -len(DOCK_NAMES) :], observations[:, len(NAMES) :])
+    assert len(valued(known)) == seen.shape[1] == first_policy(known, inputs)[0].shape[1]
+    features = names_of(True)
+    save_policy(tmp_path, draw_layers(seen.shape[1], 8, 13), DISCRETE, {}, inputs, features)
+    assert make_policy("ppo", docked, tmp_path).act(observations, begun).shape == (2, 3)
+    with pytest.raises(AgentError, match=rf"observes {len(features)} features, the environment \({len(NAMES)},\)"):
+        make_policy("ppo", without, tmp_path)
+    with pytest.raises(AgentError, match="with docks there are more"):
+        make_policy("ppo", docked)
 
 
 @pytest.mark.parametrize("inputs", [None, {}, {"columns": ["luck"]}, {"columns": [name for name, _ in COLUMNS]}])
