@@ -230,6 +230,7 @@ EXTRA = {effect.id: {effect.switch.name: 0.2} for effect in EFFECTS} | {
     "intermittent_load": {"power_w": 2.0, "period_s": 400.0, "duty": 0.3},
     "motor_heating": {"per_k": 0.005, "rise_k_per_w": 3.0, "time_constant_s": 600.0},
     "hidden_grade": {"slope": 0.02},
+    "air_temperature": {"rolling_per_k": 0.01},
 }
 
 
