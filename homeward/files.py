@@ -8,6 +8,7 @@ import errno
 import io
 import json
 import os
+import re
 import secrets
 import stat
 import sys
@@ -97,9 +98,11 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         OSError: It cannot be read, or is not a regular file.
     """
     text = read_text(path)
-    # A key of many dots costs the parser quadratic time and memory.
-    if any(line.count(".") > _MOST_DOTS for line in text.splitlines() if "=" in line or line.lstrip()[:1] == "["):
-        raise ValueError("a line has too many dots")
+    # A key of many dots costs the parser quadratic time and memory; a table of numbers does not.
+    for line in text.splitlines():
+        has_key = "=" in line or line.lstrip()[:1] == "["
+        if has_key and line.count(".") > _MOST_DOTS and not _NUMBERS.fullmatch(line):
+            raise ValueError("a line has too many dots")
     try:
         data = tomllib.loads(text)
     except RecursionError:
@@ -109,7 +112,9 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 _MOST_DOTS = 1000
-"""Limit in a line of a settings file; a row of numbers has some. Chosen: a parser takes no notable time for so many."""
+"""Limit in a line of a settings file. Chosen: a parser takes no notable time for a key of so many."""
+_NUMBERS = re.compile(r"\s*\w+\s*=[-+\de.,\s\[\]]*(#.*)?", re.ASCII)
+"""A line with nothing but numbers, such as a covariance."""
 
 
 def refuse_deep(data: Any) -> None:

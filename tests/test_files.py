@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from homeward.files import no_formula, open_regular, write_whole
+from homeward.files import no_formula, open_regular, read_toml, write_whole
 
 
 def test_text_and_bytes_arrive_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -57,3 +57,10 @@ def test_a_file_that_fails_when_it_is_read_is_named() -> None:
     with pytest.raises(OSError) as error:
         open_regular("/proc/self/mem")
     assert error.value.filename == "/proc/self/mem"
+
+
+def test_a_long_row_of_numbers_is_read(tmp_path: Path) -> None:
+    """A covariance of 40 numbers has 1,600 dots, as a key of that depth would."""
+    path = tmp_path / "robot.toml"
+    path.write_text(f"covariance = {[[0.5] * 40] * 40}  # of their relative errors\n")
+    assert read_toml(path)["covariance"][39] == [0.5] * 40

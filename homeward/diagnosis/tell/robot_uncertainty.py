@@ -9,6 +9,7 @@ from scipy.stats import t as student
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.fit.parameter_groups import GROUPS
+from homeward.diagnosis.fit.predictive import LOSSES
 from homeward.diagnosis.fit.replay import wheels_mps
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.tell.corrected import rounded
@@ -16,12 +17,16 @@ from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import Array, Index
 from homeward.logs.times import median_step_s
 from homeward.physics import thresholds as physics_thresholds
+from homeward.physics.effects import EFFECTS
 from homeward.physics.uncertainty import Uncertainty
 
 FittedTo = Literal["nothing", "others", "all"]
 
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
 _COVERED = 0.95  # below the upper end of a 90 % interval
+
+_OTHERS = {LOSSES, *(f"{effect.id} {parameter.name}" for effect in EFFECTS for parameter in effect.parameters)}
+"""Numbers beside these that a file may hold, as a fit names them: the losses of the drive, and those of effects."""
 
 
 def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
@@ -107,7 +112,8 @@ def between_runs(residual: Array, predicted: Array, run: Index, fitted_to: Fitte
 def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
     """Names and relative covariance of the fitted numbers in the file, and of the battery's capacity."""
     joint, values = evidence.joint, evidence.joint.values
-    wanted = [holds != "nominal" and (name in _IDS or holds in ("corrected", "predictive")) for name in joint.names]
+    others = set() if holds == "refit" else _OTHERS  # levels of a schedule are in no file
+    wanted = [holds != "nominal" and (name in _IDS or name in others) for name in joint.names]
     kept = np.flatnonzero(np.array(wanted, np.bool_) & (values != 0.0))
     names = [_IDS.get(joint.names[index], joint.names[index].replace(" ", ".")) for index in kept]
     matrix = joint.covariance[np.ix_(kept, kept)] / np.outer(values[kept], values[kept])
