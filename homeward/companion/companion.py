@@ -149,7 +149,9 @@ class Companion:
             places, place_m = len(route.grade_rad), float(route.place_m)
         self._start_soc, self._route, self._cutoff_v = soc, route, cutoff_v
         self._estimator = HomeEstimator(
-            self.robot, known_of(self.robot, forecast_mps is not None) if prior is None else PriorKnowledge(prior, ()),
+            self.robot,
+            known_of(self.robot, forecast_mps is not None) if prior is None
+            else PriorKnowledge(prior, (), meter_sd=prior.gain_sd),
             places=places, place_m=place_m, cruise_mps=cruise, risk=risk, route=route, forecast_mps=forecast_mps,
             cutoff_v=cutoff_v,
         )  # fmt: skip

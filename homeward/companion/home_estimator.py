@@ -46,8 +46,8 @@ class WayHome(NamedTuple):
 
     Attributes:
         way_m: Its length, m.
-        cost_j: Its energy by the robot's own model, J.
-        unsure_j: Standard deviation of that without positions, J.
+        cost_j: Its energy by the robot's own model, with that of turning round, J.
+        unsure_j: Standard deviation of that by the errors of the positions and of the time of turning, J.
         ways: Its stretches if it is not the way out, `WAY_DTYPE`; otherwise None.
     """
 
@@ -209,7 +209,11 @@ class HomeEstimator:
         self._take_meter()
         east_mps, north_mps = np.array(self._forecast_mps)[:, None]
         self._estimator.begin(_ONE, east_mps, north_mps)
-        self._estimator.state["hypotheses"]["covariance"][..., WEIGHT, WEIGHT] += self.known.weight_sd**2
+        covariance = self._estimator.state["hypotheses"]["covariance"]
+        covariance[..., WEIGHT, WEIGHT] += self.known.weight_sd**2
+        # A power at rest that is not the file's is consumed by the robot: it says nothing of the meter, so that it does
+        # not change what the battery holds as metered.
+        covariance[..., GAIN, GAIN] += self.known.idle_sd**2
         self._extra, self.windows = np.zeros(self._places), 0
         self.pace_mps, self.pace_w = self.vehicle.cruise_mps, self.vehicle.idle_w
         self.speed_mps = self._heading_rad = math.nan
@@ -280,7 +284,7 @@ class HomeEstimator:
         """Replace the battery by one of which only the prior and the charge are known."""
         self._forget_used()
         conditions = Conditions(
-            self._temperature_c, self._rate_per_h, self.known.prior.gain_sd, self._modelled_sd, self._metered_share,
+            self._temperature_c, self._rate_per_h, self.known.meter_sd, self._modelled_sd, self._metered_share,
             self._models_cold,
         )  # fmt: skip
         self.battery.begin(start, conditions)
@@ -316,7 +320,8 @@ class HomeEstimator:
             self.has_power = True
             covariance = self._estimator.state["hypotheses"]["covariance"]
             prior = self.known.prior
-            for state, sd in zip(_OWN_POWER, (prior.gain_sd, prior.rolling_sd, prior.mass_sd), strict=True):
+            gain_sd = math.hypot(prior.gain_sd, self.known.idle_sd)
+            for state, sd in zip(_OWN_POWER, (gain_sd, prior.rolling_sd, prior.mass_sd), strict=True):
                 covariance[..., state, state] += sd**2
             self.begin_battery(Start(self.battery.charge, told=False))
 
@@ -419,7 +424,7 @@ class HomeEstimator:
         return math.sin(self._route.grade_rad[place_of(self.vehicle, position_m, self._route.grade_rad)])
 
     def way_home(self, way_m: float, unsure_m: float, ways: NDArray[np.void] | None = None) -> WayHome:
-        """The way home and its energy by the robot's own model.
+        """The way home and its energy by the robot's own model, with that of turning round.
 
         Args:
             way_m: Its length; of `ways`, their total length.
@@ -430,7 +435,10 @@ class HomeEstimator:
             cost_j = float(home_cost(self.vehicle, self.places, self._extra, way_m))
         else:
             cost_j = self._at_cruise_j(ways) + self._standing_j(way_m)
-        return WayHome(way_m, cost_j, unsure_m * (cost_j / max(way_m, self.vehicle.place_m)), ways)
+        unsure_j = unsure_m * (cost_j / max(way_m, self.vehicle.place_m))
+        turn_j = self.vehicle.idle_w * thresholds.TURN_S
+        turn_sd_j = self.vehicle.idle_w * thresholds.TURN_SD_S
+        return WayHome(way_m, cost_j + turn_j, math.hypot(unsure_j, turn_sd_j), ways)
 
     def leaves(self, home: WayHome, onwards_m: float = 0.0) -> Outcome:
         """Energy left at home after driving on at the present pace, and then home."""

@@ -36,6 +36,8 @@ class PriorKnowledge(NamedTuple):
         words: Its origin, a sentence each.
         uncertainty: The table of the robot's file, if it has one.
         weight_sd: Relative standard deviation of the energy of climbing, beyond that of the prior.
+        idle_sd: Relative standard deviation of the power at rest, beyond that of the prior.
+        meter_sd: Relative standard deviation of the meter's gain alone, by which what the battery holds is read.
         capacity_is_fitted: Whether the capacity was measured; otherwise it is within the range of ageing batteries.
     """
 
@@ -43,6 +45,8 @@ class PriorKnowledge(NamedTuple):
     words: tuple[str, ...]
     uncertainty: Uncertainty | None = None
     weight_sd: float = 0.0
+    idle_sd: float = 0.0
+    meter_sd: float = _GENERIC.gain_sd
     capacity_is_fitted: bool = False
 
     def with_unexplained(self, way_m: float) -> Prior:
@@ -71,16 +75,19 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
     if given is None or given.of != "energy":
         return PriorKnowledge(prior, (
             f"the file of {robot.name!r} states no uncertainty: generic ranges (capacity 80 to 100 %, rolling "
-            f"resistance 80 to 130 %, payload up to 20 %, {thresholds.OMITTED:.0%} of a way's energy that the "
-            "model omits)",
+            f"resistance 80 to 130 %, payload up to 20 %, power at rest within {thresholds.IDLE_SD:.0%}, "
+            f"{thresholds.OMITTED:.0%} of a way's energy that the model omits)",
             wind,
-        ))  # fmt: skip
+        ), idle_sd=thresholds.IDLE_SD)  # fmt: skip
     prior, weight_sd = _as_sure_as(given, prior, robot)
     words: tuple[str, ...] = (f"uncertainty from the robot's file: {given.source or 'no source given'}", wind)
     capacity_is_fitted = "capacity" in given.fitted
     if not capacity_is_fitted:
         words = (*words, _OLD_CELLS)
-    return PriorKnowledge(prior, words, given, weight_sd, capacity_is_fitted)
+    # A capacity that was fitted is one by the robot's own meter, so that it includes the meter's gain.
+    own_meter_sd = 0.0 if capacity_is_fitted else _GENERIC.gain_sd
+    meter_sd = math.hypot(own_meter_sd, dict(given.instruments).get("power_gain", 0.0) / 3.0**0.5)
+    return PriorKnowledge(prior, words, given, weight_sd, meter_sd=meter_sd, capacity_is_fitted=capacity_is_fitted)
 
 
 def _as_measured(given: Uncertainty, prior: Prior, wind: str) -> PriorKnowledge:

@@ -20,6 +20,11 @@ DEAD_RECKONING_ERROR = 0.1
 """Relative standard deviation of a way from dead reckoning with speed and heading. Chosen: twice the upper
 end of the 1 to 5 % of calibrated odometry (Borenstein & Feng, 1996)."""
 
+TURN_S, TURN_SD_S = 8.0, 4.6
+"""Time for which a robot that turns round stands, s, and its standard deviation. Half a turn at 0.4 rad/s, the slowest
+rate of Nav2's behaviors (`min_rotational_vel`), lasts 7.9 s. Chosen: between none, as of one that drives home in
+reverse, and twice that, uniformly."""
+
 OFF_ROUTE_M = 50.0
 """Distance from the route, m, above which it is reported. Chosen: ten times the error of a position."""
 
@@ -226,6 +231,9 @@ nothing is hidden."""
 OMITTED, BETWEEN_RUNS = physics_thresholds.OMITTED, physics_thresholds.BETWEEN_RUNS
 """What the model omits of the energy of a way, and the spread of the energy between runs, for a file that states
 neither."""
+
+IDLE_SD = physics_thresholds.GENERIC_IDLE_SD
+"""Relative standard deviation of the power at rest for a file that states no uncertainty."""
 
 LEAST_CAPACITY_SD = 1e-3
 """Least relative standard deviation of the capacity, whatever a file says. Chosen: below any measured one, and above

@@ -54,6 +54,11 @@ GENERIC_ROLLING_SD, GENERIC_PAYLOAD_SD = 0.153, 0.116
 """Relative deviation of rolling resistance and of mass from a file that states no uncertainty: root mean squares of the
 ranges of `uncertain` missions, 0.8 to 1.3 times the file's resistance and a payload of up to a fifth of the mass."""
 
+GENERIC_IDLE_SD = 0.18
+"""Relative deviation of the power at rest from a file that states no uncertainty: an embedded computer draws 8 to 15 W
+(the paper, component breakdown), uniformly. Six software variants of a standing TurtleBot3 differ by 5 %, and one run
+from its first to its last third by 8 % (docs/results.md, groups of runs)."""
+
 LONGEST_MEMORY_S = 1e6
 """Time, s, after which a robot that has consumed nothing counts as never running empty: ten of the slowest time
 constants that an effect can have."""

@@ -44,6 +44,24 @@ def test_it_learns_what_home_takes_and_what_is_left(rolling: float, health: floa
     assert not advice.turn_now and advice.chance_home > 0.9999
 
 
+@pytest.mark.parametrize("idles", [0.85, 1.15])
+def test_a_computer_that_draws_more_or_less_than_in_the_file_is_no_wind(idles: float) -> None:
+    """On the way home it draws the same, whereas a wind that is against the robot helps it then."""
+    file = dataclasses.replace(load_robot("f1tenth"), chemistry="flat", cells_in_series=0)
+    robot = Driven(dataclasses.replace(file, controller_w=idles * file.controller_w))
+    advice = robot.drive(Companion(file, home=(0.0, 0.0), cruise_mps=1.0), 0.0, 600.0)
+    takes_j = robot.power_w() * 600.0
+    assert advice.energy_home_j.mean == pytest.approx(takes_j, rel=0.03)
+    assert advice.energy_home_j.low < takes_j < advice.energy_home_j.high
+
+
+def test_the_way_home_begins_with_turning_round() -> None:
+    advice = Driven().drive(companion(), 0.0, 5.0)
+    robot = Driven()
+    turning_j = robot.power_w(0.0) * 10.0
+    assert advice.energy_home_j.low < robot.power_w() * 5.0 + turning_j < advice.energy_home_j.high
+
+
 @pytest.mark.parametrize(("home", "place"), [((0.0, 0.0), (500.0, 0.0)), (None, 500.0)])
 def test_a_robot_that_starts_away_from_home_has_that_way_to_go_and_has_not_driven_it(home: Any, place: Any) -> None:
     companion = Companion(HUSKY, home=home, soc=0.05)

@@ -47,6 +47,14 @@ def test_battery_and_instruments_are_as_the_file_says() -> None:
     assert known().prior.capacity == 0.9  # where it says nothing: 80 to 100 %
 
 
+def test_runs_that_differ_do_not_make_the_battery_unsure() -> None:
+    """They differ by the ground or the load, and a capacity that was measured has its own error only."""
+    battery: dict[str, Any] = {"fitted": ("capacity",), "covariance": ((0.02**2,),), "between_runs": 0.2}
+    assert known(**battery).prior.gain_sd > 0.05 and known(**battery).meter_sd == 0.0
+    assert known(**battery, instruments=(("power_gain", 0.05),)).meter_sd == pytest.approx(0.05 / 3.0**0.5)
+    assert known(between_runs=0.2).meter_sd == known_of(load_robot("husky"), has_forecast=True).meter_sd > 0.0
+
+
 @pytest.mark.parametrize("way_m", [1.0, 300.0])
 def test_what_nothing_explains_widens_by_its_measured_interval(way_m: float) -> None:
     sizes: dict[str, Any] = {"between_runs": 0.05, "unexplained": 0.4, "unexplained_m": 30.0}
