@@ -9,11 +9,14 @@ that it needs then.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
+from unittest.mock import patch
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -21,16 +24,19 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scipy.optimize import brentq
 from scipy.special import ndtr
+from tyro.conf import FlagCreatePairsOff
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
 
 from benchmarks.on_the_robot.gauges.__main__ import Args as Gauges
-from benchmarks.on_the_robot.gauges.__main__ import make_cases
+from benchmarks.on_the_robot.gauges.__main__ import Chemistry, make_cases
 from benchmarks.on_the_robot.gauges.drive import Drive, run_drive
 from benchmarks.on_the_robot.gauges.sizes import read_sizes
 from benchmarks.tables import table
 from homeward import cli
 from homeward.companion import Companion
+from homeward.companion import battery as battery_module
+from homeward.companion.battery import BatteryBelief
 from homeward.companion.home_estimator import HomeEstimator, WayHome
 from homeward.estimation.prior import (
     CLIMB,
@@ -46,6 +52,7 @@ from homeward.estimation.prior import (
     USED,
     WEIGHT,
 )
+from homeward.physics.battery import charge_share, energy_share
 
 DOUBTS = {
     "rolling resistance": (ROLLING, ROLLED),
@@ -65,6 +72,14 @@ class Args:
     """Drives."""
     seed: int = 1
     """Seed of everything drawn."""
+    whole: FlagCreatePairsOff[bool] = False
+    """Only whole packs."""
+    chemistries: tuple[Chemistry, ...] = Gauges.chemistries
+    """Chemistries."""
+    knows: tuple[Literal["current", "counter", "cutoff", "capacity"], ...] = ()
+    """What all robots have: voltage and current; a gauge that counts; a cut-off and a capacity that the user tells."""
+    risk: float | None = None
+    """Accepted risk; by default the companion's."""
     jobs: int = 2
     """Processes."""
 
@@ -79,6 +94,11 @@ def reserves(companion: Companion) -> dict[str, float]:
     battery.totals[:] = battery.total
     needed[BATTERY] = _needs(estimator, home)
     battery.totals[:] = totals
+    for name, make_sure in BATTERY_DOUBTS.items():
+        estimator.battery = copy.deepcopy(battery)
+        make_sure(estimator.battery)
+        needed[name] = _needs(estimator, home)
+    estimator.battery = battery
     known = estimator.known
     estimator.known = known._replace(prior=known.prior._replace(model_error=0.0), uncertainty=None)
     needed[MODEL] = _needs(estimator, home)
@@ -97,6 +117,49 @@ def reserves(companion: Companion) -> dict[str, float]:
         estimator._estimator.state[:] = kept
     needed[TAILS] = _needs_normal(estimator, home)
     return needed
+
+
+def _know_capacity(battery: BatteryBelief) -> None:
+    """Take the mean capacity as known: age, cold, rate and meter together."""
+    battery._capacity[:] = battery.trust.weights @ battery._capacity
+    _tell_anew(battery)
+
+
+def _know_start(battery: BatteryBelief) -> None:
+    """Take the mean charge at the start as known."""
+    battery.trust.start = np.full_like(battery.trust.start, battery.trust.weights @ battery.trust.start)
+    _tell_anew(battery)
+
+
+def _know_load(battery: BatteryBelief) -> None:
+    """Take the voltage under load as known: resistance, curve, cut-off, and how they are in the cold."""
+    with patch("homeward.companion.battery._SAGS", np.zeros_like(battery_module._SAGS)):
+        battery._tell()
+
+
+def _know_gauge(battery: BatteryBelief) -> None:
+    """Take the likeliest explanation of the gauge as the true one: none of the rarer faults."""
+    joint = battery.trust.joint
+    joint[np.arange(len(joint)) != battery.trust.believed] = 0.0
+    joint /= joint.sum()
+    battery._tell()
+
+
+def _tell_anew(battery: BatteryBelief) -> None:
+    """Tell what is left after capacities or charges were replaced."""
+    curve = battery._cells.curve
+    energy = energy_share(curve, battery.trust.start) - battery._used / battery._capacity
+    battery._charge = charge_share(curve, np.clip(energy, 0.0, 1.0))
+    battery._tell()
+
+
+BATTERY_DOUBTS: dict[str, Callable[[BatteryBelief], None]] = {
+    "   capacity: age, cold, rate, meter": _know_capacity,
+    "   charge at the start": _know_start,
+    "   voltage under load and cut-off": _know_load,
+    "   gauge: all but its likeliest explanation": _know_gauge,
+}
+"""Parts of the battery's doubt, and what makes the companion sure of them."""
 
 
 def _needs(estimator: HomeEstimator, home: WayHome) -> float:
@@ -139,11 +202,23 @@ def main(args: Args) -> None:
     """Drive and print both tables."""
     sizes = read_sizes()
     unpaired = dataclasses.replace(sizes, rules=dataclasses.replace(sizes.rules, paired_share=0.0))
-    cases = make_cases(Gauges(drives=args.drives, seed=args.seed, charged=True), "chemistry", sizes)
+    if "cutoff" in args.knows:
+        unpaired = dataclasses.replace(unpaired, truth=dataclasses.replace(unpaired.truth, cutoff_known_share=1.0))
+    asked = Gauges(
+        drives=args.drives, seed=args.seed, charged=True, current="current" in args.knows, chemistries=args.chemistries,
+        gauges=("counter",) if "counter" in args.knows else Gauges.gauges,
+    )  # fmt: skip
+    cases = [
+        dataclasses.replace(case, tells_capacity="capacity" in args.knows, risk=args.risk)
+        for case in make_cases(asked, "chemistry", sizes)
+        if case.pack_share == 1.0 or not args.whole
+    ]
     runs = (delayed(run_drive)(case, unpaired, None, reserves) for case in cases)
     drives: list[Drive] = Parallel(n_jobs=args.jobs)(runs)
     made = [drive for drive in drives if drive.points and drive.looked and not drive.outcomes["companion"].stranded]
-    title = f"{len(made)} of {args.drives} drives that turned on the way, seed {args.seed}; share of the label"
+    stranded = sum(drive.outcomes["companion"].stranded for drive in drives)
+    print(f"{stranded} of {len(drives)} stranded; those that turned at once have no way out and are left out below.")
+    title = f"{len(made)} of {len(cases)} drives that turned on the way, seed {args.seed}; share of the label"
     for shown in _tables(made, title):
         cli.Terminal().show(shown)
 
@@ -162,6 +237,8 @@ def _tables(drives: list[Drive], title: str) -> Iterator[Table]:
     }
     for name, values in rows.items():
         left.add_row(name, f"{np.median(values):.1%}", f"{values.mean():.1%}")
+    ways = np.array([drive.outcomes["companion"].turned for drive in drives])
+    left.add_row("way out, of that to empty", f"{np.median(ways):.1%}", f"{ways.mean():.1%}")
     yield left
     needs = table(f"Reserve without a doubt: {title}", ["without"], ["median", "mean"])
     for name in drives[0].looked:

@@ -62,6 +62,8 @@ class Companion:
         soc: State of charge at the start, 0 to 1; by default that of the first reading, or 1.
         forecast_mps: Forecast of the wind: components towards where it comes from, east and north; None: unknown.
         cutoff_v: Voltage at which the battery is cut off.
+        capacity_j: Energy that this battery gave when it was last discharged from full to the cut-off, warm and in some
+            hours, J; by default within the range of ageing batteries. What cold and rate take is allowed for beside it.
         cruise_mps: Speed on the way home; by default that with the longest range.
         window_s: Time over which readings are averaged.
         place_m: Length over which the ground is taken as uniform.
@@ -101,6 +103,7 @@ class Companion:
         soc: float | None = None,
         forecast_mps: tuple[float, float] | None = None,
         cutoff_v: float | None = None,
+        capacity_j: float | None = None,
         cruise_mps: float | None = None,
         window_s: float | None = None,
         place_m: float | None = None,
@@ -114,10 +117,12 @@ class Companion:
         range_m = self._range_m = float(d_max(self.robot))
         if not math.isfinite(range_m):
             raise CompanionError(f"robot {self.robot.name!r} never runs empty on level ground; check its effects")
+        full_j = self.robot.usable_energy_j
         most_v = thresholds.MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)
         for name, value, low, high in (
             ("risk", risk, *thresholds.RISKS), ("soc", soc, 0.0, 1.0),
             ("cutoff_v", cutoff_v, thresholds.LEAST_VOLTAGE_V, most_v),
+            ("capacity_j", capacity_j, thresholds.LEAST_CAPACITY * full_j, full_j),
             ("cruise_mps", cruise_mps, thresholds.SLOWEST_MPS, self.robot.max_speed_mps),
             ("window_s", window_s, *thresholds.WINDOWS_S),
             ("place_m", place_m, thresholds.SHORTEST_PLACE * range_m, range_m),
@@ -148,10 +153,13 @@ class Companion:
         if route is not None:
             places, place_m = len(route.grade_rad), float(route.place_m)
         self._start_soc, self._route, self._cutoff_v = soc, route, cutoff_v
+        known = known_of(self.robot, forecast_mps is not None)
+        if prior is not None:
+            known = PriorKnowledge(prior, (), meter_sd=prior.gain_sd)
+        if capacity_j is not None:
+            known = known.with_capacity(capacity_j / full_j)
         self._estimator = HomeEstimator(
-            self.robot,
-            known_of(self.robot, forecast_mps is not None) if prior is None
-            else PriorKnowledge(prior, (), meter_sd=prior.gain_sd),
+            self.robot, known,
             places=places, place_m=place_m, cruise_mps=cruise, risk=risk, route=route, forecast_mps=forecast_mps,
             cutoff_v=cutoff_v,
         )  # fmt: skip

@@ -189,6 +189,7 @@ class HomeEstimator:
         robot = at_terminals(self._robot) if self.at_terminals else self._robot
         self._record = plain(robot.record())
         self.vehicle = self.vehicle._replace(idle_w=self._modelled_w(robot, 0.0))
+        self._idle_share = self.vehicle.idle_w / self._modelled_w(robot, self.vehicle.cruise_mps)
         self._estimator.vehicle = self.vehicle
 
     @property
@@ -476,8 +477,12 @@ class HomeEstimator:
         """Relative standard deviation of the model's energy where it takes the place of the meter, otherwise 0."""
         if self.has_power is not False:
             return 0.0
-        prior = self.known.prior
-        return math.hypot(prior.rolling_sd / prior.rolling, prior.mass_sd / prior.mass)
+        known, prior = self.known, self.known.prior
+        idle_share = self._idle_share
+        # Rolling resistance and payload act on what driving consumes, and not on what the robot consumes at rest.
+        driving_sd = (1.0 - idle_share) * math.hypot(prior.rolling_sd / prior.rolling, prior.mass_sd / prior.mass)
+        beyond_meter_sd = math.sqrt(max(prior.gain_sd**2 - known.meter_sd**2, 0.0))
+        return math.hypot(driving_sd, idle_share * known.idle_sd, beyond_meter_sd)
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """Energy that a way from here consumes, by the present estimates, J as metered.

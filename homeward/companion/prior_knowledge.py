@@ -56,6 +56,16 @@ class PriorKnowledge(NamedTuple):
         error = math.hypot(self.prior.model_error, scale_of(self.uncertainty.unexplained_over(way_m)))
         return self.prior._replace(model_error=error)
 
+    def with_capacity(self, capacity: float) -> PriorKnowledge:
+        """The same with a capacity that was measured, over that of the robot's file."""
+        sd = thresholds.MEASURED_CAPACITY_SD * capacity
+        words = f"a measured capacity of {capacity:.0%} of the file's, within {thresholds.MEASURED_CAPACITY_SD:.1%}"
+        return self._replace(
+            prior=self.prior._replace(capacity=capacity, capacity_sd=sd),
+            words=(*(text for text in self.words if text != _OLD_CELLS), words),
+            capacity_is_fitted=True,
+        )
+
 
 _OLD_CELLS = "the robot's file states no uncertainty of the battery's capacity: 80 to 100 %"
 

@@ -235,6 +235,11 @@ neither."""
 IDLE_SD = physics_thresholds.GENERIC_IDLE_SD
 """Relative standard deviation of the power at rest for a file that states no uncertainty."""
 
+MEASURED_CAPACITY_SD, LEAST_CAPACITY = 0.025, 0.3
+"""Relative standard deviation of a capacity that somebody measured by a discharge: a current sensor of 1.5 % (data
+sheet of the ACS712), and 2 % of the charge at which it began. Least capacity over the file's that may be given. Chosen:
+batteries are replaced at 0.6 to 0.8."""
+
 LEAST_CAPACITY_SD = 1e-3
 """Least relative standard deviation of the capacity, whatever a file says. Chosen: below any measured one, and above
 0, because the estimator divides by its variance."""

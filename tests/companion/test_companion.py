@@ -55,6 +55,28 @@ def test_a_computer_that_draws_more_or_less_than_in_the_file_is_no_wind(idles: f
     assert advice.energy_home_j.low < takes_j < advice.energy_home_j.high
 
 
+def test_a_capacity_that_was_measured_is_taken_and_what_cannot_be_is_refused() -> None:
+    full_j = HUSKY.usable_energy_j
+    plain, told = (
+        companion(soc=1.0, **given).update(0.0, position=(0.0, 0.0)) for given in ({}, {"capacity_j": 0.85 * full_j})
+    )
+    assert told.energy_left_j.mean < plain.energy_left_j.mean and told.energy_left_j.sd < 0.7 * plain.energy_left_j.sd
+    assert "a measured capacity of 85%" in " ".join(told.rests_on)
+    with pytest.raises(CompanionError, match=r"capacity_j = .* is not allowed; give a number in"):
+        companion(capacity_j=1.1 * full_j)
+
+
+def test_without_a_meter_the_battery_is_as_unsure_as_the_models_power() -> None:
+    """Rolling resistance and payload are unsure for the part that drives, the power at rest for the other."""
+    at_rest_only = dataclasses.replace(HUSKY, controller_w=2000.0)
+    sds = [
+        Driven(robot).drive(Companion(robot, home=(0.0, 0.0)), 0.0, 200.0, power_w=None).energy_home_j
+        for robot in (HUSKY, at_rest_only)
+    ]
+    shares = [estimate.sd / estimate.mean for estimate in sds]
+    assert shares[1] == pytest.approx(0.18, abs=0.02) and shares[0] > 0.1
+
+
 def test_the_way_home_begins_with_turning_round() -> None:
     advice = Driven().drive(companion(), 0.0, 5.0)
     robot = Driven()

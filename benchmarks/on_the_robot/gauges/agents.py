@@ -6,6 +6,7 @@ import math
 import time
 import traceback
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -71,6 +72,7 @@ def run_companion(
     cutoff_v: float | None,
     rated_energy_j: float,
     told_soc: float | None,
+    more: Mapping[str, float],
 ) -> CompanionRun:
     """Let the companion read along the way out until it says to turn.
 
@@ -84,10 +86,13 @@ def run_companion(
         cutoff_v: Voltage of the cut-off, if the user knows it.
         rated_energy_j: Energy on the label, to notice estimates above it.
         told_soc: State of charge at the start as the user says; None: the gauge shows it.
+        more: Other arguments of the companion.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the file's pack may be unusual for its robot
-        companion = Companion(robot_file, home=(0.0, 0.0), cruise_mps=cruise_mps, cutoff_v=cutoff_v, soc=told_soc)
+        companion = Companion(
+            robot_file, home=(0.0, 0.0), cruise_mps=cruise_mps, cutoff_v=cutoff_v, soc=told_soc, **more
+        )
     run = CompanionRun(companion=companion)
     start_s = time.perf_counter()
     try:

@@ -51,7 +51,13 @@ SPARE_WAY = 1.6  # chosen: the way is this much longer than the rated energy las
 
 @dataclass(frozen=True)
 class Case:
-    """What is fixed of a drive before anything is drawn."""
+    """What is fixed of a drive before anything is drawn.
+
+    Attributes:
+        told_soc: State of charge at the start as the user says; None: the gauge shows it.
+        tells_capacity: Whether the user has measured the capacity and says it.
+        risk: Accepted risk; None: the default.
+    """
 
     number: int
     seed: int
@@ -62,6 +68,8 @@ class Case:
     pack_share: float
     curve: Curve
     told_soc: float | None = None
+    tells_capacity: bool = False
+    risk: float | None = None
 
 
 @dataclass(frozen=True)
@@ -182,11 +190,18 @@ def run_drive(
     with tempfile.TemporaryDirectory() as folder:
         path = robot_file(Path(folder), place.preset, label, case.chemistry, case.curve, measured_v)
         cutoff_v = pack.cutoff_v if cutoff_known else None
+        more: dict[str, float] = {}
+        if case.risk is not None:
+            more["risk"] = case.risk
+        if case.tells_capacity:
+            # What a discharge from full gave, warm and in the label's hours.
+            more["capacity_j"] = min(drive.charge_share, 1.0) * label.energy_j
 
         def ask(asked: Conditions) -> tuple[Readings, CompanionRun]:
             """Let the companion drive under some conditions, with the same errors of all other instruments."""
             readings = read(way, ground, shown, asked, sizes.instruments, np.random.default_rng(reading_seed))
-            return readings, run_companion(path, readings, robot.cruise_mps, cutoff_v, label.energy_j, case.told_soc)
+            run = run_companion(path, readings, robot.cruise_mps, cutoff_v, label.energy_j, case.told_soc, more)
+            return readings, run
 
         readings, run = ask(conditions)
         if look is not None and run.turn is not None and run.companion is not None:
