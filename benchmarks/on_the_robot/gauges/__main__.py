@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import platform
 import sys
@@ -58,6 +59,8 @@ class Args:
     """What the robot file says of the open-circuit voltage; None: what the installed version accepts."""
     charged: FlagCreatePairsOff[bool] = False
     """The user charges the battery and says so: `Companion(soc=1.0)`. By default the gauge's first reading counts."""
+    positions_m: float | None = None
+    """Noise of all positions, m; None: as drawn."""
     jobs: int = 2
     """Processes."""
     out: Path | None = None
@@ -69,6 +72,11 @@ def main(args: Args) -> list[Drive]:
     console = Console()
     console.width = max(console.width, WIDTH)  # a log file has no width of its own
     sizes = read_sizes()
+    if args.positions_m is not None:
+        # As many as before, so that everything else is drawn alike.
+        noises_m = [args.positions_m] * len(sizes.instruments.position_noises_m)
+        instruments = dataclasses.replace(sizes.instruments, position_noises_m=noises_m)
+        sizes = dataclasses.replace(sizes, instruments=instruments)
     tables: dict[str, pybamm_pack.Table] = {}
     if args.engine == "pybamm":
         lacking = pybamm_pack.missing()

@@ -26,7 +26,7 @@ ALONG_WAY = {
     "left": ("all", "robot", "recorded", "cut-off", "air", "chemistry", "gauge"),
     "home": ("all", "robot", "recorded", "positions"),
     f"left{AS_METERED}": ("recorded",),
-    f"home{AS_METERED}": ("recorded",),
+    f"home{AS_METERED}": ("all", "pack", "recorded", "positions"),
 }
 COLD_C = 10.0  # C, chosen: the middle of the drawn range is near
 
@@ -235,7 +235,7 @@ def _groups(drives: list[Drive], sizes: Sizes) -> list[Group]:
     for recorded in ("voltage and current", "voltage", "neither"):
         chosen = [drive for drive in drives if drive.conditions.recorded == recorded]
         groups.append(("recorded", recorded, chosen))
-    for noise_m in sizes.instruments.position_noises_m:
+    for noise_m in dict.fromkeys(sizes.instruments.position_noises_m):
         chosen = [drive for drive in drives if drive.conditions.position_noise_m == noise_m]
         groups.append(("positions", f"{noise_m:.0f} m of noise", chosen))
     groups.append(("cut-off", "told", [drive for drive in drives if drive.cutoff_known]))
