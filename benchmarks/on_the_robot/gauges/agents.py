@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +73,7 @@ def run_companion(
     cutoff_v: float | None,
     rated_energy_j: float,
     told_soc: float | None,
-    more: Mapping[str, float],
+    more: Mapping[str, Any],
 ) -> CompanionRun:
     """Let the companion read along the way out until it says to turn.
 
