@@ -366,9 +366,11 @@ def test_a_clock_that_lags_reads_what_was(seed: int) -> None:
 
 
 def test_every_effect_of_the_catalogue_has_a_plant() -> None:
+    """But for the road load by temperature, whose size is published: files have it, and few drives could prove it."""
     from homeward.physics.effects import EFFECTS as CATALOGUE
 
-    assert set(EFFECTS) == {*(effect.id for effect in CATALOGUE), *INSTRUMENTS}
+    catalogue = {effect.id for effect in CATALOGUE} - {"air_temperature"}
+    assert set(EFFECTS) == {*catalogue, *INSTRUMENTS}
     assert all(draw(SCOUT, np.random.default_rng(0), 3).effect == name for name, draw in EFFECTS.items())
 
 
