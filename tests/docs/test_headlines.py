@@ -88,8 +88,8 @@ def watch_a_robot(results: Results) -> str:
 
 
 def when_not_to_use(results: Results) -> str:
-    singles = ("found first, low noise", "middle noise", "high noise")
-    single, both = (results.in_ten("Concealed cases", *rows) for rows in (singles, ("both by name",)))
+    single = results.in_ten("Concealed cases", "one effect, found first")
+    both = results.in_ten("Concealed cases", "two effects, both by name")
     return f"names one missing effect in {single} [concealed cases](docs/concealed.md), and two at once in {both}"
 
 
