@@ -1,4 +1,8 @@
-"""Tyres that roll harder in the cold, and air that is denser."""
+"""Tyres that roll harder in the cold, and air that is denser.
+
+The figure of the regulation is quoted from memory, as is that of ISO 28580 in the fit made to predict: nobody has
+compared them with the texts.
+"""
 
 from typing import Any
 
