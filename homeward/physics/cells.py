@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import zero_Celsius
 
 from homeward.physics.battery import CHEMISTRIES, FLAT, Curve, curve_of, open_circuit_v
 from homeward.physics.robot import Robot
@@ -68,7 +69,7 @@ FACTS = {
 WARM_C = 25.0
 """Temperature of labels, C."""
 
-_ZERO_C_K, _COLD_C = 273.15, -20.0
+_COLD_C = -20.0
 COLD_TIMES, MOST_COLD_TIMES = 4.0, 5.0
 """Resistance at -20 C over that of a warm cell: three to five times (ansh-bohrey.github.io)."""
 
@@ -85,7 +86,7 @@ def cold_resistance(temperature_c: float, times: float = COLD_TIMES) -> float:
     """
     if not temperature_c < WARM_C:
         return 1.0
-    warm_per_k, cold_per_k, here_per_k = (1.0 / (_ZERO_C_K + at_c) for at_c in (WARM_C, _COLD_C, temperature_c))
+    warm_per_k, cold_per_k, here_per_k = (1.0 / (zero_Celsius + at_c) for at_c in (WARM_C, _COLD_C, temperature_c))
     return float(times ** ((here_per_k - warm_per_k) / (cold_per_k - warm_per_k)))
 
 

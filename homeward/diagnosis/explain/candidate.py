@@ -46,7 +46,7 @@ class EffectSet:
     @cached_property
     def squared_error(self) -> float:
         """Of the held-out prediction, summed over windows."""
-        return float(np.sum((self.runs.observed - self.predicted) ** 2))
+        return self.runs.squared_error(self.predicted)
 
     @cached_property
     def by_motion(self) -> float:

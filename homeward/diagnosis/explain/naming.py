@@ -154,7 +154,7 @@ class _Search:
         """The effects with one or two more: the simplest of the sets that predict about best and meet all
         conditions."""
         tried = self._tried(before.effects, bench)
-        base = _squared_error(self._held_out(before.effects.model), self.runs)
+        base = self.runs.squared_error(self._held_out(before.effects.model))
         refused: list[_Tried] = []  # by the placebos only
         for each in _simplest_first(tried, base):
             if not self._promises(each, tried, before, base) or any(_outdone(each, other, base) for other in refused):
@@ -189,7 +189,7 @@ class _Search:
     def _replayed(self, before: EffectSet, bench: Bench, added: tuple[int, ...]) -> _Tried:
         forms = tuple(bench.candidates[index] for index in added)
         fitted = fit_model(self.material, [*before.terms, *forms], self.runs, self.block)
-        error = _squared_error(self._held_out(fitted), self.runs)
+        error = self.runs.squared_error(self._held_out(fitted))
         if any(form.axis != "steady" for form in forms):
             # Change points that are searched anew without the held-out windows.
             error = max(error, (1.0 - bench.share(*added)) * bench.squared_error(*added))
@@ -299,7 +299,7 @@ class _Search:
         fitted = fit_model(self.material, forms, self.runs, self.block)
         if any(form.plain is not None for form in forms):
             expressed = fit_model(self.material, [form.plain or form for form in forms], self.runs, self.block)
-            errors = [_squared_error(model.predicted, self.runs) for model in (expressed, fitted)]
+            errors = [self.runs.squared_error(model.predicted) for model in (expressed, fitted)]
             fitted = expressed if errors[0] <= thresholds.EQUAL * errors[1] else fitted
         fitted = profiled(self.material, fitted, self.runs, self.block).model
         return EffectSet(fitted, self.runs, self.block, self.rng)
@@ -311,7 +311,7 @@ class _Search:
         separates, half of it.
         """
         tried = self._tried_alone(named.without, named.bench) if tried is None else tried
-        base = _squared_error(self._held_out(named.without.model), self.runs)
+        base = self.runs.squared_error(self._held_out(named.without.model))
         own = self._replayed(named.without, named.bench, (named.index,)).squared_error
         rivals: dict[str, Term] = {}
         for each in sorted((each for each in tried if len(each.added) == 1), key=lambda other: other.squared_error):
@@ -378,10 +378,6 @@ def _outdone(each: _Tried, refused: _Tried, base: float) -> bool:
     if (each.steady and not refused.steady) or (each.sudden and not refused.sudden):
         return False
     return base - each.squared_error < thresholds.RIVAL_SHARE * (base - refused.squared_error)
-
-
-def _squared_error(predicted: Array, runs: Runs) -> float:
-    return float(np.sum((runs.observed - predicted) ** 2))
 
 
 def _screened(bench: Bench) -> list[tuple[int, ...]]:

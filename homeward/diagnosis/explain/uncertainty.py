@@ -262,14 +262,14 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     """Profile likelihood of the parameters of a model's effects; `fit` holds the groups that the model holds."""
     terms = model.model.terms
     models = [model, *(fit_model(fit, others, runs, block) for others in _other_terms(fit, terms, runs))]
-    best = min(models, key=lambda tried: _error(tried, runs))
+    best = min(models, key=lambda tried: runs.squared_error(tried.predicted))
     if best is not model:  # go on from there
         started = [replace(new, hypothesis=old.hypothesis) for new, old in zip(best.model.terms, terms, strict=True)]
-        best = min(best, fit_model(fit, started, runs, block), key=lambda tried: _error(tried, runs))
+        best = min(best, fit_model(fit, started, runs, block), key=lambda tried: runs.squared_error(tried.predicted))
     independent = independent_windows(runs.observed - best.predicted, runs.run)
-    as_likely = _error(best, runs) * float(np.exp(_AS_LIKELY / independent))
-    most = max(as_likely, _error(best, runs) + meter_error(runs))
-    alike = [tried for tried in models if _error(tried, runs) <= most]
+    as_likely = runs.squared_error(best.predicted) * float(np.exp(_AS_LIKELY / independent))
+    most = max(as_likely, runs.squared_error(best.predicted) + meter_error(runs))
+    alike = [tried for tried in models if runs.squared_error(tried.predicted) <= most]
     if len(alike) < 3:
         return Open(best)  # at most one neighbour is as likely: the parameters are identifiable
 
@@ -288,10 +288,6 @@ def _unusual(model: Corrected) -> int:
         for term in model.model.terms
         for parameter in term.hypothesis.entry.parameters
     )
-
-
-def _error(model: Corrected, runs: Runs) -> float:
-    return float(np.sum((runs.observed - model.predicted) ** 2))
 
 
 def _other_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list[Term]]:

@@ -65,7 +65,7 @@ _SURE = 1e-6
 """Least relative standard deviation of a measured number. Chosen: above rounding."""
 _PENALTIES = np.logspace(-1.0, 1.0, 7)
 """Lambdas that are tried, about 1: prior and minutes then count as stated. Chosen: half a decade apart or less."""
-FEW_RUNS, _OF_FEW = 8, 0.3
+_FEW_RUNS, _OF_FEW = 8, 0.3
 """Drives below which their errors are too few to choose by, and lambda then. Chosen: the middle of 0.1 and 1."""
 
 
@@ -390,7 +390,7 @@ def fit_predictive(
     fit = dataclasses.replace(fit, total=_squared(fit, runs))
     fit = _descended(fit, runs, replay)
     fit = dataclasses.replace(fit, total=_squared(fit, runs), penalty=_OF_FEW)
-    if len(runs.signals) >= FEW_RUNS:
+    if len(runs.signals) >= _FEW_RUNS:
         fit = dataclasses.replace(fit, penalty=_best_penalty(fit, runs, fold))
     return _descended(fit, runs, replay)
 

@@ -37,6 +37,10 @@ class Runs:
         """Whether every run has a channel."""
         return bool(np.bincount(self.run, np.isfinite(self.context.get(name, np.nan * self.time_s))).all())
 
+    def squared_error(self, predicted: Array) -> float:
+        """Squared error of a prediction, shape (windows,), summed over windows."""
+        return float(np.sum((self.observed - predicted) ** 2))
+
     @property
     def elapsed_s(self) -> Array:
         """Time since the first window of the run, s."""

@@ -119,15 +119,11 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
         candidates = (is_open | alike) & ~held
         holding_more = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
         fits = [fit_holding(more) for more in holding_more]
-        errors = [_squared_error(fit, runs) for fit in fits]
+        errors = [runs.squared_error(fit.predicted) for fit in fits]
         best = int(np.argmin(errors))
-        if errors[best] > thresholds.EQUAL * _squared_error(model, runs):
+        if errors[best] > thresholds.EQUAL * runs.squared_error(model.predicted):
             return model
         model, held = fits[best], holding_more[best]
-
-
-def _squared_error(model: Refit | Corrected, runs: Runs) -> float:
-    return float(np.sum((runs.observed - model.predicted) ** 2))
 
 
 def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:

@@ -140,6 +140,7 @@ def test_unknown_physics_is_said_with_its_formula(drive: Drive, husky: Robot) ->
     analysis = analyse(with_hidden(drive(husky), husky, payload_squared), husky)
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
     assert diagnosis.verdict == "unknown_physics" and diagnosis.missing_physics == ()
+    assert [(check.condition, check.holds) for check in diagnosis.together][-1] == ("channel", False)
     assert evidence is not None and evidence.empirical is not None
     assert evidence.empirical.text in diagnosis.summary and "a description, not a cause" in diagnosis.summary
     assert all(place.condition.startswith("payload above") for place in diagnosis.where)

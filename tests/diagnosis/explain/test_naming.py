@@ -309,6 +309,7 @@ def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(short_
     runs = chattering(short_drive(husky, effects={"turning": {"scrub": 0.5}}))
     analysis = analyse(runs, husky)
     assert [one.effect for one in analysis.diagnosis.missing_physics] == ["turning"]
+    assert {"recorded", "motion together"} <= {check.condition for check in analysis.diagnosis.together if check.holds}
     assert analysis.evidence is not None
     assert analysis.evidence.remaining is not None
     assert "m/s" in analysis.evidence.remaining.location.condition
