@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import zero_Celsius
 
 from homeward.physics.battery import CHEMISTRIES, FLAT, Curve, curve_of, open_circuit_v
+from homeward.physics.model import ZERO_CELSIUS_K
 from homeward.physics.robot import Robot
 
 _S_PER_H = 3600.0
@@ -86,7 +86,7 @@ def cold_resistance(temperature_c: float, times: float = COLD_TIMES) -> float:
     """
     if not temperature_c < WARM_C:
         return 1.0
-    warm_per_k, cold_per_k, here_per_k = (1.0 / (zero_Celsius + at_c) for at_c in (WARM_C, _COLD_C, temperature_c))
+    warm_per_k, cold_per_k, here_per_k = (1.0 / (ZERO_CELSIUS_K + at_c) for at_c in (WARM_C, _COLD_C, temperature_c))
     return float(times ** ((here_per_k - warm_per_k) / (cold_per_k - warm_per_k)))
 
 

@@ -21,6 +21,9 @@ from homeward.physics.jit import inline
 GRAVITY_MPS2 = 9.80665
 """Standard acceleration of gravity (ISO 80000-3)."""
 
+ZERO_CELSIUS_K = 273.15
+"""0 C in kelvin (SI Brochure, 2.3.1)."""
+
 GRADES = Bounds(-math.pi / 2, math.pi / 2)
 """Slope angles, rad."""
 

@@ -6,8 +6,6 @@ compared them with the texts.
 
 from typing import Any
 
-from scipy.constants import zero_Celsius
-
 from homeward.physics import model
 from homeward.physics.effects.base import Effect, Parameter
 from homeward.physics.jit import inline
@@ -20,7 +18,7 @@ REFERENCE_C = 20.0
 def air_temperature(p: Any, s: Any, x: Any, load: Any) -> Any:
     cold_k = REFERENCE_C - x.temperature_c
     harder = p.air_temperature_rolling_per_k * cold_k
-    denser = cold_k / (zero_Celsius + x.temperature_c)
+    denser = cold_k / (model.ZERO_CELSIUS_K + x.temperature_c)
     tyres_n = harder * model.rolling_force(p, x.cos_grade)
     air_n = denser * model.drag_force(p, x.speed_mps)
     return (tyres_n + air_n) * (x.speed_mps > 0.0)
