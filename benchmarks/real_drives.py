@@ -204,7 +204,7 @@ def missed_of(predicted: Array, runs: Runs) -> Array:
     off, drawn = (
         np.abs(np.bincount(runs.run, values * runs.duration_s)) for values in (predicted - runs.observed, runs.observed)
     )
-    return np.minimum(off / drawn, thresholds.MOST_TRIP_ERROR)
+    return np.minimum(off / drawn, thresholds.HALF)
 
 
 def errors_of(predicted: Array, runs: Runs) -> Errors:

@@ -13,9 +13,6 @@ FALSE_ALARM_RATE = 0.01
 time, effects identified by a channel, schedules, and the voltage, state of charge and odometer where recorded. Chosen
 so that all together stay near the 3 % that the project allows on controls (benchmarks/concealed)."""
 
-PLACEBOS = 19
-"""Searches of the placebo test of a formula, on channels shifted in time: the highest score of all has p = 0.05."""
-
 FEWEST_BLOCKS = 16
 """Least number of independent blocks: fewer have too few patterns of signs for a bootstrap test at this level."""
 
@@ -37,9 +34,10 @@ SHORTEST_BLOCK, CORRELATION_TIMES = 10, 3.0
 """Least windows and correlation times of a block that counts as independent. Five seconds are longer than starts and
 stops; where correlation falls exponentially, sums of blocks of n times correlate by 1 / (4 n - 2), a tenth."""
 
-FEWEST_BLOCKS_A_BIN, FEWEST_A_BIN = 5, 8
-"""Blocks and windows of a bin of a channel's values that is tested: four blocks or fewer have at most 16 patterns of
-signs, and the mean of eight windows is known to a third of the noise, 1 / sqrt(8)."""
+FEWEST_BLOCKS_A_BIN, FEWEST_VALUES = 5, 8
+"""Blocks of a bin of a channel's values that is tested: four or fewer have at most 16 patterns of signs. Values of a
+bin, pieces in time or place of a schedule, heights of a slope: the mean of eight is known to a third of the noise,
+1 / sqrt(8)."""
 
 # --- Effect size: what may be named -----------------------------------------------------------------------------------
 
@@ -48,18 +46,10 @@ SMALLEST_GAIN = 0.05
 an effect, a schedule beside other effects, or an effect in another channel than power. A refit must lower the error of
 the robot file by as much. Chosen: a smaller share lowers the held-out RMSE by less than 3 % (1 - sqrt(0.95))."""
 
-MOST_TRIP_ERROR = 0.5
-"""Largest share by which the energy of a trip counts as off when files are compared: a trip of next to no energy, as
-one downhill, would otherwise decide alone. Chosen: half; twice the range or half of it are equally useless."""
-
 SMALLEST_GAIN_TO_NAME = 0.1
-"""Least share of the squared error that a named effect must explain: less may come from a misspecified form of another.
-Of the refit's error, it is a share of what exceeds noise of power, and of all of it SMALLEST_GAIN. Chosen on
-seeds 2 and 3 of benchmarks/concealed, where all single effects found explain more."""
-
-SMALLEST_SHARE = 0.005
-"""Least share of the recorded rms that an effect or a dependence must explain, and of the energy that a schedule must
-add or save: the scale error of power meters is as large (a shunt of 0.5 %; INA226 data sheet, 0.1 % beside it)."""
+"""Least share of the squared error that a named effect, or a further level of a schedule, must explain: less may come
+from a misspecified form of another. Of the refit's error, it is a share of what exceeds noise of power, and of all of
+it SMALLEST_GAIN. Chosen on seeds 2 and 3 of benchmarks/concealed, where all single effects found explain more."""
 
 SMALLEST_GAIN_IN_TIME = 0.15
 """As SMALLEST_GAIN, for a dependence on time alone: levels between change points also fit autocorrelated noise.
@@ -84,38 +74,29 @@ motion to count as unknown physics. Chosen: six standard errors of a meter's sca
 
 # --- Model comparison: which explanation is preferred -----------------------------------------------------------------
 
-EQUIVALENT = 0.8
-"""Ratio of two gains from which one model explains as much as another. If trees on the motion and its history reach it
-against a schedule in one or two runs, no unrecorded cause is needed; effects must reach it against such trees to be
-named. Chosen on seeds 2 and 3 of benchmarks/concealed: wrong effects explain 0.6 to 0.76 of what trees do, true ones
-0.88 or more. The history of a drive is confounded with time, so that a lower ratio does not refute a schedule."""
-
-OF_MOTION = 0.5
-"""Ratio, on held-out runs, of the gain of trees on the motion to that of a schedule, from which motion counts as the
-cause. It is 0.65 and more where speed or load switches something at once, 0.3 to 0.7 for fans that follow the heat, and
-0.12 at most for loads that a clock switches (seeds 311 to 313 of benchmarks/concealed)."""
-
 SIMPLER = 0.7
 """Ratio of two gains from which a simpler model is preferred though it explains less. Effects that channels show are
 simpler than a schedule, which fits any intermittent cause (chosen on synthetic drives). The first effect alone is
 simpler than trees: it need not be all that is missing (chosen as EQUIVALENT)."""
 
 HALF = 0.5
-"""A majority: of samples (that lack motion or power, or repeat the charge before), of a window, of a way or its places,
-of what named effects leave, or of the largest of several values."""
+"""A majority: of samples, of a window, of a way or its places, of the largest of several values. What explains the
+greater part of something is its cause: named effects of the residual, motion of what a schedule explains, another
+effect that is known to be confounded of what the first explains. Twice the range or half of it are equally useless, so
+that no trip counts as off by more. Of independent values a straight line between two has as large an error as a step:
+both have twice the variance of linear prediction where values correlate by a half."""
 
-BY_MOTION = 0.5
-"""Share of the residual that trees on the motion explain, from which the refit has not absorbed what is missing."""
+TWICE = 2.0
+"""A factor of two, from which two quantities differ in kind: recorded and predicted energy (parameters that are each
+known within some ten per cent do not make it up: is it the right robot?), long and short steps between samples (a clock
+that jitters by half a step has nine in ten below twice one in ten), the squared residual and what noise leaves of it,
+what time and a channel explain. A drive is advised that halves the variance of what is least known."""
 
-BY_NAMED = 0.5
-"""Least share of the residual that named effects must explain, if what they leave is correlated and above noise."""
-
-OF_TREES = 0.5
-"""Least ratio of the gain of named effects to that of trees within the runs, where on other runs trees are not clearly
-better: on ice and snow, turning, the true effect, has 0.56 to 0.62."""
-
-ABSORBING = 0.5
-"""Squared correlation of two groups' columns from which one may absorb the other."""
+NEARLY_ALL = 0.8
+"""Nearly all, or nearly the same: the least reliability of a channel for a parameter that rests on it alone, as for
+measurement in general (Nunnally, Psychometric Theory, 1978, p. 245: 0.8 for research); the correlation from which two
+series count as the same; the ratio of two gains from which one model explains as much as another; the probability that
+the air is warmer in a window without a heater's power than in one with it (Mann-Whitney)."""
 
 BY_PLACE = 0.25
 """Share of a schedule's gain that place and height explain on held-out runs, from which time is not the cause. Chosen
@@ -126,27 +107,22 @@ RARE_CHANGES = 4
 revisited (showers), and effects that change at atypical moments. Chosen on seeds 305 and 306 of benchmarks/concealed:
 causes outside the catalogue for which such effects were named changed 6 to 43 times, showers at most 3."""
 
-FEWEST_SWITCHES, RUNS_WITH_SWITCH = 6, 3
-"""Fewest change points within runs of an intermittent load (on and off three times, so that there are two periods), or
-fewest runs in which it switches on, as often. In some run it changes twice: what changes once in each begins there."""
-
-COLDER = 0.8
-"""Probability that the air is warmer in a window without a heater's power than in one with it (Mann-Whitney), from
-which a few switches are typical of a thermostat. Chosen: between chance, 0.5, and certainty."""
+FEWEST_SWITCHES = 6
+"""Fewest change points within runs of an intermittent load (on and off three times, so that there are two periods);
+FEWEST_RUNS in which it switches on are enough. In some run it changes twice: what changes once in each begins there."""
 
 SHORTEST_LEVEL = 4
 """Least windows of a level, two seconds: its mean is then known to half of the noise, 1 / sqrt(4)."""
 
-MOST_LEVELS, FEWEST_PIECES = 4, 8
-"""Most levels of a schedule, and fewest blocks in time or place to search for one. Chosen: two for each level."""
+MOST_LEVELS = 4
+"""Most levels of a schedule: half of the fewest pieces in time or place to search for one (FEWEST_VALUES). Chosen."""
 
 COST_OF_A_CHANGE = 3
 """Parameters that an estimated change point counts for in BIC (Zhang & Siegmund, 2007)."""
 
-SAME_SCHEDULE, SMALLEST_LEVEL_GAIN = 0.02, 0.1
-"""Share of the windows of its rarest level in which two schedules may differ and count as the same; share that a level
-must add to the squared error that fewer levels explain. Half or twice of the first, and twice of the second, change no
-test of schedules (tests/diagnosis/explain: change_points, proof, explanation); half of it splits a drift."""
+SAME_SCHEDULE = 0.02
+"""Share of the windows of its rarest level in which two schedules may differ and count as the same. Half or twice
+changes no test of schedules (tests/diagnosis/explain: change_points, proof, explanation)."""
 
 STOPS_MPS = 0.05
 """Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.rules`, as a
@@ -155,9 +131,6 @@ short stop leaves no window without motion."""
 CLEARLY_APART = 4.0
 """Distance of two separate levels, in standard deviations of the residual: a window of one level lies beyond
 half-way to the other with p = 0.02, the normal tail beyond two."""
-
-CUSUM_CUTS = 4.0
-"""Squared studentised CUSUM from which a run is cut at a change point: two standard errors."""
 
 REVISITED = 1.8
 """Distance driven over extent of the way, from which place and time are not confounded. Chosen: there and back."""
@@ -169,15 +142,12 @@ SMALLEST_GAIN_OF_A_FAULT = 0.15
 """Least share of the squared error that a fault of an instrument must explain: its prior is lower than that of physics,
 and a lag or a scale absorbs part of any effect of the load. Chosen below what the Husky's late clock explains."""
 
-TIME_OVER_CHANNEL = 2.0
-"""Ratio of the gain by time to that by any channel, from which time is the explanation. Chosen on synthetic drives."""
-
 EQUAL = 1.1
 """Ratio of errors (held out, or with a group held) up to which a model is no worse. Chosen on synthetic drives."""
 
-RIVAL_SHARE, CONFUSABLE_SHARE = 0.97, 0.5
-"""Share of the best hypothesis's gain from which another is not distinguishable from it, and that for a pair known to
-be confounded that no recorded channel separates. Chosen on synthetic drives."""
+RIVAL_SHARE = 0.97
+"""Share of the best hypothesis's gain from which another is not distinguishable from it; HALF for a pair known to be
+confounded that no recorded channel separates. Chosen on synthetic drives."""
 
 PRODUCT_SPREAD = 0.02
 """Relative spread, over all models that fit as well (profile likelihood), up to which a product, ratio or sum counts as
@@ -240,12 +210,6 @@ GAUGE_STEP = 0.01
 """Least step of a state of charge to which its readings count as known: whole per cents, as drivers and smart batteries
 show them (sensor_msgs/BatteryState; SBS 1.1, RelativeStateOfCharge)."""
 
-INFORMATION_GAIN = 0.1
-"""Rise of the log-determinant of Fisher information from which a drive is advised: 0.1 narrows an interval by 5 %."""
-
-SEPARATING_GAIN = 0.6931471805599453
-"""The same, from which a drive distinguishes effects: log 2 halves the variance of what is least known."""
-
 # --- Runs: what can be used ----------------------------------------------------------------------------------------
 
 SHORTEST_RUN_S, FEWEST_SAMPLES = 5.0, 20
@@ -265,10 +229,6 @@ UNIT_RATIO = 3.0
 GAP, WINDOWS_APART = 10.0, 1.5
 """Median steps between samples, and lengths of a window between windows, above which there is a gap: single samples may
 be lost; one and a half is half-way to a missing window."""
-
-UNEVEN = 2.0
-"""Long over short steps between samples, nine in ten over one in ten, from which stamps are uneven: a clock that
-jitters by half a step makes steps of a half to one and a half, of which nine in ten are less than twice one in ten."""
 
 STANDSTILL_SHARE = 0.02
 """Share of the robot's top speed up to which it stands. Chosen: for a robot of 1 m/s as STANDSTILL_MPS in
@@ -300,9 +260,8 @@ way driven: no corner of a loop is as acute. Or distances before and after it, a
 it, differ by no more than the second and third share of their variance. Chosen on 40 drives of seed 301 of
 benchmarks/concealed: turns have 0.06 and 0.28 at most, and no loop is below both."""
 
-STEEPEST, FEWEST_HEIGHTS = 1.0, 8
-"""Largest slope, rise over run: no ground robot climbs it. Fewest heights to estimate a level, a slope and their
-variances: twice what is estimated."""
+STEEPEST = 1.0
+"""Largest slope, rise over run: no ground robot climbs it."""
 
 COLD_C = 10.0
 """Mean temperature below which cold may explain a lower battery capacity: cells are rated at 25 degC, and their
@@ -312,18 +271,8 @@ SMOOTHING_ERROR = 2.0
 """Factor on the standard deviation from a smoothed channel's posterior: the bias of smoothing adds as much again (1.4
 times in slopes with 0.7 degrees of noise, at most)."""
 
-SAME = 0.8
-"""Correlation from which two series count as the same: slopes out and, reversed, home; the residual of one window and
-of the next, which is then no white noise (on seeds 305 and 306 of benchmarks/concealed unrecorded causes leave 0.9 and
-more, ordinary instruments 0.6 at most); by rank, the fading of a battery and a confounder. As RELIABLE."""
-
-RELIABLE = 0.8
-"""Least reliability of a channel for a parameter that rests on it alone, as for measurement in general (Nunnally,
-Psychometric Theory, 1978, p. 245: 0.8 for research)."""
-
-FEWEST_TO_SMOOTH, SMOOTHED_AT_ONCE = 50, 50_000
-"""Fewest and most samples from which the noise of a channel is estimated: its standard error is then 10 %, and below
-1 % (1 / sqrt(2 n))."""
+FEWEST_TO_SMOOTH = 50
+"""Fewest samples from which the noise of a channel is estimated: its standard error is then 10 %, 1 / sqrt(2 n)."""
 
 PLATEAUS = 0.1
 """Share of samples with a change, below which a channel that changes by whole steps is read at its changes: with noise
@@ -353,10 +302,6 @@ HELD, JITTER = 0.95, 0.34
 """Least share of a channel's changes that come at even distances if the channel is held, and the share of a period by
 which they may be off, one sample in three. With noise, repeats are chance. Chosen."""
 
-HELD_SMOOTH = 0.5
-"""Least lag-one autocorrelation of held values for interpolating between them: of independent values a straight line
-has as large an error as a step (both have twice the variance of linear prediction at half a step for 0.5)."""
-
 LONGEST_CHANNEL_LAG_S, SHORTEST_CHANNEL_LAG_S = 20.0, 1.0
 """Longest and shortest channel lag that is corrected: filters of barometers and GNSS receivers take seconds (chosen);
 the lag of power, their reference, trades off with inertia by some tenths."""
@@ -365,10 +310,9 @@ LONGEST_DRIFT_S, SMALLEST_DRIFT_S = 4.0, 0.1
 """Longest and smallest clock drift over a run to correct. Chosen: 100 ppm, a poor crystal, are 0.4 s an hour, and
 loggers lose more; less than a fifth of an averaging window moves hardly any power to the next."""
 
-INDEPENDENT_S, FEWEST_STRETCHES, MOST_SAMPLES_OF_A_DRIFT = 10.0, 12, 200_000
+INDEPENDENT_S, FEWEST_STRETCHES = 10.0, 12
 """Length and fewest of the stretches whose errors count as independent in a drift: longer than a change of speed, and
-two minutes, as errors clustered by fewer are too small (see CLEAR_DRIFT). Over hours of driving (5.6 at 10 Hz) a drift
-is not linear. Chosen."""
+two minutes, as errors clustered by fewer are too small (see CLEAR_DRIFT). Chosen."""
 
 CLEAR_DRIFT = 5.0
 """Standard errors by which a clock's drift must differ from zero: clustered errors of a dozen stretches are a quarter
@@ -386,15 +330,6 @@ SAMPLES_A_WINDOW = 2
 """Samples that a window of a slow log holds at least: acceleration is a central difference over two steps. Over windows
 of one sample a true inertia comes out 8 % too large at 1 Hz, over two 2 %, over three -2 % (six drives)."""
 
-RIGHT_ROBOT = 2.0
-"""Ratio of recorded to predicted energy beyond which the robot file is questioned: the presets' parameters, each
-estimated within some ten per cent, do not make up such a ratio. Chosen."""
-
 LEAST_R2 = 0.9
 """Held-out R^2 below which a channel that was not recorded may be the reason: on hills a fit without slopes stays
 below, as slopes of 2 % consume as much as a seventh of what rolling resistance does."""
-
-BEYOND_NOISE = 2.0
-"""Ratio of the squared residual to that expected from the noise of power and the other channels, above which something
-is unexplained. Chosen on seed 305 of benchmarks/concealed: unrecorded causes leave 2.6 times as much and more, controls
-0.1 to 1."""

@@ -9,10 +9,8 @@ from homeward.diagnosis import thresholds
 
 
 def test_numbers_that_are_derived_are_what_is_derived() -> None:
-    assert pytest.approx(thresholds.SIGNIFICANT) == 1.0 / (thresholds.PLACEBOS + 1)
     assert pytest.approx(norm.ppf(0.975), abs=0.005) == thresholds.NORMAL_95
     assert round(thresholds.NORMAL_95) == thresholds.CLEAR
-    assert pytest.approx(math.log(2.0)) == thresholds.SEPARATING_GAIN
     assert 2.0 < 1.0 / math.sqrt(1.0 - thresholds.CONFOUNDED**2) < 2.5  # more than twice the standard error
     assert math.sqrt(thresholds.SHORTEST_LEVEL) == 2.0  # the mean of a level is known to half of the noise
     assert 1.0 - math.sqrt(1.0 - thresholds.SMALLEST_GAIN) < 0.03  # of the held-out RMSE
@@ -27,8 +25,13 @@ def test_numbers_that_are_derived_are_what_is_derived() -> None:
 def test_limits_of_one_thing_are_in_order() -> None:
     assert thresholds.SMALLEST_GAIN < thresholds.SMALLEST_GAIN_TO_NAME < thresholds.SMALLEST_GAIN_OF_A_FAULT
     assert thresholds.AS_FAST_IN_KMH < thresholds.TOO_FAST < 3.6
-    assert thresholds.INFORMATION_GAIN < thresholds.SEPARATING_GAIN
-    assert thresholds.CONFUSABLE_SHARE < thresholds.RIVAL_SHARE < 1.0
+    assert (
+        thresholds.HALF
+        < thresholds.NEARLY_ALL
+        < thresholds.RIVAL_SHARE
+        < 1.0
+        < thresholds.SPIKE_BEYOND
+        < thresholds.TWICE
+    )
     assert math.tan(math.radians(30.0)) < thresholds.STEEPEST
-    assert 1000.0 / thresholds.UNIT_RATIO > thresholds.RIGHT_ROBOT  # a wrong robot is no wrong unit
-    assert thresholds.SPIKE_BEYOND > 1.0 < thresholds.BEYOND_NOISE
+    assert 1000.0 / thresholds.UNIT_RATIO > thresholds.TWICE  # a wrong robot is no wrong unit

@@ -83,9 +83,7 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return bool(most <= (how == "once"))
     if how == "repeatedly":
         comes_on = len(np.unique(run[changes[step[changes] > 0]]))
-        return bool(
-            most > 1 and (comes_on >= thresholds.RUNS_WITH_SWITCH or len(changes) >= thresholds.FEWEST_SWITCHES)
-        )
+        return bool(most > 1 and (comes_on >= thresholds.FEWEST_RUNS or len(changes) >= thresholds.FEWEST_SWITCHES))
     stops = np.abs(runs.context["speed_mps"]) < thresholds.STOPS_MPS
     near = (np.abs(runs.time_s - runs.time_s[one]) <= _AROUND * WINDOW_S for one in changes)
     at_standstill = [stops[close & (run == run[one])].any() for close, one in zip(near, changes, strict=True)]
@@ -96,7 +94,7 @@ def _is_colder(on: Mask, runs: Runs) -> bool:
     """Whether the air is colder in windows where a load is on, shape (windows,), than in most others."""
     temperature_c = runs.context["temperature_c"]
     ranks = mannwhitneyu(temperature_c[~on], temperature_c[on], nan_policy="omit").statistic
-    return bool(ranks >= thresholds.COLDER * np.count_nonzero(on) * np.count_nonzero(~on))
+    return bool(ranks >= thresholds.NEARLY_ALL * np.count_nonzero(on) * np.count_nonzero(~on))
 
 
 def place_of(runs: Runs) -> Array | None:
@@ -130,7 +128,7 @@ def search(
     if whole == 0.0 or weight == 0.0:
         return []
     cuts = [_blocks(shape[part], max(1, round(blocks * float(shape[part] @ shape[part]) / weight))) for part in parts]
-    if sum(len(cut) for cut in cuts) < thresholds.FEWEST_PIECES:
+    if sum(len(cut) for cut in cuts) < thresholds.FEWEST_VALUES:
         return []
     order, ends = np.concatenate(parts), np.cumsum([len(cut) for cut in cuts])[:-1]
     lengths = np.concatenate([np.diff(cut, append=len(part)) for part, cut in zip(parts, cuts, strict=True)])
@@ -207,7 +205,7 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
         gain = total - remaining - explained
-        if gain <= penalty or gain < thresholds.SMALLEST_LEVEL_GAIN * explained:
+        if gain <= penalty or gain < thresholds.SMALLEST_GAIN_TO_NAME * explained:
             break
         level, levels, explained = number, count, explained + gain
     if signed and levels > 1:  # the most frequent level is the reference

@@ -109,9 +109,9 @@ def _beyond_motion(candidate: Candidate) -> float | None:
 CONDITIONS: tuple[Condition[Candidate], ...] = (
     Condition(
         "energy", "share of the recorded energy that it adds or saves",
-        "an effect whose size changes", "at least", lambda candidate: thresholds.SMALLEST_SHARE,
-        f"{thresholds.SMALLEST_SHARE:.1%}",
-        "SMALLEST_SHARE",
+        "an effect whose size changes", "at least", lambda candidate: thresholds.GAIN_ERROR,
+        f"{thresholds.GAIN_ERROR:.1%}",
+        "GAIN_ERROR",
         lambda candidate: None if candidate.term.axis == "steady" else candidate.energy_share,
     ),
     Condition(
@@ -166,7 +166,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
 def _least_beside_motion(together: Together) -> float:
     if together.is_scheduled:
         return 1.0
-    return thresholds.OF_TREES if together.beats_trees else thresholds.SIMPLER
+    return thresholds.HALF if together.beats_trees else thresholds.SIMPLER
 
 
 def _beside_motion(together: Together) -> float:
@@ -197,16 +197,16 @@ TOGETHER: tuple[Condition[Together], ...] = (
     Condition(
         "rest", "share of the squared held-out error of the refit that they explain",
         "effects that leave a residual above noise, which depends on none of the channels of the first", "at least",
-        lambda together: thresholds.BY_NAMED, f"{thresholds.BY_NAMED:.0%}", "BY_NAMED",
+        lambda together: thresholds.HALF, f"{thresholds.HALF:.0%}", "HALF",
         lambda together: together.share if together.leaves_a_residual else None,
     ),
     Condition(
         "motion together", "what they explain over what trees on the motion and its history explain; "
         "of a schedule, both beside the effects that channels show",
         "all", "more than", _least_beside_motion,
-        f"1 of a schedule; otherwise {thresholds.SIMPLER:g}, or {thresholds.OF_TREES:g} if trees do not predict "
+        f"1 of a schedule; otherwise {thresholds.SIMPLER:g}, or {thresholds.HALF:g} if trees do not predict "
         "unseen runs much better",
-        "SIMPLER, OF_TREES, CLEARLY_BETTER",
+        "SIMPLER, HALF, CLEARLY_BETTER",
         _beside_motion,
     ),
     Condition(

@@ -112,7 +112,7 @@ class _Search:
             return Explanation(replace(naming, unrecorded=True))
         if self.location is not None:
             return Explanation(naming, self.location, its.formula)
-        if its.by_motion >= thresholds.BY_MOTION:
+        if its.by_motion >= thresholds.HALF:
             if not is_material(its.fit, its.runs):
                 return Explanation(naming)
             # Where most of what motion explains shows.

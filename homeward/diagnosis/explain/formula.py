@@ -27,6 +27,7 @@ from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 
+_PLACEBOS = round(1.0 / thresholds.SIGNIFICANT) - 1  # the highest score of all then has p = SIGNIFICANT
 _MOST_TERMS = 2  # chosen: each takes a search and its placebos
 _MOST_SEARCHED = 20_000  # windows; chosen: bounds the time, of more the search takes every second, third, ...
 _MOST_ALTERNATIVES = 3  # expressions listed beside a term; chosen: to be read at a glance
@@ -90,7 +91,7 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.G
         if bic_gain < thresholds.VERY_STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), rng)
-        if p_value_of_term > 1.0 / (thresholds.PLACEBOS + 1):
+        if p_value_of_term > thresholds.SIGNIFICANT:
             break
         chosen, total_bic_gain, p_value = [*chosen, best], total_bic_gain + bic_gain, max(p_value, p_value_of_term)
     if not chosen:
@@ -212,8 +213,8 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
 def _placebo_p_value(search: Search, present: Sequence[int], score: float, rng: np.random.Generator) -> float:
     """P-value: share of searches, this one included, that score as high on placebos, channels shifted in time."""
     parts = search.library.parts
-    found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(thresholds.PLACEBOS)]
-    return (1 + sum(one >= score for one in found)) / (thresholds.PLACEBOS + 1)
+    found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(_PLACEBOS)]
+    return (1 + sum(one >= score for one in found)) / (_PLACEBOS + 1)
 
 
 def _coefficients(fit: Fitted, runs: Runs, block: Index, columns: Array) -> tuple[Array, Array]:

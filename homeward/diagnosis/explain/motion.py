@@ -56,9 +56,9 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> 
     fold, by = cut_folds(runs, block)
     by_motion = motion_gain(fit, runs, fold, rng)
     if by == "block":
-        return by_motion / thresholds.EQUIVALENT
+        return by_motion / thresholds.NEARLY_ALL
     by_clock = _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, (), [runs.elapsed_s]))
-    return by_motion / thresholds.OF_MOTION if by_motion > by_clock else 0.0
+    return by_motion / thresholds.HALF if by_motion > by_clock else 0.0
 
 
 def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:

@@ -317,7 +317,7 @@ class _Search:
         for each in sorted((each for each in tried if len(each.added) == 1), key=lambda other: other.squared_error):
             form = each.forms[0]
             alike = form.hypothesis.looks_like(named.term.hypothesis, self.runs)
-            least = thresholds.CONFUSABLE_SHARE if alike else thresholds.RIVAL_SHARE
+            least = thresholds.HALF if alike else thresholds.RIVAL_SHARE
             if form.effect == named.term.effect or base - each.squared_error < least * (base - own):
                 continue
             with_it = EffectSet(each.model, self.runs, self.block, self.rng)

@@ -136,7 +136,7 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Genera
 
     def rank(one: Dependence) -> tuple[bool, float]:
         # Every intermittent cause also depends on time, and a level per stretch is more flexible.
-        behind = one.channel is _TIME and one.held_out_gain < thresholds.TIME_OVER_CHANNEL * best
+        behind = one.channel is _TIME and one.held_out_gain < thresholds.TWICE * best
         return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
 
     return sorted(found, key=rank)
@@ -223,7 +223,7 @@ def _stretches(statistic: _TestStatistic, chosen: Array, run: Index, block: Inde
     cut = np.zeros(len(run), dtype=np.intp)
     for one in np.unique(statistic.family):
         largest = max(np.flatnonzero(statistic.family == one), key=lambda index: departure[index])
-        if departure[largest] >= thresholds.CUSUM_CUTS:
+        if departure[largest] >= thresholds.CLEAR**2:
             cut += (chosen[largest] > 0.0)[block]
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
 
@@ -257,7 +257,7 @@ def _edges(values: Array) -> Array:
     count = np.bincount(np.searchsorted(edges, values, side="right"), minlength=len(edges) + 1)
     kept = [0]  # a bin with too few values joins the one before it, the first the one after it
     for k in range(1, len(count)):
-        if count[k] >= thresholds.FEWEST_A_BIN and count[kept[-1] : k].sum() >= thresholds.FEWEST_A_BIN:
+        if count[k] >= thresholds.FEWEST_VALUES and count[kept[-1] : k].sum() >= thresholds.FEWEST_VALUES:
             kept.append(k)
     return np.asarray(edges[np.array(kept[1:], np.intp) - 1])
 

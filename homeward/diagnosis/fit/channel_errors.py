@@ -56,7 +56,7 @@ def tilt_error(fit: Fitted, runs: Runs) -> float:
 
 def meter_error(runs: Runs) -> float:
     """Squared scale error of a power meter, summed over windows, W^2 or A^2."""
-    return thresholds.SMALLEST_SHARE**2 * float(runs.observed @ runs.observed)
+    return thresholds.GAIN_ERROR**2 * float(runs.observed @ runs.observed)
 
 
 def reliability(name: str, runs: Runs) -> float:
@@ -93,13 +93,13 @@ def unrecorded(runs: Runs) -> list[Influence]:
 def is_autocorrelated(residual: Array, runs: Runs) -> bool:
     """Whether a residual, (windows,), has a lag-one autocorrelation of `SAME` or more, unlike noise of power."""
     together = runs.run[1:] == runs.run[:-1]
-    return float((residual[1:] * residual[:-1])[together].sum()) >= thresholds.SAME * float(residual @ residual)
+    return float((residual[1:] * residual[:-1])[together].sum()) >= thresholds.NEARLY_ALL * float(residual @ residual)
 
 
 def unexplained(fit: Fitted, runs: Runs) -> bool:
     """Whether a fit has a material, autocorrelated residual above the noise though all dependencies were recorded."""
     persistent = is_material(fit, runs) and is_autocorrelated(runs.observed - fit.predicted, runs)
-    return persistent and not unrecorded(runs) and times_noise(fit, runs) > thresholds.BEYOND_NOISE
+    return persistent and not unrecorded(runs) and times_noise(fit, runs) > thresholds.TWICE
 
 
 def is_material(fit: Fitted, runs: Runs) -> bool:

@@ -25,6 +25,7 @@ _COARSE_S = 1.0  # step of the search for a late channel, refined around the bes
 _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power; chosen: up to 3 s, by half a window
 _MOST_RUNS = 5  # in the search; chosen: all have the same sensor
 _MOST_SEARCHED = 20_000  # samples of each run; chosen: half an hour at 10 Hz
+_MOST_OF_A_DRIFT = 200_000  # samples: over hours, 5.6 at 10 Hz, a drift is not linear; chosen
 _COARSE_DRIFT_S = 0.5  # step of the first search; chosen: Gauss-Newton finds the drift from the nearest
 _GROUNDS = 12  # knots along the way; chosen: coarse, as a fine profile would absorb the slopes
 _ITERATIONS = 4  # Gauss-Newton steps from the best of the coarse drifts, a quarter of a second off at most; chosen
@@ -143,7 +144,7 @@ def _drift(run: Signals, robot: Robot) -> float:
     error is clustered by stretch.
     """
     stretch = (run.time_s - run.time_s[0]) // thresholds.INDEPENDENT_S
-    if stretch[-1] < thresholds.FEWEST_STRETCHES or len(run.time_s) > thresholds.MOST_SAMPLES_OF_A_DRIFT:
+    if stretch[-1] < thresholds.FEWEST_STRETCHES or len(run.time_s) > _MOST_OF_A_DRIFT:
         return 0.0
     columns, since = drive_columns(run, robot, run.grade_rad), _since(run)
 

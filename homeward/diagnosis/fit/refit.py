@@ -162,7 +162,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
         fitted, width = fit.theta[j] * problem.to_group[j], widths[j] * problem.to_group[j]
         if status == "fitted" and (
             width > max(abs(assumed), abs(fitted))
-            or reliability(_RESTS_ON.get(group.name, ""), runs) < thresholds.RELIABLE
+            or reliability(_RESTS_ON.get(group.name, ""), runs) < thresholds.NEARLY_ALL
         ):
             status = "too uncertain"
         elif status == "fitted" and fit.at_bound[j]:

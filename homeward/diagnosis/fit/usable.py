@@ -119,7 +119,7 @@ def _corrected(kept: Sequence[_Run], robot: Robot, sloped: bool) -> tuple[list[S
     if wrong_sign := wrong_slopes(runs, robot):
         notes.append(Finding(first, wrong_sign))
     ratio = _over_expected(runs, robot)
-    if not 1.0 / thresholds.RIGHT_ROBOT < ratio < thresholds.RIGHT_ROBOT:
+    if not 1.0 / thresholds.TWICE < ratio < thresholds.TWICE:
         text = f"draws {ratio:.2g} times what {robot.name} should, all runs together"
         notes.append(Finding(first, f"{text}: is this the right robot, and the right unit?"))
     return runs, notes

@@ -26,7 +26,7 @@ def on_even_clock(recording: Recording, shortest_s: float) -> tuple[Recording, s
         return recording, None
     steps_s = np.diff(time_s)
     short_s, long_s = np.quantile(steps_s, [0.1, 0.9]).tolist()
-    if long_s < thresholds.UNEVEN * short_s:
+    if long_s < thresholds.TWICE * short_s:
         return recording, None
     tick_s = max(shortest_s, float(np.median(steps_s)))
     edges_s = np.arange(time_s[0], time_s[-1], tick_s)

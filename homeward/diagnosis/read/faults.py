@@ -154,4 +154,4 @@ def _updates(values: Array) -> Index | None:
 def _smooth(fresh: Array) -> bool:
     """Whether held values are autocorrelated enough to interpolate between them."""
     centred = fresh - fresh.mean()
-    return float(centred[1:] @ centred[:-1]) > thresholds.HELD_SMOOTH * float(centred @ centred)
+    return float(centred[1:] @ centred[:-1]) > thresholds.HALF * float(centred @ centred)

@@ -12,13 +12,13 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 from scipy.optimize import minimize_scalar
 
-from homeward.diagnosis import thresholds
 from homeward.logs.channels import Array
 
 _LOG_RATIOS = (-12.0, 26.0)  # of the noise's variance over that of the differences; chosen: from no noise to noise only
 _PRECISE = 0.05  # of the logarithm of a ratio of variances; chosen: 5 %, which hardly changes the values
 _SWEEPS = 8  # of expectation maximisation; chosen: bounds the time
 _FREEDOM = 1.0  # degrees of freedom of Student's t: jumps of any size
+_SMOOTHED_AT_ONCE = 50_000  # samples; chosen: the noise is then known within 1 %, 1 / sqrt(2 n)
 _DRAWS = 16  # of the posterior: its variance, averaged over thousands of samples, is known within a few per cent
 
 
@@ -75,12 +75,12 @@ def smoothed(
     """
     weight = np.ones(len(values)) if weight is None else weight
     stiffness = np.ones(len(values) - order) if breaks is None else breaks
-    part = slice(0, thresholds.SMOOTHED_AT_ONCE)
-    head, its_weight, its_stiffness = values[part], weight[part], stiffness[: thresholds.SMOOTHED_AT_ONCE - order]
+    part = slice(0, _SMOOTHED_AT_ONCE)
+    head, its_weight, its_stiffness = values[part], weight[part], stiffness[: _SMOOTHED_AT_ONCE - order]
     best, factor, found = _likeliest(head, its_weight, its_stiffness, order, np.arange(*_LOG_RATIOS, 2.0), noise)
     for _ in range(_SWEEPS if jumps else 0):
         stiffness = _stiffness(values, weight, stiffness, order, best, found)
-        its_stiffness = stiffness[: thresholds.SMOOTHED_AT_ONCE - order]
+        its_stiffness = stiffness[: _SMOOTHED_AT_ONCE - order]
         grid = np.clip(best + np.arange(-2.0, 4.0, 2.0), *_LOG_RATIOS)
         best, factor, found = _likeliest(head, its_weight, its_stiffness, order, grid, noise)
     draws = _draws(factor, order, len(head), found)
@@ -108,7 +108,7 @@ def _likeliest(
 def _stiffness(values: Array, weight: Array, stiffness: Array, order: int, log_ratio: float, noise: float) -> Array:
     """Expected inverse variance of each difference, relative, if differences are from Student's t distribution."""
     factor, smooth = _solved(values, weight, _penalty(stiffness, order, len(values)), log_ratio)
-    drawn = min(len(values), thresholds.SMOOTHED_AT_ONCE)
+    drawn = min(len(values), _SMOOTHED_AT_ONCE)
     spread = np.mean(np.diff(_draws(factor[:, -drawn:], order, drawn, noise), order, axis=1) ** 2, axis=0)
     if drawn < len(values):
         spread = np.full(len(stiffness), spread.mean())

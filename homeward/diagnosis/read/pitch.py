@@ -47,7 +47,7 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
     if (
         len(out) < thresholds.HALF * _PLACES
         or not np.ptp(out) * np.ptp(home)
-        or np.corrcoef(out, home)[0, 1] > -thresholds.SAME
+        or np.corrcoef(out, home)[0, 1] > -thresholds.NEARLY_ALL
     ):
         return None
     middle = (out + home) / 2.0

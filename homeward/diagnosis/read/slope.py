@@ -29,7 +29,7 @@ def slope_along(
     """
     way_m = speed_mps[:-1] * steps_s
     path_m = np.concatenate(([0.0], np.cumsum(np.abs(way_m))))
-    if path_m[-1] < thresholds.FEWEST_HEIGHTS * cell_m or not np.isfinite(elevation_m).any():
+    if path_m[-1] < thresholds.FEWEST_VALUES * cell_m or not np.isfinite(elevation_m).any():
         return None
     cells = int(path_m[-1] / cell_m)
     cell_m = float(path_m[-1]) / cells
@@ -44,7 +44,7 @@ def slope_along(
         total = total**2 / np.maximum(np.bincount(cell, weight**2, cells), 1e-24)
     if not np.ptp(height[weight > 0.0]):
         return np.zeros(len(elevation_m)), 0.0
-    if int((total > 0.0).sum()) < thresholds.FEWEST_HEIGHTS:
+    if int((total > 0.0).sum()) < thresholds.FEWEST_VALUES:
         return None
     onward = np.bincount(cell[:-1], way_m, cells)
     turns_back = np.abs(np.diff(np.sign(onward))) > 1.0

@@ -115,7 +115,7 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
         at_bound = np.array([estimate.status == "at bound" for estimate in estimated])
         columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
         # Groups correlated with one at a bound may have absorbed a part of it.
-        alike = ((columns.T @ columns)[:, is_open & at_bound] ** 2 > thresholds.ABSORBING).any(axis=1)
+        alike = ((columns.T @ columns)[:, is_open & at_bound] ** 2 > thresholds.HALF).any(axis=1)
         candidates = (is_open | alike) & ~held
         holding_more = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
         fits = [fit_holding(more) for more in holding_more]
@@ -199,7 +199,7 @@ def error_parts(predicted: Array, runs: Runs, trip: Index) -> tuple[float, float
     error = predicted - runs.observed
     of_power = float(np.sqrt(np.mean(error**2) / max(float(np.mean(runs.observed**2)), 1e-300)))
     missed, drawn = (np.abs(np.bincount(trip, values * runs.duration_s)) for values in (error, runs.observed))
-    of_trips = np.minimum(missed / np.maximum(drawn, 1e-300), thresholds.MOST_TRIP_ERROR)
+    of_trips = np.minimum(missed / np.maximum(drawn, 1e-300), thresholds.HALF)
     return of_power, float(of_trips.mean())
 
 

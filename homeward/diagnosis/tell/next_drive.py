@@ -23,6 +23,8 @@ from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.autocorrelation import noise_of
 from homeward.logs.channels import Array, Mask
 
+_WORTHWHILE = float(np.log(thresholds.TWICE))  # log-determinant of information: a variance halved
+
 GUIDE = "docs/recording_guide.md"
 """The page that describes how to drive and record each drive of the menu."""
 
@@ -94,7 +96,7 @@ def to_tell_apart(fit: Refit, runs: Runs, residual: Array, first: Term, rivals: 
     """
     effects = [at_its_size(fit, runs, term) for term in (first, *rivals)]
     best, gain = _best(gains(fit, runs, residual, [one for one in effects if one.size != 0.0]))
-    worthwhile = gain >= (thresholds.SEPARATING_GAIN if rivals else thresholds.INFORMATION_GAIN)
+    worthwhile = gain >= _WORTHWHILE
     # Of measurements, that of a fault of an instrument comes before that of physics.
     measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
     advice = best.sentence if worthwhile else measured.measurement
@@ -129,7 +131,7 @@ def to_determine(
     """
     open_groups = [one.group for one in estimates if one.fitted is None]
     best, gain = _best(gains(fit, runs, residual, [], [group.name for group in open_groups]))
-    if open_groups and gain >= thresholds.INFORMATION_GAIN:
+    if open_groups and gain >= _WORTHWHILE:
         longer = "" if long_enough else ", for five minutes or more"
         unknown = ", ".join(f"{group.name.replace('_', ' ')} ({group.symbol})" for group in open_groups)
         return f"To determine {unknown}, {best.sentence}{longer}."

@@ -63,11 +63,11 @@ def _lost_in_last(robot: Robot, rate: float, wide: float) -> Value:
 def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
     """Confounders of ageing: cold or load, where they are rank-correlated with the faster fall of the charge."""
     load = pd.Series(runs.observed).groupby(runs.run).mean()[numbers]
-    confounders = [battery.CONFOUNDED_WITH_LOAD] if spearmanr(rate, load).statistic > thresholds.SAME else []
+    confounders = [battery.CONFOUNDED_WITH_LOAD] if spearmanr(rate, load).statistic > thresholds.NEARLY_ALL else []
     air_c = runs.context.get("temperature_c")
     if air_c is None:
         return (*confounders, battery.CONFOUNDED_WITH_COLD)
     warmth = pd.Series(air_c).groupby(runs.run).mean()[numbers]
-    if np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -thresholds.SAME:
+    if np.ptp(warmth) > 0.0 and spearmanr(rate, warmth).statistic < -thresholds.NEARLY_ALL:
         confounders.append(battery.CONFOUNDED_WITH_COLD)
     return tuple(confounders)

@@ -169,6 +169,6 @@ class _Loss:
 
 def _rivals(best: _Loss, proof: Proof, proven: "list[tuple[Proof, _Loss]]") -> tuple[str, ...]:
     """Other proven losses that explain half as much as the best."""
-    least = thresholds.CONFUSABLE_SHARE * (proof.held_out_gain or 0.0)
+    least = thresholds.HALF * (proof.held_out_gain or 0.0)
     alike = [loss.hypothesis.id for other, loss in proven if (other.held_out_gain or 0.0) > least]
     return tuple(rival for rival in dict.fromkeys(alike) if rival != best.hypothesis.id)
