@@ -2,7 +2,8 @@
 
 `python -m benchmarks.thresholds` lists them with their files and prints their counts. A threshold of
 `homeward/diagnosis/thresholds.py` counts once, wherever it is read; so does a number or a constant of a module that
-stands in a comparison. Errors of instruments and the priors of the fit made to predict are no limits, and stand apart.
+stands in a comparison. What follows from other thresholds is no choice of its own; errors of instruments, the cost of a
+change point, and the priors of the fit made to predict are no limits.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ FOLDER = Path(__file__).resolve().parents[1] / "homeward" / "diagnosis"
 THRESHOLDS = FOLDER / "thresholds.py"
 STRUCTURE = frozenset({0, 1, 2})
 """Numbers of a comparison that count things or name a sign: none, one, two."""
-ERRORS = frozenset({"GAIN_ERROR", "GAUGE_GAIN_SD", "CURVE_SD", "CAPACITY_SD", "SMOOTHING_ERROR"})
-"""Standard errors of instruments, which no comparison reads alone."""
+NO_LIMITS = frozenset({"GAUGE_GAIN_SD", "CURVE_SD", "CAPACITY_SD", "SMOOTHING_ERROR", "COST_OF_A_CHANGE"})
+"""Standard errors of instruments and a count of parameters, which no comparison reads alone."""
 
 
 def named() -> dict[str, set[str]]:
     """Files of the diagnosis that read each threshold, by its name."""
     readers: dict[str, set[str]] = {}
     for statement in ast.parse(THRESHOLDS.read_text()).body:
-        if isinstance(statement, ast.Assign):
+        if isinstance(statement, ast.Assign) and not _follows_from_others(statement.value):
             for target in statement.targets:
                 parts = target.elts if isinstance(target, ast.Tuple) else [target]
                 readers |= {part.id: set() for part in parts if isinstance(part, ast.Name)}
@@ -41,6 +42,13 @@ def named() -> dict[str, set[str]]:
                     if alias.name in readers:
                         readers[alias.name].add(str(path.relative_to(FOLDER)))
     return readers
+
+
+def _follows_from_others(value: ast.expr) -> bool:
+    """Whether a value is derived from other thresholds, with no number of its own but those that count or halve."""
+    nodes = list(ast.walk(value))
+    numbers = {node.value for node in nodes if isinstance(node, ast.Constant)}
+    return numbers <= STRUCTURE and any(isinstance(node, ast.Name) for node in nodes)
 
 
 def written() -> list[tuple[str, str]]:
@@ -82,7 +90,7 @@ def _has_number(compare: ast.Compare, constants: set[str]) -> bool:
 def main() -> None:
     """Print the numbers, the comparisons and the conditions, with their counts."""
     console = Console(width=150)
-    limits = {name: files for name, files in named().items() if name not in ERRORS}
+    limits = {name: files for name, files in named().items() if name not in NO_LIMITS}
     table = Table(title="Thresholds")
     for head in ("name", "read by"):
         table.add_column(head)

@@ -61,7 +61,7 @@ class Schedule:
 
 def clearly_apart(schedule: Schedule | None) -> bool:
     """Whether the levels are separate: those of a schedule that fits autocorrelated noise are not."""
-    return schedule is not None and schedule.apart > thresholds.CLEARLY_APART
+    return schedule is not None and schedule.apart > thresholds.FAR_APART
 
 
 def profiles(runs: Runs) -> list[Array]:

@@ -76,7 +76,7 @@ def passes(checks: Collection[Checked], without: Collection[str] = ()) -> bool:
 
 def _least_gain(candidate: Candidate) -> float:
     of_fault = not candidate.term.hypothesis.physical
-    return thresholds.SMALLEST_GAIN_OF_A_FAULT if of_fault else thresholds.SMALLEST_GAIN_TO_NAME
+    return thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE if of_fault else thresholds.SMALLEST_GAIN_TO_NAME
 
 
 def _times_instruments(candidate: Candidate) -> float:
@@ -125,8 +125,8 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     Condition(
         "apart", "distance of its levels, in standard deviations of their residual",
         "a schedule beside another effect that explains less than half of the rest", "more than",
-        lambda candidate: thresholds.CLEARLY_APART, f"{thresholds.CLEARLY_APART:g}",
-        "CLEARLY_APART",
+        lambda candidate: thresholds.FAR_APART, f"{thresholds.FAR_APART:g}",
+        "FAR_APART",
         _apart,
     ),
     Condition(
@@ -134,8 +134,8 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
         "share of the held-out squared error of the model without it, less noise of power, that it explains",
         "every effect", "at least", _least_gain,
         f"{thresholds.SMALLEST_GAIN_TO_NAME:.0%}, of a fault of an instrument "
-        f"{thresholds.SMALLEST_GAIN_OF_A_FAULT:.0%}",
-        "SMALLEST_GAIN_TO_NAME, SMALLEST_GAIN_OF_A_FAULT",
+        f"{thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE:.0%}",
+        "SMALLEST_GAIN_TO_NAME, SMALLEST_GAIN_OF_THE_FLEXIBLE",
         lambda candidate: candidate.gain_beyond_noise,
     ),
     Condition(
@@ -166,7 +166,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
 def _least_beside_motion(together: Together) -> float:
     if together.is_scheduled:
         return 1.0
-    return thresholds.HALF if together.beats_trees else thresholds.SIMPLER
+    return thresholds.HALF if together.beats_trees else thresholds.NEARLY_ALL
 
 
 def _beside_motion(together: Together) -> float:
@@ -204,15 +204,15 @@ TOGETHER: tuple[Condition[Together], ...] = (
         "motion together", "what they explain over what trees on the motion and its history explain; "
         "of a schedule, both beside the effects that channels show",
         "all", "more than", _least_beside_motion,
-        f"1 of a schedule; otherwise {thresholds.SIMPLER:g}, or {thresholds.HALF:g} if trees do not predict "
+        f"1 of a schedule; otherwise {thresholds.NEARLY_ALL:g}, or {thresholds.HALF:g} if trees do not predict "
         "unseen runs much better",
-        "SIMPLER, HALF, CLEARLY_BETTER",
+        "NEARLY_ALL, HALF",
         _beside_motion,
     ),
     Condition(
         "place", "what the place and the height climbed explain over what the schedule explains",
-        "a schedule that is not of the ground", "at most", lambda together: thresholds.BY_PLACE,
-        f"{thresholds.BY_PLACE:g}", "BY_PLACE",
+        "a schedule that is not of the ground", "at most", lambda together: thresholds.HALF,
+        f"{thresholds.HALF:g}", "HALF",
         _beside_place,
     ),
     Condition(

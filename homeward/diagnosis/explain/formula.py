@@ -88,7 +88,7 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.G
         before, after = search.held_out(chosen), search.held_out([*chosen, best])
         bic_gain = delta_bic(runs.observed, before, after, runs.run) - float(library.cost[best])
         gained = gain(runs.observed, before, after, block, rng)
-        if bic_gain < thresholds.VERY_STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if bic_gain < thresholds.STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
             break
         p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), rng)
         if p_value_of_term > thresholds.SIGNIFICANT:
@@ -205,7 +205,7 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
         scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])
         best_first = np.argsort(-scores, kind="stable").tolist()
         final[index] = best_first[0]
-        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - thresholds.VERY_STRONG_BIC]
+        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - thresholds.STRONG_BIC]
         alternatives.append(tuple(search.library.texts[one] for one in close[:_MOST_ALTERNATIVES]))
     return final, alternatives
 

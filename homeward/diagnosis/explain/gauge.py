@@ -42,6 +42,7 @@ from homeward.physics.battery import energy_share, open_circuit_v
 _BIN_S = 10.0  # chosen: drivers average a voltage over as many readings, and loads change in it
 _AVERAGED_BINS = (1, 3, 6)  # over which a map may average the voltage: 10, 30 and 60 s
 _PIECE_BINS = 60  # of the counter's line where no voltage was recorded: in ten minutes its curve is straight
+_RARE_BIC = 4.4  # 2 log 9: one gauge in ten is a map of the voltage (`OWN_COURSE` of `homeward.companion.thresholds`)
 _CORNERS = 8  # of a map of the voltage; published ones have 4 to 11
 _MOST_JUMPS = 12  # chosen: bounds time; a gauge is reset once a charge or less often
 
@@ -112,10 +113,10 @@ def weigh_gauge(runs: Runs, robot: Robot) -> tuple[Runs, Gauge | None]:
     by_load, per_w = evidence_for_load(readings, counter.jumps)
     follows: Followed = "charge"
     gained = max(by_voltage, by_load)
-    if gained >= thresholds.GAUGE_BIC and by_voltage > 0.0:
+    if gained >= thresholds.STRONG_BIC + _RARE_BIC and by_voltage > 0.0:
         follows = "voltage"
         reason = f"follows the voltage under load, not the charge drawn (BIC lower by {gained:.0f})"
-    elif gained >= thresholds.GAUGE_BIC:
+    elif gained >= thresholds.STRONG_BIC + _RARE_BIC:
         follows = "load"
         reason = (
             f"falls with the load, by {1e4 * per_w:.2g} % for 100 W, and recovers at rest, as a map of the voltage "

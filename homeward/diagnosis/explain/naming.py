@@ -300,7 +300,7 @@ class _Search:
         if any(form.plain is not None for form in forms):
             expressed = fit_model(self.material, [form.plain or form for form in forms], self.runs, self.block)
             errors = [self.runs.squared_error(model.predicted) for model in (expressed, fitted)]
-            fitted = expressed if errors[0] <= thresholds.EQUAL * errors[1] else fitted
+            fitted = expressed if errors[0] <= thresholds.NO_WORSE * errors[1] else fitted
         fitted = profiled(self.material, fitted, self.runs, self.block).model
         return EffectSet(fitted, self.runs, self.block, self.rng)
 
@@ -365,8 +365,8 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
 
     def about_best(each: _Tried) -> bool:
         if each.steady and not best.steady:
-            return base - each.squared_error >= thresholds.SIMPLER * (base - best.squared_error)
-        return each.squared_error <= thresholds.EQUAL * best.squared_error
+            return base - each.squared_error >= thresholds.NEARLY_ALL * (base - best.squared_error)
+        return each.squared_error <= thresholds.NO_WORSE * best.squared_error
 
     first = sorted((each for each in better if about_best(each)), key=lambda each: (each.rank, each.squared_error))
     return [*first, *(each for each in better if not about_best(each))]

@@ -61,14 +61,13 @@ def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
     """First bin above the split with the largest sum of squares between its sides, and whether the upper side is
     chosen.
 
-    The chosen side is a clear minority or else the one where more is drawn than predicted.
+    The chosen side is the rarer one.
     """
     low, below = np.cumsum(weight), np.cumsum(weight * effect)
-    high, total = low[-1] - low[:-1], low[-1]
+    high = low[-1] - low[:-1]
     difference = (below[-1] - below[:-1]) / high - below[:-1] / low[:-1]
     k = int(np.argmax(low[:-1] * high * difference**2))
-    exception = min(low[k], high[k]) < thresholds.EXCEPTION * total
-    return k + 1, bool(high[k] < low[k] if exception else difference[k] > 0.0)
+    return k + 1, bool(high[k] < low[k])
 
 
 def _plain(value: float) -> str:
@@ -198,7 +197,7 @@ def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> 
         for side, meant in ((True, values > middle), (False, values < middle)):
             score = 2.0 * float((meant & inside).sum()) / float(meant.sum() + inside.sum())
             best, limit, above = max((best, limit, above), (score, middle, side), key=lambda one: one[0])
-    return _words(channel, above, limit) if best > thresholds.LEAST_OVERLAP else None
+    return _words(channel, above, limit) if best > thresholds.HALF else None
 
 
 def _words(channel: ResidualChannel, above: bool, limit: float) -> str:

@@ -79,7 +79,7 @@ class Dependence:
     @property
     def found(self) -> bool:
         """Whether the dependence is significant and its gain large enough."""
-        least = thresholds.SMALLEST_GAIN_IN_TIME if self.channel is _TIME else thresholds.SMALLEST_GAIN
+        least = thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE if self.channel is _TIME else thresholds.SMALLEST_GAIN
         return self.p_value <= thresholds.FALSE_ALARM_RATE and self.held_out_gain >= least
 
 

@@ -118,9 +118,7 @@ class Together:
     def beats_trees(self) -> bool:
         """Whether trees on the motion do not predict unseen runs much better."""
         residual = self.residual
-        return not trees_beat(
-            self.corrected, residual.fit, self.runs, residual.by_run, residual.rng, thresholds.CLEARLY_BETTER
-        )
+        return not trees_beat(self.corrected, residual.fit, self.runs, residual.by_run, residual.rng, thresholds.HALF)
 
     @cached_property
     def _beside_channels(self) -> Refit | Corrected:

@@ -85,7 +85,7 @@ def _is_proportional(model: Corrected, runs: Runs, group: int, term: int) -> boo
     added_more = with_more - model.model.predict(runs, larger, model.values, leave_out=term)
     grows = float((added_more - added) @ added) / max(SMALL_STEP * float(added @ added), 1e-300)
     cosine = float(of_group @ added) / max(float(np.linalg.norm(of_group) * np.linalg.norm(added)), 1e-300)
-    return cosine > thresholds.CONFOUNDED and grows > thresholds.CONFOUNDED
+    return cosine > thresholds.NEARLY_ALL and grows > thresholds.NEARLY_ALL
 
 
 def _with_group(model: Corrected, known: Joint, group: int, number: int) -> Product:
@@ -108,7 +108,7 @@ def _powers(model: Corrected, known: Joint, runs: Runs) -> list[Product]:
     products = []
     for index, term in enumerate(model.model.terms):
         numbers = [first + unknown for unknown in model.model.of(index)]
-        pairs = [pair for pair in combinations(numbers, 2) if abs(correlation[pair]) > thresholds.CONFOUNDED]
+        pairs = [pair for pair in combinations(numbers, 2) if abs(correlation[pair]) > thresholds.NEARLY_ALL]
         if not pairs or term.hypothesis.is_weather:
             continue
         mean = float(np.average(model.contribution[index], weights=runs.duration_s))
@@ -242,7 +242,7 @@ class Open:
         for pair in _constant(powers, float(np.mean(np.abs(runs.observed)))):
             value = sum(powers[0][name] for name in pair)
             own = sum(powers[0][name] * error.get(name, 0.0) for name in pair)
-            wide = thresholds.NORMAL_95 * own + thresholds.PRODUCT_SPREAD * value
+            wide = thresholds.NORMAL_95 * own + thresholds.MATERIAL_SHARE * value
             products.append(_product(pair, value, wide, runs.unit, "mean power"))
         return products
 
@@ -330,11 +330,11 @@ def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1
         name
         for name in models[0]
         if all(name in model for model in models)
-        and np.std([model[name] for model in models]) > thresholds.PRODUCT_SPREAD * scale
+        and np.std([model[name] for model in models]) > thresholds.MATERIAL_SHARE * scale
     ]
     constant = []
     for first, second in combinations(varying, 2):
         sums = [model[first] + sign * model[second] for model in models]
-        if np.std(sums) <= thresholds.PRODUCT_SPREAD * scale:
+        if np.std(sums) <= thresholds.MATERIAL_SHARE * scale:
             constant.append((first, second))
     return constant

@@ -25,6 +25,8 @@ _COARSE_S = 1.0  # step of the search for a late channel, refined around the bes
 _SHARED_S = tuple(0.25 * step for step in range(-12, 13))  # lags of power; chosen: up to 3 s, by half a window
 _MOST_RUNS = 5  # in the search; chosen: all have the same sensor
 _MOST_SEARCHED = 20_000  # samples of each run; chosen: half an hour at 10 Hz
+_LONGEST_LAG_S = 20.0  # of a channel: filters of barometers and GNSS receivers take seconds; chosen
+_LONGEST_DRIFT_S = 4.0  # over a run: 100 ppm, a poor crystal, are 0.4 s an hour, and loggers lose more; chosen
 _MOST_OF_A_DRIFT = 200_000  # samples: over hours, 5.6 at 10 Hz, a drift is not linear; chosen
 _COARSE_DRIFT_S = 0.5  # step of the first search; chosen: Gauss-Newton finds the drift from the nearest
 _GROUNDS = 12  # knots along the way; chosen: coarse, as a fine profile would absorb the slopes
@@ -82,15 +84,15 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
         runs = average(late(late_s))
         return float(np.sum((runs.observed - refit(runs, robot).predicted) ** 2))
 
-    steps = np.arange(0.0, thresholds.LONGEST_CHANNEL_LAG_S + 1e-9, _COARSE_S).tolist()
+    steps = np.arange(0.0, _LONGEST_LAG_S + 1e-9, _COARSE_S).tolist()
     best = min(steps, key=lambda late_s: float(errors(late_s).sum()))
-    if best < thresholds.SHORTEST_CHANNEL_LAG_S:
+    if best < thresholds.SHORTEST_LAG_S:
         return 0.0
     # To a tenth of a window, by the replay: what is left looks like a lag of power.
     best = float(minimize_scalar(left, bounds=(best - _COARSE_S, best + _COARSE_S), method="bounded",
                                  options={"xatol": 0.05}).x)  # fmt: skip
     least = errors(best)
-    if best < thresholds.SHORTEST_CHANNEL_LAG_S or (least > errors(0.0)).any():
+    if best < thresholds.SHORTEST_LAG_S or (least > errors(0.0)).any():
         return 0.0
     return best if float(least.sum()) < (1.0 - thresholds.SMALLEST_GAIN) * _by_power(searched, robot) else 0.0
 
@@ -144,7 +146,7 @@ def _drift(run: Signals, robot: Robot) -> float:
     error is clustered by stretch.
     """
     stretch = (run.time_s - run.time_s[0]) // thresholds.INDEPENDENT_S
-    if stretch[-1] < thresholds.FEWEST_STRETCHES or len(run.time_s) > _MOST_OF_A_DRIFT:
+    if stretch[-1] < thresholds.FEWEST_BLOCKS or len(run.time_s) > _MOST_OF_A_DRIFT:
         return 0.0
     columns, since = drive_columns(run, robot, run.grade_rad), _since(run)
 
@@ -155,7 +157,7 @@ def _drift(run: Signals, robot: Robot) -> float:
         residual = run.observed - late @ weights
         return late, weights, float(residual @ residual)
 
-    drifts = np.arange(-thresholds.LONGEST_DRIFT_S, thresholds.LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
+    drifts = np.arange(-_LONGEST_DRIFT_S, _LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
     starts = [(lag, drift) for drift in drifts for lag in {0.0, -drift / 2.0}]
     lag_s, drift_s = min(starts, key=lambda one: fit(*one)[2])
     error_s = np.inf
@@ -167,10 +169,7 @@ def _drift(run: Signals, robot: Robot) -> float:
         residual = run.observed - design @ found
         lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
         error_s = float(standard_errors(design, residual, stretch.astype(np.intp))[-1])
-    if (
-        error_s > abs(drift_s) / thresholds.CLEAR_DRIFT
-        or not thresholds.SMALLEST_DRIFT_S < abs(drift_s) < thresholds.LONGEST_DRIFT_S
-    ):
+    if error_s > abs(drift_s) / thresholds.FAR_APART or abs(drift_s) >= _LONGEST_DRIFT_S:
         return 0.0
     # The derivative of a noisy channel is noise, which some lag fits by chance: power itself must be explained better.
     without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)

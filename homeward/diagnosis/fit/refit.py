@@ -185,14 +185,9 @@ def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tupl
     weights = np.linalg.lstsq(beside, column, rcond=None)[0] if len(others) else np.zeros(0)
     own = column - beside @ weights
     size = np.abs(weights) * np.linalg.norm(beside, axis=0)
-    mixed = tuple(groups[o].symbol for o in others[size > thresholds.MIXED * np.linalg.norm(column)])
+    mixed = tuple(groups[o].symbol for o in others[size > thresholds.HALF * np.linalg.norm(column)])
     if own @ own < thresholds.COLLINEAR * (column @ column):
         return "confounded", mixed
-    same_run = runs.run[1:] == runs.run[:-1]
-    if groups[j].measured and same_run.any():
-        lagged = float((own[1:] * own[:-1])[same_run].mean() / (own * own).mean())
-        if lagged < thresholds.NOISE_ONLY and own @ own < thresholds.OWN_PART * (column @ column):
-            return "confounded", mixed
     return "fitted", ()
 
 

@@ -69,7 +69,7 @@ def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
     angle = float(np.average(angles, weights=weight))
     # Between runs it may vary by more than its standard error.
     varies = float(np.std(angles)) / np.sqrt(len(angles))
-    clear = abs(angle) > thresholds.CLEAR_TILT * max(float(weight.sum() ** -0.5), varies)
+    clear = abs(angle) > thresholds.FAR_APART * max(float(weight.sum() ** -0.5), varies)
     # Runs on one route have the same error: their mean is no better than one of them.
     error = float(np.hypot(max(np.average(errors, weights=weight), varies), 0.0 if clear else angle))
     level = []

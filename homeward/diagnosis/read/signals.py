@@ -173,7 +173,7 @@ def known(recording: Recording) -> Mask:
 
 def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> float:
     """Relative error of the speed by a recorded distance; 0 unless all parts of the way agree that there is one."""
-    if "distance_m" not in kept or len(time_s) < thresholds.ODOMETER_PARTS:
+    if "distance_m" not in kept or len(time_s) < thresholds.FEWEST_BLOCKS:
         return 0.0
     covered_m, driven_m = np.diff(kept["distance_m"]), np.abs(speed[:-1]) * steps_s(time_s)
     moving = driven_m > 0.0
@@ -181,7 +181,7 @@ def _odometer_scale(kept: Mapping[str, Array], speed: Array, time_s: Array) -> f
         return 0.0
     covered_m, driven_m = np.abs(covered_m[moving]), driven_m[moving]
     passed = np.cumsum(driven_m) / driven_m.sum()
-    part = np.minimum((passed * thresholds.ODOMETER_PARTS).astype(np.intp), thresholds.ODOMETER_PARTS - 1)
+    part = np.minimum((passed * thresholds.FEWEST_BLOCKS).astype(np.intp), thresholds.FEWEST_BLOCKS - 1)
     by_part = np.bincount(part, driven_m) / np.maximum(np.bincount(part, covered_m), 1e-9) - 1.0
     if not ((by_part > thresholds.SAME_ODOMETER).all() or (by_part < -thresholds.SAME_ODOMETER).all()):
         return 0.0
@@ -260,7 +260,7 @@ def slopes_known(runs: Sequence[Signals]) -> bool:
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:
     """The channel, smoothed where its noise is material in its window means or, of speed, in their changes."""
-    if len(values) < thresholds.FEWEST_TO_SMOOTH or not np.ptp(values):
+    if len(values) < thresholds.FEWEST_SAMPLES or not np.ptp(values):
         return values
     size = max(1, round(WINDOW_S / median_step_s(time_s)))
     noise = white_noise(values)

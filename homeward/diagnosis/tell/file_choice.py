@@ -121,7 +121,7 @@ def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, bl
         fits = [fit_holding(more) for more in holding_more]
         errors = [runs.squared_error(fit.predicted) for fit in fits]
         best = int(np.argmin(errors))
-        if errors[best] > thresholds.EQUAL * runs.squared_error(model.predicted):
+        if errors[best] > thresholds.NO_WORSE * runs.squared_error(model.predicted):
             return model
         model, held = fits[best], holding_more[best]
 

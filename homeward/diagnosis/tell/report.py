@@ -136,7 +136,7 @@ def ranking(naming: Naming) -> list[RankRow]:
     named = {(one.term.effect, one.term.axis) for one in naming.named}
     for other in naming.ranking:
         kind, note = kinds.get((other.effect, other.axis), ("", ""))
-        if not rows and other.delta_bic > thresholds.VERY_STRONG_BIC:
+        if not rows and other.delta_bic > thresholds.STRONG_BIC:
             note = "not named: its gain is not significant"
         if (other.effect, other.axis) not in named:
             rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))

@@ -131,7 +131,7 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     """Noise of the instruments, estimated from the recordings; that of power at standstill."""
     runs, found = evidence.runs, dict[str, float]()
     stood = [run.observed[run.speed_mps == 0.0] for run in runs.signals]
-    if parts := [white_noise(one) for one in stood if len(one) >= thresholds.FEWEST_TO_SMOOTH]:
+    if parts := [white_noise(one) for one in stood if len(one) >= thresholds.FEWEST_SAMPLES]:
         found["power_noise"] = float(np.median(parts)) / mean_w
         found["reading_s"] = float(np.median([median_step_s(run.time_s) for run in runs.signals]))
     if graded := [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]:

@@ -68,7 +68,7 @@ def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
     """Unrecorded dependencies of power, where the best model has a large autocorrelated residual; else none."""
     best = "corrected" if "corrected" in fit.arms else "refit"
     r2, runs, lacks = fit.arms[best].r2, evidence.runs, evidence.naming.unrecorded
-    if r2 is None or (r2 > thresholds.LEAST_R2 and not lacks):
+    if r2 is None or (r2 > thresholds.NEARLY_ALL and not lacks):
         return []
     return unrecorded(runs) if lacks or is_autocorrelated(runs.observed - evidence.predictions[best], runs) else []
 

@@ -86,7 +86,7 @@ class Losses:
         """Losses that explain a charge which falls `rate` times as fast as the file's capacity implies, as well as a
         smaller capacity does; a voltage that was recorded would have shown a resistance."""
         residual = self.channel.target - rate * self.drawn[:, 0]
-        most = thresholds.EQUAL * float(residual @ residual)
+        most = thresholds.NO_WORSE * float(residual @ residual)
         missing = self.channel.target - self.drawn[:, 0]
         voltage_v = self.runs.context.get("voltage_v", np.zeros(1))
         shown_by_voltage = (voltage_v > 0.0).any()

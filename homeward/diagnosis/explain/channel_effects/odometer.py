@@ -18,7 +18,7 @@ def odometer(fit: Refit, runs: Runs) -> ChannelEffect | None:
         return None
     # Probability that as many runs disagree in all parts of their way, if the sign of each part is random.
     disagreeing = scales[scales != 0.0]
-    p_value = float(binom.sf(len(disagreeing) - 1, len(scales), 2.0 ** (1 - thresholds.ODOMETER_PARTS)))
+    p_value = float(binom.sf(len(disagreeing) - 1, len(scales), 2.0 ** (1 - thresholds.FEWEST_BLOCKS)))
     if p_value > thresholds.FALSE_ALARM_RATE:
         return None
     off = WithEffects(speed_factors=(1.0 + scales).tolist())
