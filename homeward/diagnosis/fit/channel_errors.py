@@ -91,7 +91,7 @@ def unrecorded(runs: Runs) -> list[Influence]:
 
 
 def is_autocorrelated(residual: Array, runs: Runs) -> bool:
-    """Whether a residual, (windows,), has a lag-one autocorrelation of `SAME` or more, unlike noise of power."""
+    """Whether a residual, (windows,), has a lag-one autocorrelation of `NEARLY_ALL` or more, unlike noise of power."""
     together = runs.run[1:] == runs.run[:-1]
     return float((residual[1:] * residual[:-1])[together].sum()) >= thresholds.NEARLY_ALL * float(residual @ residual)
 
