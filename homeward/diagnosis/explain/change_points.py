@@ -78,16 +78,23 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
         return may_change("repeatedly", schedule, runs) or _is_colder(schedule.level > 0, runs)
     step, run = np.diff(schedule.level), runs.run
     changes = np.flatnonzero((step != 0) & (np.diff(run) == 0))  # within runs
-    most = np.bincount(run[changes], minlength=1).max()
-    if how in ("between runs", "once"):
-        return bool(most <= (how == "once"))
+    most_in_a_run = int(np.bincount(run[changes], minlength=1).max())
+    if how == "between runs":
+        return most_in_a_run == 0
+    if how == "once":
+        return most_in_a_run <= 1
     if how == "repeatedly":
-        comes_on = len(np.unique(run[changes[step[changes] > 0]]))
-        return bool(most > 1 and (comes_on >= thresholds.FEWEST_RUNS or len(changes) >= thresholds.FEWEST_SWITCHES))
+        runs_with_switch = len(np.unique(run[changes[step[changes] > 0]]))
+        often = runs_with_switch >= thresholds.FEWEST_RUNS or len(changes) >= thresholds.FEWEST_SWITCHES
+        return most_in_a_run > 1 and often
     stops = np.abs(runs.context["speed_mps"]) < thresholds.STOPS_MPS
-    near = (np.abs(runs.time_s - runs.time_s[one]) <= _AROUND * WINDOW_S for one in changes)
-    at_standstill = [stops[close & (run == run[one])].any() for close, one in zip(near, changes, strict=True)]
-    return all(at_standstill) if how == "standing" else not at_standstill or not all(at_standstill)
+    at_standstill = []
+    for change in changes:
+        near = np.abs(runs.time_s - runs.time_s[change]) <= _AROUND * WINDOW_S
+        at_standstill.append(bool(stops[near & (run == run[change])].any()))
+    if how == "standing":
+        return all(at_standstill)
+    return not at_standstill or not all(at_standstill)
 
 
 def _is_colder(on: Mask, runs: Runs) -> bool:
@@ -122,38 +129,62 @@ def search(
         parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
         blocks = min(len(residual) // thresholds.SHORTEST_LEVEL, _MOST_BLOCKS)
     else:
-        place_m, blocks = place_of(runs), _PLACES
+        place_m = place_of(runs)
         parts = [] if place_m is None else [np.argsort(place_m, kind="stable")]
-    whole, weight = float(residual @ residual), float(shape @ shape)
-    if whole == 0.0 or weight == 0.0:
+        blocks = _PLACES
+    square, weight = float(residual @ residual), float(shape @ shape)
+    if square == 0.0 or weight == 0.0:
         return []
-    cuts = [_blocks(shape[part], max(1, round(blocks * float(shape[part] @ shape[part]) / weight))) for part in parts]
+    cuts = []
+    for part in parts:
+        share_of_weight = float(shape[part] @ shape[part]) / weight
+        cuts.append(_blocks(shape[part], max(1, round(blocks * share_of_weight))))
     if sum(len(cut) for cut in cuts) < thresholds.FEWEST_VALUES:
         return []
-    order, ends = np.concatenate(parts), np.cumsum([len(cut) for cut in cuts])[:-1]
+    order = np.concatenate(parts)
+    ends = np.cumsum([len(cut) for cut in cuts])[:-1]  # of the parts, among all blocks
     lengths = np.concatenate([np.diff(cut, append=len(part)) for part, cut in zip(parts, cuts, strict=True)])
-    moment, mass = (np.add.reduceat((shape * one)[order], np.cumsum(lengths) - lengths) for one in (residual, shape))
-    mass = np.maximum(mass, 1e-300)
-    found: list[Schedule] = []
+    starts = np.cumsum(lengths) - lengths
+    # Of each block: sums of shape times residual and of shape squared; their ratio is its best size.
+    moment = np.add.reduceat((shape * residual)[order], starts)
+    mass = np.maximum(np.add.reduceat((shape * shape)[order], starts), 1e-300)
+    schedules: list[Schedule] = []
     for share in shares:
-        penalty = share * whole
-        sizes = [_sizes(m, w, penalty) for m, w in zip(np.split(moment, ends), np.split(mass, ends), strict=True)]
+        penalty = share * square
+        sizes = [
+            _sizes(of_part, its_mass, penalty)
+            for of_part, its_mass in zip(np.split(moment, ends), np.split(mass, ends), strict=True)
+        ]
         level_of_block, levels = _cluster(np.concatenate(sizes), mass, penalty, signed)
         if levels < 2:
             continue
         level = np.zeros(len(residual), dtype=np.intp)
         level[order] = np.repeat(level_of_block, lengths)
         exact = _refined(level, shape, residual, parts)
-        for at, one in enumerate(found):
-            rarest = np.bincount(one.level).min()  # a switch more may be of a few windows
-            if one.levels == levels and np.count_nonzero(one.level != exact) <= thresholds.SAME_SCHEDULE * rarest:
-                found[at] = replace(one, found_by=(*one.found_by, share))
-                break
-        else:
-            found.append(
-                Schedule(axis, exact, levels, _changes(exact, parts), _apart(exact, shape, residual), (share,))
+        same = next((index for index, schedule in enumerate(schedules) if _is_same(schedule, exact, levels)), None)
+        if same is not None:
+            schedules[same] = replace(schedules[same], found_by=(*schedules[same].found_by, share))
+            continue
+        schedules.append(
+            Schedule(
+                axis=axis,
+                level=exact,
+                levels=levels,
+                changes=_changes(exact, parts),
+                apart=_apart(exact, shape, residual),
+                found_by=(share,),
             )
-    return [part for one in found for part in _of_one_load(one, parts)] if several else found
+        )
+    if not several:
+        return schedules
+    return list(chain.from_iterable(_of_one_load(schedule, parts) for schedule in schedules))
+
+
+def _is_same(schedule: Schedule, level: Index, levels: int) -> bool:
+    """Whether a schedule has about these levels: a switch more may be of a few windows of the rarest."""
+    rarest = np.bincount(schedule.level).min()
+    differ = np.count_nonzero(schedule.level != level)
+    return schedule.levels == levels and bool(differ <= thresholds.SAME_SCHEDULE * rarest)
 
 
 def _of_one_load(whole: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
@@ -167,9 +198,12 @@ def _of_one_load(whole: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
 
 def _changes(level: Index, parts: Sequence[Index]) -> int:
     """Changes of a level within the parts, and parts that begin neither at the reference nor as the last ended."""
-    ends = [0, *(int(level[part[-1]]) for part in parts)]
-    begun = sum(int(level[part[0]]) not in (0, before) for part, before in zip(parts, ends[:-1], strict=True))
-    return begun + sum(int(np.count_nonzero(np.diff(level[part]))) for part in parts)
+    changes, last = 0, 0
+    for part in parts:
+        changes += int(level[part[0]]) not in (0, last)
+        changes += int(np.count_nonzero(np.diff(level[part])))
+        last = int(level[part[-1]])
+    return changes
 
 
 def _blocks(shape: Array, count: int) -> Index:
@@ -258,10 +292,13 @@ def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]
             continue
         limits = np.concatenate(([0], (changes[1:] + changes[:-1]) // 2, [len(part)]))
         for change, first, last in zip(changes, limits[:-1], limits[1:], strict=True):
-            here = part[max(first, change - _AROUND) : min(last, change + _AROUND)]
-            before, after = level[part[change - 1]], level[part[change]]
-            error = [(residual[here] - size[one] * shape[here]) ** 2 for one in (before, after)]
-            missed = np.concatenate(([0.0], np.cumsum(error[0] - error[1])))
-            at = int(np.median(np.flatnonzero(missed == missed.min())))  # the middle of windows with equal error
-            exact[here[:at]], exact[here[at:]] = before, after
+            around = part[max(first, change - _AROUND) : min(last, change + _AROUND)]
+            level_before, level_after = level[part[change - 1]], level[part[change]]
+            error_before = (residual[around] - size[level_before] * shape[around]) ** 2
+            error_after = (residual[around] - size[level_after] * shape[around]) ** 2
+            # Error of a change at each of these windows, less that of a change at the first.
+            missed = np.concatenate(([0.0], np.cumsum(error_before - error_after)))
+            change_at = int(np.median(np.flatnonzero(missed == missed.min())))  # the middle of those with equal error
+            exact[around[:change_at]] = level_before
+            exact[around[change_at:]] = level_after
     return exact

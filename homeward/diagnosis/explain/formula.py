@@ -7,6 +7,7 @@ validated as the catalogue's effects are, and its placebos repeat the whole sear
 of thousands of candidates counts only if it beats the best of thousands that cannot be a cause.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -93,7 +94,9 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.G
         p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), rng)
         if p_value_of_term > thresholds.SIGNIFICANT:
             break
-        chosen, total_bic_gain, p_value = [*chosen, best], total_bic_gain + bic_gain, max(p_value, p_value_of_term)
+        chosen = [*chosen, best]
+        total_bic_gain += bic_gain
+        p_value = max(p_value, p_value_of_term)
     if not chosen:
         return None
     chosen, alternatives = _reconsidered(search, chosen)
@@ -101,10 +104,10 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.G
     gained = gain(runs.observed, search.held_out([]), search.held_out(chosen), block, rng)
     sizes, errors = _coefficients(fit, runs, block, columns)
     terms = tuple(
-        EmpiricalTerm(library.texts[one], size, (size - error, size + error), library.units[one], others)
-        for one, size, error, others in zip(chosen, sizes.tolist(), errors.tolist(), alternatives, strict=True)
+        EmpiricalTerm(library.texts[candidate], size, (size - error, size + error), library.units[candidate], others)
+        for candidate, size, error, others in zip(chosen, sizes.tolist(), errors.tolist(), alternatives, strict=True)
     )
-    texts = " ".join(one.text for one in terms)
+    texts = " ".join(term.text for term in terms)
     return Empirical(
         "P" if runs.unit == "W" else "I", terms, constants(texts, fit.parameters.nominal, runs), columns,
         columns * sizes, total_bic_gain, gained.share, gained.ci95, p_value,
@@ -131,12 +134,17 @@ class Library:
         Either is a product of two factors under a weight, so that one product of matrices serves all pairs of factors.
         """
         bases = int(self.places[:, 0].max()) + 1
-        factors, squares, moments = parts[:, bases:], [], []
+        factors = parts[:, bases:]
+        squares, moments = [], []
         for number, base in enumerate(parts.T[:bases]):
-            first, second = self.places[self.places[:, 0] == number, 1:].T - bases
+            with_this_base = self.places[:, 0] == number
+            first, second = self.places[with_this_base, 1:].T - bases
+            # Sums over windows for every pair of factors, of which the candidates are some.
             weighted = factors[:, None, :] * (base[:, None] * known)[:, :, None]
-            moments.append(np.tensordot(factors, weighted, (0, 0))[first, :, second])
-            squares.append((((factors * base[:, None]) ** 2).T @ factors**2)[first, second])
+            moment_of_pairs = np.tensordot(factors, weighted, (0, 0))
+            square_of_pairs = ((factors * base[:, None]) ** 2).T @ factors**2
+            moments.append(moment_of_pairs[first, :, second])
+            squares.append(square_of_pairs[first, second])
         return np.concatenate(squares), np.concatenate(moments)
 
 
@@ -156,15 +164,18 @@ class Search:
         `parts` is what candidates are products of, as the library has it or shifted in time.
         """
         residual = self.runs.observed - self.fit.predicted
-        thin = slice(None, None, -(-len(residual) // _MOST_SEARCHED))
+        thin = slice(None, None, math.ceil(len(residual) / _MOST_SEARCHED))
         beside = np.column_stack([self.fit.jacobian, self.library.columns(present)])[thin]
         norms = np.linalg.norm(beside, axis=0)
         known = np.column_stack([beside[:, norms > 0.0] / norms[norms > 0.0], residual[thin]])
-        folds = [self.fold[thin] == one for one in np.unique(self.fold)]
-        without, with_it = _squared_errors([
-            (known[one].T @ known[one], *self.library.products(parts[thin][one], known[one])) for one in folds
-        ])  # fmt: skip
-        effective = max(len(residual) / (self.correlation or noise_of(residual, self.runs.run).correlation), 2.0)
+        products = []
+        for fold in np.unique(self.fold):
+            held = self.fold[thin] == fold
+            squares, moments = self.library.products(parts[thin][held], known[held])
+            products.append(_Products(known[held].T @ known[held], squares, moments))
+        without, with_it = _squared_errors(products)
+        correlation = self.correlation or noise_of(residual, self.runs.run).correlation
+        effective = max(len(residual) / correlation, 2.0)
         return np.asarray(effective * np.log(without / with_it) - np.log(effective) - self.library.cost)
 
     def held_out(self, present: Sequence[int]) -> Array:
@@ -173,27 +184,41 @@ class Search:
         return held_out(lambda chosen: with_columns(self.fit, chosen, self.runs.observed, columns), self.fold)
 
 
-def _squared_errors(folds: Sequence[tuple[Array, Array, Array]]) -> tuple[float, Array]:
+class _Products(NamedTuple):
+    """Sums over the windows of a fold."""
+
+    gram: Array  # (known, known): products of the known columns, the target last
+    squares: Array  # (candidates,): squares of the candidates
+    moments: Array  # (candidates, known): products of both
+
+
+def _squared_errors(folds: Sequence[_Products]) -> tuple[float, Array]:
     """Squared error on each fold of fits to the others, without a candidate and with each, shape (candidates,).
 
-    A candidate contributes its part orthogonal to the other columns (Frisch & Waugh, Econometrica 1, 1933). A fold has
-    products of the known columns, the target last, (known, known), squares of candidates, and products of both.
+    A candidate contributes its part orthogonal to the other columns (Frisch & Waugh, Econometrica 1, 1933).
     """
-    gram, square, beside = (np.array(one) for one in zip(*folds, strict=True))
-    without, with_it = 0.0, np.zeros(square.shape[1])
-    for test in range(len(folds)):
-        rest, power, moment = (np.delete(one, test, axis=0).sum(axis=0) for one in (gram, square, beside))
-        inverse = np.linalg.inv(rest[:-1, :-1] + _RIDGE * np.eye(len(rest) - 1))
-        weights, spanned = inverse @ rest[:-1, -1], moment[:, :-1] @ inverse
-        own = power - (spanned * moment[:, :-1]).sum(axis=1)
-        seen = own > 1e-6 * np.maximum(power, 1e-300)  # else it is collinear with the model
-        size = np.where(seen, (moment[:, -1] - moment[:, :-1] @ weights) / np.where(seen, own, 1.0), 0.0)
-        plain = np.append(-weights, 1.0)
-        remaining = plain + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))  # less size times the candidate
-        without += max(float(plain @ gram[test] @ plain), 0.0)
-        squared = ((remaining @ gram[test]) * remaining - 2.0 * size[:, None] * beside[test] * remaining).sum(axis=1)
-        with_it += np.maximum(squared + size**2 * square[test], 0.0)
-    return max(without, 1e-300), np.maximum(with_it, 1e-300)
+    error_without = 0.0
+    error_with = np.zeros(len(folds[0].squares))
+    for number, test in enumerate(folds):
+        training = [fold for index, fold in enumerate(folds) if index != number]
+        gram = np.sum([fold.gram for fold in training], axis=0)
+        squares = np.sum([fold.squares for fold in training], axis=0)
+        moments = np.sum([fold.moments for fold in training], axis=0)
+        with_columns, with_target = moments[:, :-1], moments[:, -1]
+        inverse = np.linalg.inv(gram[:-1, :-1] + _RIDGE * np.eye(len(gram) - 1))
+        weights = inverse @ gram[:-1, -1]
+        spanned = with_columns @ inverse  # weights of the columns that describe each candidate best
+        own_square = squares - (spanned * with_columns).sum(axis=1)
+        is_new = own_square > 1e-6 * np.maximum(squares, 1e-300)  # else it is collinear with the model
+        size = np.where(is_new, (with_target - with_columns @ weights) / np.where(is_new, own_square, 1.0), 0.0)
+        # The residual as a combination of the known columns, without a candidate and, less `size` times it, with each.
+        residual = np.append(-weights, 1.0)
+        residuals = residual + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))
+        error_without += max(float(residual @ test.gram @ residual), 0.0)
+        of_columns = ((residuals @ test.gram) * residuals).sum(axis=1)
+        of_both = (test.moments * residuals).sum(axis=1)
+        error_with += np.maximum(of_columns - 2.0 * size * of_both + size**2 * test.squares, 0.0)
+    return max(error_without, 1e-300), np.maximum(error_with, 1e-300)
 
 
 def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
@@ -205,16 +230,18 @@ def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], lis
         scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])
         best_first = np.argsort(-scores, kind="stable").tolist()
         final[index] = best_first[0]
-        close = [one for one in best_first[1:] if scores[one] > scores[final[index]] - thresholds.STRONG_BIC]
-        alternatives.append(tuple(search.library.texts[one] for one in close[:_MOST_ALTERNATIVES]))
+        least = scores[final[index]] - thresholds.STRONG_BIC
+        as_good = [candidate for candidate in best_first[1:] if scores[candidate] > least]
+        alternatives.append(tuple(search.library.texts[candidate] for candidate in as_good[:_MOST_ALTERNATIVES]))
     return final, alternatives
 
 
 def _placebo_p_value(search: Search, present: Sequence[int], score: float, rng: np.random.Generator) -> float:
     """P-value: share of searches, this one included, that score as high on placebos, channels shifted in time."""
     parts = search.library.parts
-    found = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(_PLACEBOS)]
-    return (1 + sum(one >= score for one in found)) / (_PLACEBOS + 1)
+    of_placebos = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(_PLACEBOS)]
+    as_high = sum(placebo >= score for placebo in of_placebos)
+    return (1 + as_high) / (_PLACEBOS + 1)
 
 
 def _coefficients(fit: Fitted, runs: Runs, block: Index, columns: Array) -> tuple[Array, Array]:
@@ -241,37 +268,43 @@ class _Factor(NamedTuple):
 
 def candidates(fit: Fitted, runs: Runs) -> Library:
     """Every candidate that the channels of these runs allow."""
-    robot, one = fit.parameters.nominal, np.ones(len(runs.observed))
+    robot, ones = fit.parameters.nominal, np.ones(len(runs.observed))
     if runs.unit == "A":
         # Current is a force: the load is the current above that at rest.
         load = np.maximum(fit.predicted - fit.theta[AT_REST], 0.0)
-        bases = [_Base("", "A", one, frozenset()), _Base("I_drive", "1", load)]
+        bases = [_Base("", "A", ones, frozenset()), _Base("I_drive", "1", load)]
     else:
         weight_w = robot.mass_kg * GRAVITY_MPS2 * np.abs(runs.context["speed_mps"])
         load = np.maximum(fit.predicted - ancillary_power(fit.groups.robot, runs.sensing_hz), 0.0)
         bases = [
-            _Base("", "W", one, frozenset({"(v / v_max)", "(v / v_max)^2"})),  # a constant times a power of v is a load
+            # A constant times a power of v is a load.
+            _Base("", "W", ones, frozenset({"(v / v_max)", "(v / v_max)^2"})),
             _Base("m g v", "1", weight_w),
             _Base("P_drive", "1", load),
         ]
-    factors = [_Factor("", "1", one), *_factors(runs, robot)]
-    found = [
-        (number, i, j)
-        for number, base in enumerate(bases)
-        for i, first in enumerate(factors)
-        for j, second in enumerate(factors)
-        if (i == j == 0 or (i < j and first.family != second.family)) and not {first.text, second.text} & base.excluded
-    ]
-    texts = (" ".join(filter(None, (bases[base].text, factors[i].text, factors[j].text))) for base, i, j in found)
-    places = np.array(found)
-    simplicity = (places[:, 1:] > 0).sum(axis=1)
-    as_simple = np.cumsum(np.bincount(simplicity, minlength=3))
+    factors = [_Factor("", "1", ones), *_factors(runs, robot)]
+    pairs = [(0, 0)]  # the base alone; a factor alone is paired with the first, which is 1
+    for first in range(len(factors)):
+        for second in range(first + 1, len(factors)):
+            if factors[first].family != factors[second].family:
+                pairs.append((first, second))
+    indices, texts, units = [], [], []
+    for number, base in enumerate(bases):
+        for first, second in pairs:
+            symbols = (factors[first].text, factors[second].text)
+            if base.excluded.isdisjoint(symbols):
+                indices.append((number, first, second))
+                texts.append(" ".join(filter(None, (base.text, *symbols))))
+                units.append(base.unit)
+    places = np.array(indices)
+    factors_of = (places[:, 1:] > 0).sum(axis=1)
+    as_simple = np.cumsum(np.bincount(factors_of, minlength=3))
     return Library(
-        tuple(texts),
-        tuple(bases[base].unit for base, _, _ in found),
-        np.column_stack([*(one.values for one in bases), *(one.values for one in factors)]),
-        places + np.array([0, len(bases), len(bases)]),
-        2.0 * np.log(as_simple[simplicity]),
+        texts=tuple(texts),
+        units=tuple(units),
+        parts=np.column_stack([*(base.values for base in bases), *(factor.values for factor in factors)]),
+        places=places + np.array([0, len(bases), len(bases)]),
+        cost=2.0 * np.log(as_simple[factors_of]),
     )
 
 
@@ -292,14 +325,14 @@ def constants(text: str, robot: Robot, runs: Runs) -> dict[str, str]:
 
 def _factors(runs: Runs, robot: Robot) -> list[_Factor]:
     """Each group of the channels that these runs have and that change, to each of its powers."""
-    found = []
+    factors = []
     for family, text, values, powers in _groups(runs, robot):
         symbol = text if text.startswith(("[", "cos")) else f"({text})"
         for power in powers:
-            factor = _Factor(symbol if power == 1.0 else f"{symbol}^{power:g}", family, values**power)
-            if np.isfinite(factor.values).all() and float(np.ptp(factor.values)) > 1e-9:
-                found.append(factor)
-    return found
+            raised = values**power
+            if np.isfinite(raised).all() and float(np.ptp(raised)) > 1e-9:
+                factors.append(_Factor(symbol if power == 1.0 else f"{symbol}^{power:g}", family, raised))
+    return factors
 
 
 _Dimensionless = tuple[str, str, Array, tuple[float, ...]]  # family, formula, values of shape (windows,), powers

@@ -55,33 +55,37 @@ class Model:
     @cached_property
     def bounds(self) -> Array:
         """Least and largest value of each unknown, shape (2, unknowns)."""
-        return np.array([(one.low, one.high) for one in self.unknowns]).reshape(-1, 2).T
+        return np.array([(unknown.low, unknown.high) for unknown in self.unknowns]).reshape(-1, 2).T
 
     @cached_property
     def given(self) -> Array:
         """Values from which contributions count, shape (unknowns,)."""
-        return np.array([one.given for one in self.unknowns])
+        return np.array([unknown.given for unknown in self.unknowns])
 
     def of(self, index: int) -> list[int]:
         """Indices of the unknowns of a term."""
-        return [at for at, one in enumerate(self.unknowns) if one.term == index]
+        return [number for number, unknown in enumerate(self.unknowns) if unknown.term == index]
+
+    def _added(self, index: int, values: Array) -> Array:
+        """What a term adds by its columns at these values, shape (windows,)."""
+        return np.asarray(self.terms[index].columns @ (values - self.given)[self.of(index)])
 
     def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
         """Prediction, (windows,), by parameters and a value per unknown, without term `leave_out` if given."""
         added = np.zeros(len(runs.observed))
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
-                added += term.columns @ (values - self.given)[self.of(index)]
+                added += self._added(index, values)
         return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
 
     def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
         """The terms that are not linear in their sizes, as additions to the replay."""
-        found = WithEffects()
+        within = WithEffects()
         for index, term in enumerate(self.terms):
             if not term.linear and index != leave_out:
-                mine = {self.unknowns[at].parameter: float(values[at]) for at in self.of(index)}
-                found = term.hypothesis.within(term.hypothesis, found, {**term.shape, **mine}, runs)
-        return found
+                fitted = {self.unknowns[number].parameter: float(values[number]) for number in self.of(index)}
+                within = term.hypothesis.within(term.hypothesis, within, {**term.shape, **fitted}, runs)
+        return within
 
     def setting(self, runs: Runs, theta: Array, values: Array) -> Setting:
         """Prediction of these parameters and values by a replay, and its residual.
@@ -90,12 +94,15 @@ class Model:
         """
         within = self.within(runs, values)
         for index, term in enumerate(self.terms):
-            if (plain := term.plain) is not None and plain.columns.shape[1] == 1:
-                column, added = plain.columns[:, 0], term.columns @ (values - self.given)[self.of(index)]
-                size = float(np.clip(column @ added / max(float(column @ column), 1e-300), plain.low[0], plain.high[0]))
-                given, _ = plain.hypothesis.in_file(self.parameters.nominal)
-                numbers = {**plain.shape, plain.hypothesis.entry.switch.name: given + size}
-                within = plain.hypothesis.within(plain.hypothesis, within, numbers, runs)
+            plain = term.plain
+            if plain is None or plain.columns.shape[1] != 1:
+                continue
+            column = plain.columns[:, 0]
+            closest = float(column @ self._added(index, values)) / max(float(column @ column), 1e-300)
+            size = float(np.clip(closest, plain.low[0], plain.high[0]))
+            given, _ = plain.hypothesis.in_file(self.parameters.nominal)
+            numbers = {**plain.shape, plain.hypothesis.entry.switch.name: given + size}
+            within = plain.hypothesis.within(plain.hypothesis, within, numbers, runs)
         alone = self.parameters.predict(runs, theta, within)
         return Setting(runs, self.parameters, theta, within, alone, runs.observed - alone)
 
@@ -134,8 +141,11 @@ class Corrected:
     @property
     def misread(self) -> Array:
         """What faults of the power meter add to its reading, shape (windows,)."""
-        terms = zip(self.model.terms, self.contribution, strict=True)
-        return sum((added for one, added in terms if one.misread), np.zeros(len(self.predicted)))
+        misread = np.zeros(len(self.predicted))
+        for term, added in zip(self.model.terms, self.contribution, strict=True):
+            if term.misread:
+                misread = misread + added
+        return misread
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest physical step of each column of `jacobian`."""
@@ -162,15 +172,17 @@ class Corrected:
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect."""
         term = self.model.terms[index]
-        found: dict[str, Value] = {}
         share = self.share(index)
-        for at in self.model.of(index):
-            one, (low, high) = self.model.unknowns[at], self.ci95[at]
-            found[one.parameter] = Value(share * float(self.values[at]), (share * low, share * high), one.unit)
-        for other in term.hypothesis.entry.parameters:
-            if other.name in term.spread:
-                found[other.name] = Value(term.shape[other.name], term.spread[other.name], other.unit)
-        return found
+        parameters: dict[str, Value] = {}
+        for number in self.model.of(index):
+            unknown = self.model.unknowns[number]
+            low, high = self.ci95[number]
+            size = share * float(self.values[number])
+            parameters[unknown.parameter] = Value(size, (share * low, share * high), unknown.unit)
+        for tried in term.hypothesis.entry.parameters:
+            if tried.name in term.spread:
+                parameters[tried.name] = Value(term.shape[tried.name], term.spread[tried.name], tried.unit)
+        return parameters
 
     def sizes(self, index: int) -> Array:
         """Fitted sizes of one named effect, shape (sizes,)."""
@@ -187,40 +199,53 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
 
     Groups that the refit holds are not fitted; intervals are clustered by `block`, shape (windows,).
     """
-    fit, everything = _without_spanned(fit, terms, runs), np.ones(len(runs.observed), np.bool_)
+    fit = _without_spanned(fit, terms, runs)
+    everything = np.ones(len(runs.observed), np.bool_)
     model = Model(fit.parameters, tuple(terms), _unknowns(terms, fit.parameters.nominal))
     theta, values = _start(fit, model, runs)
     # The load per unit of a size depends on the groups, such as a share of the power.
-    for again in range(_PASSES if any(one.at_work is not None for one in terms) else 1):
-        model = _at(model, runs, theta, values) if again else model
+    depends = any(term.at_work is not None for term in terms)
+    for again in range(_PASSES if depends else 1):
+        if again:
+            model = _at(model, runs, theta, values)
         predicted = model.predict(runs, theta, values)
         start = (theta, values, predicted, _jacobian(model, runs, theta, values, predicted, fit.held))
         theta, values, predicted, jacobian = _descended(fit, model, runs, everything, start)
     groups = fit.jacobian.shape[1]
-    at = dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups])
     spread = covariance(jacobian, runs.observed - predicted, block)[groups:, groups:]
     spread = spread + np.outer(values, values) * thresholds.GAIN_ERROR**2
     freedom = max(int(block.max()) + 1 - jacobian.shape[1], 1)
-    width = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(np.diag(spread), 0.0))
+    widths = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(np.diag(spread), 0.0))
     intervals = tuple(
-        (float(max(value - w, one.low)), float(min(value + w, one.high)))
-        for one, value, w in zip(model.unknowns, values, width, strict=True)
+        (float(max(value - width, unknown.low)), float(min(value + width, unknown.high)))
+        for unknown, value, width in zip(model.unknowns, values, widths, strict=True)
     )
-    contribution = tuple(predicted - model.predict(runs, theta, values, leave_out=one) for one in range(len(terms)))
-    return Corrected(model, values, intervals, at, jacobian[:, groups:], contribution)
+    contribution = [predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(terms))]
+    return Corrected(
+        model=model,
+        values=values,
+        ci95=intervals,
+        groups=dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups]),
+        beside=jacobian[:, groups:],
+        contribution=tuple(contribution),
+    )
 
 
 def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     """The model with the loads of its terms computed at these parameters instead of the refit's."""
-    setting, terms = model.setting(runs, theta, values), []
-    for term in model.terms:
-        load = None if term.at_work is None else term.hypothesis.load(term.hypothesis, setting)
-        if load is not None and term.at_work is not None:
-            rolling_kg = None if term.of_rolling_kg is None else setting.rolling_kg
-            columns = load[:, None] * term.at_work
-            term = dataclasses.replace(term, load=load, columns=columns, of_rolling_kg=rolling_kg)
-        terms.append(term)
-    return dataclasses.replace(model, terms=tuple(terms))
+    setting = model.setting(runs, theta, values)
+    return dataclasses.replace(model, terms=tuple(_with_load_of(term, setting) for term in model.terms))
+
+
+def _with_load_of(term: Term, setting: Setting) -> Term:
+    """The term with the load of these parameters, where its size is a share of a load."""
+    if term.at_work is None:
+        return term
+    load = term.hypothesis.load(term.hypothesis, setting)
+    if load is None:
+        return term
+    rolling_kg = None if term.of_rolling_kg is None else setting.rolling_kg
+    return dataclasses.replace(term, load=load, columns=load[:, None] * term.at_work, of_rolling_kg=rolling_kg)
 
 
 def _descended(
@@ -238,20 +263,22 @@ def _descended(
         residual = (runs.observed - predicted)[chosen]
         _, to_theta, to_values = _stepped(at, model, values, jacobian[chosen], residual)
         for share in _HALVED:
+            tried_theta = theta + share * (to_theta - theta)
             # A whole step to a bound may exceed it by rounding.
-            tried = theta + share * (to_theta - theta), np.clip(values + share * (to_values - values), *model.bounds)
-            replayed = model.predict(runs, *tried)
+            tried_values = np.clip(values + share * (to_values - values), *model.bounds)
+            replayed = model.predict(runs, tried_theta, tried_values)
             after = float(np.sum((runs.observed - replayed)[chosen] ** 2))
             if after < error:
                 break
         else:
             break
-        (theta, values), predicted = tried, replayed
+        theta, values, predicted = tried_theta, tried_values, replayed
         if to_first and share == 1.0:
             break
-        done, error = after > error * (1.0 - 1e-7), after
+        hardly_falls = after > error * (1.0 - 1e-7)
+        error = after
         jacobian = _jacobian(model, runs, theta, values, predicted, fit.held)
-        if done:
+        if hardly_falls:
             break
     return theta, values, predicted, jacobian
 
@@ -265,9 +292,10 @@ def immaterial(fit: Refit, runs: Runs) -> Mask:
     return ~excited(fit, runs, thresholds.MATERIAL_SHARE / size)
 
 
-def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
+def _without_spanned(fit: Refit, terms: Sequence[Term], runs: Runs) -> Refit:
     """The refit with groups held that a flexible form contains: a line is one of the rising functions."""
-    if not (flexible := [one.columns for one in found if one.flexible]):
+    flexible = [term.columns for term in terms if term.flexible]
+    if not flexible:
         return fit
     columns = np.column_stack(flexible)
     residual = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]
@@ -276,41 +304,79 @@ def _without_spanned(fit: Refit, found: Sequence[Term], runs: Runs) -> Refit:
 
 
 def _unknowns(terms: Sequence[Term], nominal: Robot) -> tuple[Unknown, ...]:
-    found: list[Unknown] = []
+    """The numbers of these terms that are fitted: sizes, and parameters of the kernel that recordings may identify."""
+    unknowns: list[Unknown] = []
     for index, term in enumerate(terms):
-        in_file = nominal.effects.get(term.effect, {}) if term.of_rolling_kg is None else {}
-        # Bounds of a column that is linear near one size only, such as a lag, do not hold where it is replayed.
-        lows, highs = (term.low, term.high) if term.linear else term.hypothesis.limits(len(term.low))
-        for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
-            given = in_file.get(name, 0.0)
-            low, high = float(lows[column]) + given * term.linear, float(highs[column])
-            found.append(Unknown(term.effect, name, unit, low, high, index, column, given))
-        for other in () if term.linear else term.hypothesis.searched:
-            if other.name in term.shape:
-                start = term.shape[other.name]
-                found.append(Unknown(term.effect, other.name, other.unit, other.low, other.high, index, None, start))
-    return tuple(found)
+        unknowns += _sizes(index, term, nominal)
+        if not term.linear:
+            unknowns += _searched_parameters(index, term)
+    return tuple(unknowns)
+
+
+def _sizes(index: int, term: Term, nominal: Robot) -> list[Unknown]:
+    in_file = nominal.effects.get(term.effect, {}) if term.of_rolling_kg is None else {}
+    # Bounds of a column that is linear near one size only, such as a lag, do not hold where it is replayed.
+    lows, highs = (term.low, term.high) if term.linear else term.hypothesis.limits(len(term.low))
+    sizes = []
+    for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
+        given = in_file.get(name, 0.0)
+        # A linear column adds to what the file has of the effect.
+        low = float(lows[column]) + (given if term.linear else 0.0)
+        sizes.append(
+            Unknown(
+                effect=term.effect,
+                parameter=name,
+                unit=unit,
+                low=low,
+                high=float(highs[column]),
+                term=index,
+                column=column,
+                given=given,
+            )
+        )
+    return sizes
+
+
+def _searched_parameters(index: int, term: Term) -> list[Unknown]:
+    return [
+        Unknown(
+            effect=term.effect,
+            parameter=parameter.name,
+            unit=parameter.unit,
+            low=parameter.low,
+            high=parameter.high,
+            term=index,
+            column=None,
+            given=term.shape[parameter.name],
+        )
+        for parameter in term.hypothesis.searched
+        if parameter.name in term.shape
+    ]
 
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     """Starting parameters and values, by the terms' columns at the shapes that were tried."""
-    theirs = ((one.column, model.terms[one.term].columns) for one in model.unknowns)
-    beside = (0.0 * fit.predicted if column is None else columns[:, column] for column, columns in theirs)
+    beside = []
+    for unknown in model.unknowns:
+        columns = model.terms[unknown.term].columns
+        beside.append(np.zeros(len(columns)) if unknown.column is None else columns[:, unknown.column])
     jacobian = np.column_stack([fit.jacobian, *beside])
-    return _stepped(fit, model, model.given, jacobian, runs.observed - fit.predicted)[1:]
+    _, theta, values = _stepped(fit, model, model.given, jacobian, runs.observed - fit.predicted)
+    return theta, values
 
 
 def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: Array, held: Mask) -> Array:
     """Derivatives of the prediction at theta and values, which is `predicted`, shape (windows,), by the groups and the
     unknowns, (windows, columns); 0 for groups that are `held`."""
     columns = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), held)
-    for index, one in enumerate(model.unknowns):
-        term = model.terms[one.term]
-        if one.column is not None and term.linear:
-            columns.append(term.columns[:, one.column])
+    for index, unknown in enumerate(model.unknowns):
+        term = model.terms[unknown.term]
+        if unknown.column is not None and term.linear:
+            columns.append(term.columns[:, unknown.column])
             continue
-        step = SMALL_STEP * (abs(values[index]) or SMALL_STEP * (one.high - one.low))
-        step = -step if values[index] + step > one.high else step
+        step = SMALL_STEP * (abs(values[index]) or SMALL_STEP * (unknown.high - unknown.low))
+        if values[index] + step > unknown.high:
+            step = -step
         moved = values.copy()
         moved[index] += step
         columns.append((model.predict(runs, theta, moved) - predicted) / step)

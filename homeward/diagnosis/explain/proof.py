@@ -77,72 +77,86 @@ class Bench:
     @cached_property
     def _by_block(self) -> tuple[_Split, ...]:
         fold = self.block % FOLDS
-        return tuple(self._fold(fold == one, "place") for one in range(FOLDS))
+        return tuple(self._fold(fold == number, "place") for number in range(FOLDS))
 
     @cached_property
     def _by_stretch(self) -> tuple[_Split, ...]:
         fold = cut_stretches(self.runs.run) % FOLDS
-        return tuple(self._fold(fold == one, "time") for one in range(FOLDS))
+        return tuple(self._fold(fold == number, "time") for number in range(FOLDS))
 
     def _fold(self, held: Mask, axis: str) -> _Split:
         """Columns with the levels found without the held-out windows."""
+        training = ~held
         columns = [term.columns for term in self.candidates]
         for searched, shares in self._searches:
             first = self.candidates[searched[0]]
-            if first.axis == axis and first.schedule is not None and first.load is not None:
-                found = first.hypothesis.search(first.schedule.axis, first.load, self.target, self.runs, ~held, shares)
-                for index in searched:
-                    columns[index] = _as_searched(self.candidates[index], found, ~held)
+            if first.axis != axis or first.schedule is None or first.load is None:
+                continue
+            schedules = first.hypothesis.search(
+                first.schedule.axis, first.load, self.target, self.runs, training, shares
+            )
+            for index in searched:
+                columns[index] = _as_searched(self.candidates[index], schedules, training)
         return self._split(held, columns)
 
     @cached_property
     def _searches(self) -> list[tuple[list[int], list[float]]]:
         """Hypotheses that share a search, as effects of one load do, and its penalties, the largest first."""
-        found: dict[tuple[bool, str, bytes], tuple[list[int], set[float]]] = {}
+        searched_by_load: dict[tuple[bool, str, bytes], list[int]] = {}
         for index, term in enumerate(self.candidates):
             if term.schedule is not None and term.load is not None:
-                key = term.hypothesis.signed, term.axis, term.load.tobytes()
-                searched, shares = found.setdefault(key, ([], set()))
-                searched.append(index)
-                shares.add(term.schedule.share)
-        return [(searched, sorted(shares, reverse=True)) for searched, shares in found.values()]
+                key = (term.hypothesis.signed, term.axis, term.load.tobytes())
+                searched_by_load.setdefault(key, []).append(index)
+        searches = []
+        for searched in searched_by_load.values():
+            schedules = [self.candidates[index].schedule for index in searched]
+            shares = {schedule.share for schedule in schedules if schedule is not None}
+            searches.append((searched, sorted(shares, reverse=True)))
+        return searches
 
     def _split(self, held: Mask, columns: Sequence[Array]) -> _Split:
-        ends = np.cumsum([self.model.jacobian.shape[1], *(one.shape[1] for one in columns)])
-        everything = np.column_stack([self.model.jacobian, *columns, self.target])
-        test = everything[held]
-        tested = test.T @ test
-        own = tuple(np.arange(a, b) for a, b in pairwise(ends))
-        return _Split(held, everything, own, everything.T @ everything - tested, tested)
+        widths = [of_term.shape[1] for of_term in columns]
+        ends = np.cumsum([self.model.jacobian.shape[1], *widths])
+        own = tuple(np.arange(start, end) for start, end in pairwise(ends))
+        design = np.column_stack([self.model.jacobian, *columns, self.target])
+        held_out = design[held]
+        tested = held_out.T @ held_out
+        return _Split(held=held, columns=design, own=own, fitted=design.T @ design - tested, tested=tested)
 
     def _chosen(self, split: _Split, chosen: tuple[int, ...]) -> Index:
-        return np.concatenate([
-            np.arange(self.model.jacobian.shape[1]), *(split.own[one] for one in (*self.beside, *chosen))
-        ])  # fmt: skip
+        """Columns of the base and of the chosen hypotheses."""
+        of_model = np.arange(self.model.jacobian.shape[1])
+        of_terms = [split.own[index] for index in (*self.beside, *chosen)]
+        return np.concatenate([of_model, *of_terms])
+
+    def _terms(self, chosen: tuple[int, ...]) -> list[Term]:
+        """The hypotheses of the base and the chosen ones."""
+        return [self.candidates[index] for index in (*self.beside, *chosen)]
 
     def _in_time(self, chosen: tuple[int, ...]) -> bool:
         """Whether some size changes at estimated moments: then stretches are held out."""
-        terms = [self.candidates[one] for one in (*self.beside, *chosen)]
-        return any(term.axis == "time" and term.schedule is not None for term in terms)
+        return any(term.axis == "time" and term.schedule is not None for term in self._terms(chosen))
 
     def _splits(self, in_time: bool) -> tuple[_Split, ...]:
         return self._by_stretch if in_time else self._by_block
 
     def _weights(self, split: _Split, columns: Index, chosen: tuple[int, ...]) -> Array:
-        terms, (low, high) = [self.candidates[one] for one in (*self.beside, *chosen)], self.model.freedom()
-        limits = (
-            np.concatenate([low, *(one.low for one in terms)]),
-            np.concatenate([high, *(one.high for one in terms)]),
-        )
-        return bounded(split.fitted[np.ix_(columns, columns)], split.fitted[columns, -1], *limits)
+        """Bounded least-squares weights of these columns over the training windows."""
+        terms = self._terms(chosen)
+        low, high = self.model.freedom()
+        lows = np.concatenate([low, *(term.low for term in terms)])
+        highs = np.concatenate([high, *(term.high for term in terms)])
+        return bounded(split.fitted[np.ix_(columns, columns)], split.fitted[columns, -1], lows, highs)
 
     def _error(self, chosen: tuple[int, ...], in_time: bool) -> float:
+        """Held-out squared error of these hypotheses beside the base."""
         total = 0.0
         for split in self._splits(in_time):
             columns = self._chosen(split, chosen)
-            weights, tested = self._weights(split, columns, chosen), split.tested
-            explained = 2.0 * weights @ tested[columns, -1] - weights @ tested[np.ix_(columns, columns)] @ weights
-            total += max(float(tested[-1, -1] - explained), 0.0)
+            weights = self._weights(split, columns, chosen)
+            moment, gram = split.tested[columns, -1], split.tested[np.ix_(columns, columns)]
+            explained = 2.0 * weights @ moment - weights @ gram @ weights
+            total += max(float(split.tested[-1, -1] - explained), 0.0)
         return total
 
     @cached_property
@@ -170,7 +184,9 @@ class Bench:
     def held_out_bic(self, *chosen: int) -> float:
         """The same, with the effective sample size of their residual."""
         share = self.share(*chosen)
-        independent = self.independent(*chosen) if -np.log(max(1.0 - share, 1e-300)) > _WORTH_A_LOOK else 2.0
+        # Counting independent windows takes time: of what hardly explains anything the least number does.
+        worth_a_look = -np.log(max(1.0 - share, 1e-300)) > _WORTH_A_LOOK
+        independent = self.independent(*chosen) if worth_a_look else 2.0
         return self.score(share, independent, *chosen)
 
     def innovations_bic(self, chosen: int) -> float:
@@ -182,8 +198,8 @@ class Bench:
 
     def is_in_steps(self, chosen: int) -> bool:
         """Whether its size changes in steps that stand out from the innovations, unlike levels that follow a drift."""
-        one = self.candidates[chosen]
-        in_time = one.axis == "time" and one.schedule is not None
+        term = self.candidates[chosen]
+        in_time = term.axis == "time" and term.schedule is not None
         return in_time and self.innovations_bic(chosen) >= thresholds.STRONG_BIC
 
     def delta_bic(self, chosen: int) -> float:
@@ -192,7 +208,9 @@ class Bench:
         return max(by_share, self.innovations_bic(chosen)) if self.is_in_steps(chosen) else by_share
 
     def _freedom(self, chosen: tuple[int, ...]) -> int:
-        return sum(self.candidates[one].columns.shape[1] + self.candidates[one].hidden for one in chosen)
+        """Parameters of these hypotheses, with those that a search has spent."""
+        terms = [self.candidates[index] for index in chosen]
+        return sum(term.columns.shape[1] + term.hidden for term in terms)
 
     @cached_property
     def _innovation(self) -> Callable[[tuple[int, ...]], float]:
@@ -208,10 +226,12 @@ class Bench:
         The residual of a wrong model has the autocorrelation of what it lacks, and counts for less. But steps that are
         clearly above the residual are identified by the windows around them, so that only short lags count.
         """
-        residual, run = self._residual(chosen), self.runs.run
-        if chosen and all(clearly_apart(self.candidates[one].schedule) for one in chosen):
-            return max(len(residual) / noise_of(residual, run, _AROUND_A_STEP).correlation, 2.0)
-        return independent_windows(residual, run)
+        residual = self._residual(chosen)
+        schedules = [self.candidates[index].schedule for index in chosen]
+        if schedules and all(clearly_apart(schedule) for schedule in schedules):
+            correlation_windows = noise_of(residual, self.runs.run, _AROUND_A_STEP).correlation
+            return max(len(residual) / correlation_windows, 2.0)
+        return independent_windows(residual, self.runs.run)
 
     def _residual(self, chosen: tuple[int, ...]) -> Array:
         """Residual of these hypotheses, shape (windows,)."""
@@ -241,11 +261,15 @@ class Bench:
         """Held-out predictions of the base, and with these hypotheses, shape (windows,) each."""
         without, with_it = np.empty(len(self.target)), np.empty(len(self.target))
         for split in self._splits(self._in_time(chosen)):
-            for result, terms in ((without, ()), (with_it, chosen)):
-                columns = self._chosen(split, terms)
-                weights = self._weights(split, columns, terms)
-                result[split.held] = split.columns[np.ix_(split.held, columns)] @ weights
+            without[split.held] = self._predicted(split, ())
+            with_it[split.held] = self._predicted(split, chosen)
         return without, with_it
+
+    def _predicted(self, split: _Split, chosen: tuple[int, ...]) -> Array:
+        """Prediction of the held-out windows by these hypotheses beside the base."""
+        columns = self._chosen(split, chosen)
+        weights = self._weights(split, columns, chosen)
+        return np.asarray(split.columns[np.ix_(split.held, columns)] @ weights)
 
     def p_value(self, chosen: int, independent: float, rng: np.random.Generator) -> float:
         """P-value: how often noise alone gives some hypothesis as high a score, a search repeated on every placebo."""
@@ -254,33 +278,41 @@ class Bench:
             reached = self.score(self.share(chosen), independent, chosen)
             return float((1 + np.sum(self._best_of_noise(independent, rng) >= reached)) / (DRAWS + 1))
         reached = self._searched(term, self._left)
-        kinds = {(one.axis, one.hypothesis.changes) for one in self.candidates if one.schedule is not None}
-        scores, p_value = list[float](), 1.0
+        scheduled = [other for other in self.candidates if other.schedule is not None]
+        kinds = {(other.axis, other.hypothesis.changes) for other in scheduled}
+        scores: list[float] = []
+        p_value = 1.0
         for placebo in self._placebos(chosen, rng):
             scores.append(self._searched(term, placebo))
-            if sum(score >= reached for score in scores) == _AS_GOOD:
+            as_good = sum(score >= reached for score in scores)
+            if as_good == _AS_GOOD:
                 return _AS_GOOD / len(scores)
             if len(scores) % _SEARCHES == 0:
                 p_value = min(1.0, len(kinds) * _tail(np.array(scores), reached))
-                if not 1.0 / _CLOSE < p_value / thresholds.FALSE_ALARM_RATE < _CLOSE:
+                close = 1.0 / _CLOSE < p_value / thresholds.FALSE_ALARM_RATE < _CLOSE
+                if not close:
                     break
         return p_value
 
     def _best_of_noise(self, independent: float, rng: np.random.Generator) -> Array:
         """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
-        splits, everything = self._by_block, self._by_block[0].columns
-        moments = per_block(everything[:, :-1] * self._left[:, None], self.block)
+        splits = self._by_block
+        columns_of_all = splits[0].columns[:, :-1]  # without the target
+        moments = per_block(columns_of_all * self._left[:, None], self.block)
         signs = rng.choice([-1.0, 1.0], (DRAWS, len(moments)))
-        held = np.arange(len(moments)) % FOLDS == np.arange(FOLDS)[:, None]
-        tested = [signs[:, one] @ moments[one] for one in held]
-        fitted = [signs[:, ~one] @ moments[~one] for one in held]
+        fold_of_block = np.arange(len(moments)) % FOLDS
+        # Products of the columns with each draw, shape (draws, columns), over held-out and training blocks of a fold.
+        tested = [signs[:, fold_of_block == fold] @ moments[fold_of_block == fold] for fold in range(FOLDS)]
+        fitted = [signs[:, fold_of_block != fold] @ moments[fold_of_block != fold] for fold in range(FOLDS)]
 
         def errors(chosen: tuple[int, ...]) -> Array:
+            """Held-out squared error of each draw, shape (draws,)."""
             total = np.zeros(DRAWS)
-            for split, to, on in zip(splits, fitted, tested, strict=True):
+            for fold, split in enumerate(splits):
                 columns = self._chosen(split, chosen)
-                weights = bounded(split.fitted[np.ix_(columns, columns)], to[:, columns].T)
-                added = weights * (split.tested[np.ix_(columns, columns)] @ weights - 2.0 * on[:, columns].T)
+                grid = np.ix_(columns, columns)
+                weights = bounded(split.fitted[grid], fitted[fold][:, columns].T)
+                added = weights * (split.tested[grid] @ weights - 2.0 * tested[fold][:, columns].T)
                 total += float(np.sum(self._left[split.held] ** 2)) + added.sum(axis=0)
             return np.maximum(total, 1e-300)
 
@@ -304,12 +336,15 @@ class Bench:
     def _searched(self, term: Term, target: Array) -> float:
         """Score of the best schedule of an effect that a search in this target finds, each fold searched by itself."""
         kind = (term.effect, term.axis)
-        rivals = [one for one in self.candidates if one.schedule is not None and (one.effect, one.axis) == kind]
-        small = replace(self, candidates=tuple(rivals), target=target, beside=())
-        return max(
-            max(small.score(small.share(one), small.independent(one), one), small.innovations_bic(one))
-            for one in range(len(rivals))
-        )
+        alike = [
+            other for other in self.candidates if other.schedule is not None and (other.effect, other.axis) == kind
+        ]
+        small = replace(self, candidates=tuple(alike), target=target, beside=())
+        scores = []
+        for index in range(len(alike)):
+            scores.append(small.score(small.share(index), small.independent(index), index))
+            scores.append(small.innovations_bic(index))
+        return max(scores)
 
 
 def _tail(scores: Array, reached: float) -> float:
@@ -330,11 +365,13 @@ def _as_searched(term: Term, found: Sequence[Schedule], chosen: Mask) -> Array:
     """
     assert term.schedule is not None and term.load is not None
     columns, level = np.zeros_like(term.columns), term.schedule.level
-    if alike := [one for one in found if one.found_by[0] >= term.schedule.share]:
-        parts = [one for one in alike if one.found_by == alike[-1].found_by]
-        best = max(parts, key=lambda one: np.count_nonzero((one.level == level)[chosen]))
-        at_work = best.at_work()[:, : columns.shape[1]]
-        columns[:, : at_work.shape[1]] = term.load[:, None] * at_work
+    alike = [schedule for schedule in found if schedule.found_by[0] >= term.schedule.share]
+    if not alike:
+        return columns
+    parts = [schedule for schedule in alike if schedule.found_by == alike[-1].found_by]
+    best = max(parts, key=lambda schedule: np.count_nonzero((schedule.level == level)[chosen]))
+    at_work = best.at_work()[:, : columns.shape[1]]
+    columns[:, : at_work.shape[1]] = term.load[:, None] * at_work
     return columns
 
 

@@ -57,7 +57,7 @@ def _grounds(run: Signals) -> Array:
     if place_m is None or not np.isfinite(place_m).all() or float(np.ptp(place_m)) == 0.0:
         return np.ones((len(run.time_s), 1))
     knots_m = np.linspace(float(place_m.min()), float(place_m.max()), _GROUNDS)
-    return np.column_stack([np.interp(place_m, knots_m, one) for one in np.eye(_GROUNDS)])
+    return np.column_stack([np.interp(place_m, knots_m, hat) for hat in np.eye(_GROUNDS)])
 
 
 def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: Robot) -> float:
@@ -71,11 +71,14 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
         return 0.0
 
     def late(late_s: float) -> list[Signals]:
-        found = []
+        """The searched runs with slopes that were so late set right."""
+        corrected = []
         for index, run in zip(sloping, searched, strict=True):
             slope = slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
-            found.append(replace(run, grade_rad=np.zeros(len(run.time_s)) if slope is None else slope))
-        return found
+            if slope is None:
+                slope = np.zeros(len(run.time_s))
+            corrected.append(replace(run, grade_rad=slope))
+        return corrected
 
     def errors(late_s: float) -> Array:
         return np.array([_regression(run, drive_columns(run, robot, run.grade_rad)) for run in late(late_s)])
@@ -115,7 +118,7 @@ def _early(run: Signals, lag_s: float | Array) -> Signals:
 def _regression(run: Signals, columns: Array) -> float:
     """Squared residual over windows of power regressed on columns."""
     cut = windows(run.time_s, max(WINDOW_S, median_step_s(run.time_s)))
-    design = np.column_stack([cut.means(one) for one in columns.T])
+    design = np.column_stack([cut.means(column) for column in columns.T])
     target = cut.means(run.observed)
     weights = _least_squares(design, target)
     residual = target - design @ weights
@@ -152,26 +155,27 @@ def _drift(run: Signals, robot: Robot) -> float:
 
     def fit(lag_s: float, drift_s: float) -> tuple[Array, Array, float]:
         when = run.time_s - lag_s - drift_s * since
-        late = np.column_stack([np.interp(when, run.time_s, one) for one in columns.T])
+        late = np.column_stack([np.interp(when, run.time_s, column) for column in columns.T])
         weights = _least_squares(late, run.observed)
         residual = run.observed - late @ weights
         return late, weights, float(residual @ residual)
 
     drifts = np.arange(-_LONGEST_DRIFT_S, _LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist()
     starts = [(lag, drift) for drift in drifts for lag in {0.0, -drift / 2.0}]
-    lag_s, drift_s = min(starts, key=lambda one: fit(*one)[2])
+    lag_s, drift_s = min(starts, key=lambda start: fit(*start)[2])
     error_s = np.inf
     for _ in range(_ITERATIONS):
         late, weights, _ = fit(lag_s, drift_s)
         rate = -np.gradient(late @ weights, run.time_s)
         design = np.column_stack([late, rate, rate * since])
-        found = _least_squares(design, run.observed)
-        residual = run.observed - design @ found
-        lag_s, drift_s = lag_s + float(found[-2]), drift_s + float(found[-1])
+        weights = _least_squares(design, run.observed)
+        residual = run.observed - design @ weights
+        lag_s += float(weights[-2])
+        drift_s += float(weights[-1])
         error_s = float(standard_errors(design, residual, stretch.astype(np.intp))[-1])
     if error_s > abs(drift_s) / thresholds.FAR_APART or abs(drift_s) >= _LONGEST_DRIFT_S:
         return 0.0
     # The derivative of a noisy channel is noise, which some lag fits by chance: power itself must be explained better.
     without = min(_regression(_early(run, lag), columns) for lag in _SHARED_S)
-    with_it = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
-    return drift_s if with_it < (1.0 - thresholds.SMALLEST_GAIN) * without else 0.0
+    corrected = min(_regression(_early(run, lag + drift_s * since), columns) for lag in _SHARED_S)
+    return drift_s if corrected < (1.0 - thresholds.SMALLEST_GAIN) * without else 0.0

@@ -33,8 +33,10 @@ def along_the_way(base_m: Array, driven_m: Array, slope: Array | None, reach_m: 
     if slope is None:
         return direction, place_m
     flips = 1 + np.flatnonzero(np.diff(direction))
-    near = np.split(flips, 1 + np.flatnonzero(np.diff(driven_m[flips]) > reach_m))
-    ends = np.array([0, *(int(np.median(one)) for one in near if len(one) % 2), len(base_m) - 1])
+    # Several flips close together are one turn, or none if the direction is then as before.
+    clusters = np.split(flips, 1 + np.flatnonzero(np.diff(driven_m[flips]) > reach_m))
+    turns = [int(np.median(cluster)) for cluster in clusters if len(cluster) % 2]
+    ends = np.array([0, *turns, len(base_m) - 1])
     for part in zip(ends[:-2], ends[1:-1], ends[2:], strict=True):
         if _turns_back(driven_m, base_m, slope, driven_m[list(part)], reach_m):
             continue
@@ -57,17 +59,21 @@ def _turns_back(driven_m: Array, base_m: Array, slope: Array, peaks_m: Array, re
         return True
     away_m = np.linspace(0.0, most_m, _COMPARED)
 
-    def sides(of: Array, shift_m: float) -> Array:
-        found = np.stack([np.interp(peaks_m[1] + shift_m + sign * away_m, driven_m, of) for sign in (-1.0, 1.0)])
-        return np.asarray(found - found.mean())  # a slope sensor may be tilted
+    def sides(channel: Array, shift_m: float) -> Array:
+        """The channel before and after the peak, less its mean, shape (2, places): a slope sensor may be tilted."""
+        middle_m = peaks_m[1] + shift_m
+        values = np.stack([np.interp(middle_m + sign * away_m, driven_m, channel) for sign in (-1.0, 1.0)])
+        return np.asarray(values - values.mean())
 
     beside_m = np.interp(peaks_m[1] + reach_m * np.array([-1.0, 0.0, 1.0]), driven_m, base_m)
     if 2.0 * beside_m[1] - beside_m[0] - beside_m[2] >= 2.0 * thresholds.SHARP * reach_m:
         return True
     shifts_m = np.linspace(-0.5, 0.5, _SHIFTS) * reach_m
     shifted = [sides(base_m, shift_m) for shift_m in shifts_m.tolist()]
-    errors = [float(np.mean((one[0] - one[1]) ** 2)) / 2.0 - white_noise(base_m) ** 2 for one in shifted]
+    noise = white_noise(base_m) ** 2
+    errors = [float(np.mean((before - after) ** 2)) / 2.0 - noise for before, after in shifted]
     best = int(np.argmin(errors))
     slopes = sides(slope, float(shifts_m[best]))
     as_far = errors[best] <= thresholds.AS_FAR * float(np.var(shifted[best]))
-    return as_far and float(np.mean((slopes[0] + slopes[1]) ** 2)) / 2.0 <= thresholds.REVERSED * float(np.var(slopes))
+    not_mirrored = float(np.mean((slopes[0] + slopes[1]) ** 2)) / 2.0
+    return as_far and not_mirrored <= thresholds.REVERSED * float(np.var(slopes))
