@@ -82,20 +82,19 @@ MOST_EFFECTS = 3
 MATERIAL_SHARE = 0.03
 """Least share of what was recorded. A parameter group must contribute it, at its fitted or assumed value, to be
 fitted beside effects. A battery must lose it for the loss to be named. The residual must reach it for its dependence on
-motion to count as unknown physics. The spread of a product, ratio or sum over all models that
-fit as well (profile likelihood) stays below it where it is identifiable. Chosen: six standard errors of a meter's scale
-(GAIN_ERROR)."""
+motion to count as unknown physics. The spread of a product, ratio or sum over all models that fit as well (profile
+likelihood) stays below it where it is identifiable. Chosen: six standard errors of a meter's scale (GAIN_ERROR)."""
 
 # --- Model comparison: which explanation is preferred -----------------------------------------------------------------
 
 HALF = 0.5
 """A majority: of samples, of a window, of a way or its places, of the largest of several values. What explains the
-greater part of something is its cause: named effects of the residual, motion or the place of what a schedule explains,
-another effect that is known to be confounded of what the first explains; trees are clearly better than named effects
-if they leave less than half of their squared error on other runs. A column is mixed with another if its projection on
-that is the greater part of it. Twice the range or half of it are equally useless, so
-that no trip counts as off by more. Of independent values a straight line between two has as large an error as a step:
-both have twice the variance of linear prediction where values correlate by a half."""
+greater part of something is its cause: named effects of the residual and of what trees on the motion and its history
+explain of it, motion or the place of what a schedule explains, another effect that is known to be confounded of what
+the first explains. A column is mixed with another if its projection on that is the greater part of it. Twice the range
+or half of it are equally useless, so that no trip counts as off by more. Of independent values a straight line between
+two has as large an error as a step: both have twice the variance of linear prediction where values correlate by a
+half."""
 
 TWICE = 2.0
 """A factor of two, from which two quantities differ in kind: recorded and predicted energy (parameters that are each
@@ -107,9 +106,9 @@ NEARLY_ALL = 0.8
 """Nearly all, or nearly the same: the least reliability of a channel for a parameter that rests on it alone, as for
 measurement in general (Nunnally, Psychometric Theory, 1978, p. 245: 0.8 for research); the correlation from which two
 series count as the same, and two estimates as one; the ratio of two gains from which one model explains as much as
-another (a simpler one is then preferred: effects that channels show to a schedule, which fits any intermittent cause,
-one effect to trees); the probability that the air is warmer in a window without a heater's power than in one with it
-(Mann-Whitney); the held-out R^2 below which a channel that was not recorded may be the reason."""
+another, and the simpler one is preferred (effects that channels show to a schedule, which fits any intermittent cause);
+the probability that the air is warmer in a window without a heater's power than in one with it (Mann-Whitney); the
+held-out R^2 below which a channel that was not recorded may be the reason."""
 
 RARE_CHANGES = 4
 """Most change points, in all recordings, of an effect that rarely changes (on and off twice): ground of places that are
@@ -148,8 +147,8 @@ below what the Husky's late clock explains."""
 # --- Places: where something acts, in words ------------------------------------------------------------------------
 
 AT_WORK = 0.1
-"""Share of its 0.99 quantile above which an effect is at work; a condition with half of these windows (F1) describes
-it. Chosen: it decides words and places, and no verdict."""
+"""Share of its 0.99 quantile above which an effect is at work; a condition describes it if more than half of the
+windows where one or the other holds are those of both. Chosen: it decides words and places, and no verdict."""
 
 # --- Parameters: what recordings determine ------------------------------------------------------------------------
 

@@ -164,9 +164,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
 
 
 def _least_beside_motion(together: Together) -> float:
-    if together.is_scheduled:
-        return 1.0
-    return thresholds.HALF if together.beats_trees else thresholds.NEARLY_ALL
+    return 1.0 if together.is_scheduled else thresholds.HALF
 
 
 def _beside_motion(together: Together) -> float:
@@ -204,9 +202,7 @@ TOGETHER: tuple[Condition[Together], ...] = (
         "motion together", "what they explain over what trees on the motion and its history explain; "
         "of a schedule, both beside the effects that channels show",
         "all", "more than", _least_beside_motion,
-        f"1 of a schedule; otherwise {thresholds.NEARLY_ALL:g}, or {thresholds.HALF:g} if trees do not predict "
-        "unseen runs much better",
-        "NEARLY_ALL, HALF",
+        f"1 of a schedule; otherwise {thresholds.HALF:g}", "HALF",
         _beside_motion,
     ),
     Condition(

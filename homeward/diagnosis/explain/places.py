@@ -1,6 +1,6 @@
 """Where and when a mismatch occurs or an effect is at work: stretches of the recordings and a condition in words.
 
-A condition on a channel is one split of its values, by least squares or by its overlap (F1) with the stretches.
+A condition on a channel is one split of its values, by least squares or by its overlap with the stretches.
 """
 
 from collections.abc import Iterator, Sequence
@@ -61,13 +61,14 @@ def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
     """First bin above the split with the largest sum of squares between its sides, and whether the upper side is
     chosen.
 
-    The chosen side is the rarer one.
+    The chosen side is the rarer one if the other is twice as large, or else the one where more is drawn than predicted.
     """
     low, below = np.cumsum(weight), np.cumsum(weight * effect)
     high = low[-1] - low[:-1]
     difference = (below[-1] - below[:-1]) / high - below[:-1] / low[:-1]
     k = int(np.argmax(low[:-1] * high * difference**2))
-    return k + 1, bool(high[k] < low[k])
+    is_exception = thresholds.TWICE * min(low[k], high[k]) < max(low[k], high[k])
+    return k + 1, bool(high[k] < low[k] if is_exception else difference[k] > 0.0)
 
 
 def _plain(value: float) -> str:
@@ -195,8 +196,9 @@ def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> 
     best, limit, above = 0.0, 0.0, True
     for middle in ((quantiles[1:] + quantiles[:-1]) / 2.0).tolist():
         for side, meant in ((True, values > middle), (False, values < middle)):
-            score = 2.0 * float((meant & inside).sum()) / float(meant.sum() + inside.sum())
-            best, limit, above = max((best, limit, above), (score, middle, side), key=lambda one: one[0])
+            overlap = float((meant & inside).sum()) / float((meant | inside).sum())
+            if overlap > best:
+                best, limit, above = overlap, middle, side
     return _words(channel, above, limit) if best > thresholds.HALF else None
 
 
