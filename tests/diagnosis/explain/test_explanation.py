@@ -68,6 +68,7 @@ def test_a_hill_that_was_not_recorded_is_no_effect_and_its_channel_is_asked_for(
     assert not diagnosis.missing_physics
     assert "slopes that these runs, or some of them, lack (grade_rad or elevation_m) may" in diagnosis.summary
     assert "depends on no recorded channel" not in diagnosis.summary
+    assert "The robot file explains" not in diagnosis.summary
 
 
 def test_what_only_the_place_shows_may_be_slopes_that_were_not_recorded(short_fit: Refit, short_runs: Runs) -> None:
