@@ -51,7 +51,7 @@ def drive(folder: Path, seed: int, rolling: float = 1.0, spoiled: float = 1.0) -
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Watched]:
     folder = tmp_path_factory.mktemp("drives")
-    return [watch(read_recording(drive(folder, seed)), load_robot("husky")) for seed in range(4)]
+    return [watch(read_recording(drive(folder, seed)), load_robot("husky")) for seed in range(3)]
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def spoiled(tmp_path_factory: pytest.TempPathFactory) -> Watched:
 
 def test_predictions_hold_where_the_model_does(runs: list[Watched]) -> None:
     rows = rows_of(runs)
-    assert rows[-1].moments == sum(len(one.time_s) for one in runs) and rows[-1].runs == 4
+    assert rows[-1].moments == sum(len(one.time_s) for one in runs) and rows[-1].runs == 3
     assert rows[-1].covered > 0.8 and abs(rows[-1].bias) < 0.03
     early, late = rows[0], rows[-3]
     assert late.error < early.error + 0.02 and late.width < early.width  # it has learned on the way
