@@ -247,7 +247,7 @@ def test_a_parameter_beside_the_size_is_fitted_and_written(
 def test_a_limit_that_is_never_reached_is_at_its_default(short_drive: Drive, husky: Robot) -> None:
     robot = dataclasses.replace(husky, rolling_resistance=0.2 * husky.rolling_resistance)
     hidden = {"regeneration": {"share": 0.6}, "inertia": {"mass_factor": 1.2}}
-    corrected = analyse(short_drive(robot, effects=hidden), robot).corrected
+    corrected = analyse(short_drive(robot, runs=3, effects=hidden), robot).corrected
     assert corrected.effects["regeneration"].get("up_to_w", NO_LIMIT_W) == NO_LIMIT_W
 
 
