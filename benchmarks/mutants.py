@@ -145,10 +145,13 @@ def _change(node: ast.AST) -> bool:
 
 
 def drawn(count: int, rng: np.random.Generator) -> list[Mutant]:
-    """Faults of different lines: all lines that can be changed are equally likely, and then all changes of a line."""
+    """Faults of different lines: all lines that can be changed are equally likely, and then all changes of a line.
+
+    A longer draw of the same seed begins with the shorter one.
+    """
     files = [file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
     lines = [(file, nodes) for file in files for nodes in changeable(file).values()]
-    chosen = rng.choice(len(lines), count, replace=False)
+    chosen = rng.permutation(len(lines))[:count]
     return [mutant_of(lines[line][0], int(rng.choice(lines[line][1]))) for line in chosen]
 
 

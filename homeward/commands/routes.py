@@ -126,7 +126,7 @@ def generated_routes(robot: Robot, kind: str, count: int, seed: int) -> list[Rou
     env = HomewardVectorEnv(count, mission="OutAndBack", robot=robot, route=kind, difficulty="uncertain")
     env.reset(seed=seed)
     shared, missions = env.batch.known.shared[0], env.batch.records
-    drawn = env.batch.routes["places"][:, : int(shared["places"])].astype(np.dtype(env.batch.routes["places"].dtype))
+    drawn = env.batch.routes["places"][:, : int(shared["places"])]
     return [
         Route(
             float(shared["place_m"]), np.arcsin(places["sin_grade"].astype(np.float64)), places["roughness"],

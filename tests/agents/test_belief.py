@@ -30,7 +30,8 @@ MISSED = 0.02
 SEED = 7_000_001
 """Of missions that nothing was tuned on."""
 RISK = 1e-3
-Array = NDArray[Any]
+Array = NDArray[np.float64]
+Records = NDArray[np.void]
 
 
 class Drive:
@@ -57,7 +58,7 @@ class Drive:
                 self.belief.learn(self.observations, np.zeros(self.count, np.bool_))
         return self
 
-    def now(self) -> Array:
+    def now(self) -> Records:
         """What heading home now leaves, `MARGIN_DTYPE`."""
         return np.asarray(self.belief.margin(self.belief.plans(self.observations), RISK).total)
 
@@ -75,7 +76,7 @@ class Drive:
         assert m["home"].all()
         return np.asarray(before_j - m["energy_j"])
 
-    def _results(self) -> tuple[Array, Array, Array]:
+    def _results(self) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
         return np.empty(self.count), np.empty(self.count, np.bool_), np.empty(self.count, np.bool_)
 
 

@@ -53,6 +53,7 @@ def test_the_same_seed_draws_the_same_faults(checkout: Path) -> None:
     first, again, other = (drawn(2, np.random.default_rng(seed)) for seed in (1, 1, 2))
     assert first == again != other
     assert len({(fault.file, fault.line) for fault in first}) == 2
+    assert drawn(4, np.random.default_rng(1))[:2] == first
 
 
 @pytest.mark.parametrize(("test", "by"), [(NEGLIGENT, ""), (CAREFUL, "tests/test_double.py::test_it")])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 
-import numpy as np
 import pytest
 
 from homeward import Robot
@@ -18,21 +17,8 @@ TURNING: Mapping[str, Mapping[str, float]] = {"turning": {"scrub": 0.3}}
 INERTIA: Mapping[str, Mapping[str, float]] = {"inertia": {"mass_factor": 1.0}}
 
 
-def with_radio(runs: list[Recording]) -> list[Recording]:
-    """The runs of a robot that drives away and back, with a radio of 200 W/km^2."""
-    extended = []
-    for number, run in enumerate(runs):
-        way_m = np.cumsum(np.abs(run.channels["speed_mps"])) * 0.1
-        away_m = 100.0 * (1 + number) + 4.0 * np.minimum(way_m, way_m[-1] - way_m)
-        power_w = run.channels["power_w"] + 200.0 * (1e-3 * away_m) ** 2
-        channels = {**run.channels, "base_distance_m": away_m, "power_w": power_w}
-        extended.append(dataclasses.replace(run, channels=channels))
-    return extended
-
-
 RECORDED: Mapping[str, Callable[[Drive, Robot], list[Recording]]] = {
     "turning": lambda drive, robot: drive(robot, effects=TURNING),
-    "radio": lambda drive, robot: with_radio(drive(robot)),
     "internal_resistance": lambda drive, robot: at_terminals(drive(robot), 0.15),
 }
 """Recordings of a robot with an effect, by its id."""

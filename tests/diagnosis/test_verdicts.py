@@ -85,21 +85,6 @@ def test_concealed_wind_is_named_and_located_by_heading(short_drive: Drive, husk
     assert all("heading" in place.condition for place in diagnosis.where)
 
 
-def test_a_payload_taken_on_in_the_middle_is_named_and_located_in_time(short_drive: Drive, husky: Robot) -> None:
-    light, heavy = short_drive(husky), short_drive(husky, mass_kg=1.4 * husky.mass_kg)
-    late = light[0].channels["time_s"] > 65.0
-    runs = [
-        with_channels(a, power_w=np.where(late, b.channels["power_w"], a.channels["power_w"]))
-        for a, b in zip(light, heavy, strict=True)
-    ]
-    diagnosis = diagnose(runs, husky)
-    load = diagnosis.missing_physics[0]
-    assert load.effect == "payload"
-    assert load.parameters["mass_kg"].value == pytest.approx(0.4 * husky.mass_kg, rel=0.15)
-    assert [place.condition.split()[0] for place in load.where] == ["after"] * 4
-    assert all(place.start_s == pytest.approx(65.0, abs=20.0) for place in load.where)
-
-
 def test_constant_speed_and_a_short_log_test_nothing(husky: Robot) -> None:
     rng = np.random.default_rng(0)
     time_s = np.arange(0.0, 40.0, 0.1)

@@ -239,6 +239,12 @@ def test_the_interval_of_a_leg_is_that_of_its_parameters_as_they_count_there(nam
     there = leg(robot, level, 2.0, sensing_hz=20.0)
     assert there.sd_j == pytest.approx(0.1 * of_parameter, rel=2e-3, abs=1e-6)
     assert (there.mean_j - there.low_j, there.high_j - there.mean_j) == pytest.approx([1.645 * there.sd_j] * 2)
+    # What is surely larger where the resistance is adds to it, and does not cancel it.
+    rolling_j = 0.1 * 10.0 * GRAVITY_MPS2 * 200.0 / 0.5
+    if name != "rolling":
+        together = dataclasses.replace(given, fitted=("rolling", name), covariance=((0.01, 0.01), (0.01, 0.01)))
+        both = leg(dataclasses.replace(PLAIN, uncertainty=together), level, 2.0, sensing_hz=20.0)
+        assert both.sd_j == pytest.approx(0.1 * (rolling_j + of_parameter), rel=2e-3)
     if share:
         weight_j = 10.0 * GRAVITY_MPS2 * math.sin(0.1) * 200.0 / 0.5
         assert leg(robot, climb, 2.0).sd_j == pytest.approx(0.1 * weight_j, rel=2e-3)

@@ -88,6 +88,14 @@ def test_two_values_or_a_gap_determine_no_form(short_fit: Refit, short_runs: Run
     assert list(rising(one, Setting.of(short_fit, runs))) == []
 
 
+def test_three_values_determine_a_form(short_fit: Refit, short_runs: Runs) -> None:
+    temperature_c = np.resize([1.0, 2.0, 4.0], len(short_runs.observed))
+    one = dataclasses.replace(CATALOGUE["heater"], rises_with="temperature_c")
+    (term,) = rising(one, Setting.of(short_fit, with_context(short_runs, temperature_c=temperature_c)))
+    # As many steps as it takes to give each of them a value of its own.
+    assert np.linalg.matrix_rank(term.columns) == 2
+
+
 def test_a_step_of_the_residual_is_a_level_of_its_size(short_fit: Refit, short_runs: Runs) -> None:
     on = short_runs.time_s > 60.0
     residual = 20.0 * on + np.random.default_rng(0).standard_normal(len(on))

@@ -1,6 +1,7 @@
 """Groups and effects fitted together get both right, within their bounds, and can be refitted on a part."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,11 +10,12 @@ from homeward import Robot, load_robot
 from homeward.diagnosis import Recording, diagnose
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
-from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
+from homeward.diagnosis.explain.joint_fit import Corrected, Model, fit_model, immaterial
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict
+from homeward.logs.channels import Array
 from tests.diagnosis import hills
 
 TURNING = {"turning": {"scrub": 0.3}}
@@ -101,6 +103,21 @@ def test_a_part_is_fitted_to_what_it_holds(corrected: Corrected, runs: Runs, hus
         assert refitted.values[0] == pytest.approx(0.2, rel=0.05)
         assert refitted.theta[ROLLING] == pytest.approx(corrected.theta[ROLLING], rel=0.02)
     assert corrected.refitted(half, both).values[0] == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_part_that_is_like_all_takes_one_replay(
+    corrected: Corrected, runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A diagnosis refits every hypothesis on every fold: a second step would take as long again, for nothing."""
+    replays, predict_once = [], Model.predict
+
+    def counted(model: Model, *arguments: Any, **keywords: Any) -> Array:
+        replays.append(model)
+        return predict_once(model, *arguments, **keywords)
+
+    monkeypatch.setattr(Model, "predict", counted)
+    part = corrected.refitted(runs.run < 2, runs)
+    assert len(replays) == 1 and part.values[0] == pytest.approx(0.3, rel=0.02)
 
 
 def test_a_group_that_a_rising_function_contains_is_held(runs: Runs, husky: Robot) -> None:

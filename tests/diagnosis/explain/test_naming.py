@@ -107,7 +107,7 @@ def test_a_load_switched_on_part_way_is_found_with_its_time(short_drive: Drive, 
     assert diagnosis.file is not None and "is confounded with a fault of the meter" in diagnosis.file.why
     assert not analysis.corrected.effects  # a load that is there half of the time is none of all the time
     first = diagnosis.missing_physics[0]
-    assert first.effect == "standby"
+    assert first.effect == "standby" and "sensor_offset" in first.confused_with
     assert first.parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
     assert len(first.where) == 3
     assert all(place.start_s == pytest.approx(75.0, abs=6.0) for place in first.where)
@@ -227,17 +227,6 @@ def test_a_meter_that_soon_reads_too_much_was_right_before(short_drive: Drive, h
     assert analysis.diagnosis.parameters_off == ()
 
 
-@pytest.mark.parametrize("seed", [0])
-def test_near_the_limit_a_fault_is_named_or_nothing_but_not_what_explains_less(
-    seed: int, drive: Drive, husky: Robot
-) -> None:
-    """Of two minutes a run random placebos decide; a payload or a standby load would explain less."""
-    first, *others = drive(husky, minutes=2.0)
-    late = with_power([first], lambda of: of["power_w"] * np.where(of["time_s"] >= 48.0, 1.25, 1.0))
-    recordings = late + with_power(others, lambda of: 1.25 * of["power_w"])
-    assert {one.effect for one in diagnose(recordings, husky, seed=seed).missing_physics} <= {"sensor_gain"}
-
-
 @pytest.mark.parametrize("effects", [
     {"regeneration": {"share": 0.6, "up_to_w": 12.0}, "inertia": {"mass_factor": 1.2}},
     {"breakaway": {"start_j": 300.0, "over_m": 1.5}},
@@ -258,7 +247,7 @@ def test_a_parameter_beside_the_size_is_fitted_and_written(
 def test_a_limit_that_is_never_reached_is_at_its_default(short_drive: Drive, husky: Robot) -> None:
     robot = dataclasses.replace(husky, rolling_resistance=0.2 * husky.rolling_resistance)
     hidden = {"regeneration": {"share": 0.6}, "inertia": {"mass_factor": 1.2}}
-    corrected = analyse(short_drive(robot, effects=hidden), robot).corrected
+    corrected = analyse(short_drive(robot, runs=3, effects=hidden), robot).corrected
     assert corrected.effects["regeneration"].get("up_to_w", NO_LIMIT_W) == NO_LIMIT_W
 
 
@@ -283,14 +272,6 @@ def test_turning_of_a_robot_without_a_known_track_is_named_with_an_interval_for_
         low, high = named.parameters[name].ci95
         assert low <= true <= high
     assert analysis.corrected.track_m == pytest.approx(named.parameters["track_m"].value, rel=1e-5)
-
-
-def test_what_motion_tells_is_not_given_the_name_of_a_schedule(short_drive: Drive, husky: Robot) -> None:
-    """A drive that chatters in a band of speeds: no effect of the catalogue, though a schedule would follow it."""
-    runs = chattering(short_drive(husky))
-    diagnosis = diagnose(runs, husky)
-    assert diagnosis.verdict == "unknown_physics"
-    assert diagnosis.where
 
 
 def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(short_drive: Drive, husky: Robot) -> None:
@@ -342,11 +323,6 @@ def test_bursts_at_random_that_no_channel_tells_are_unknown_physics_and_not_a_ch
             read_w += rng.exponential(40.0) * ((time_s >= start_s) & (time_s < start_s + rng.uniform(2.0, 8.0)))
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
     assert diagnose(recordings, husky).verdict == "unknown_physics"
-    unseen = [{name: one for name, one in run.channels.items() if name != "grade_rad"} for run in recordings]
-    without = diagnose(
-        [dataclasses.replace(run, channels=of) for run, of in zip(recordings, unseen, strict=True)], husky
-    )
-    assert without.verdict != "unknown_physics" and "grade_rad" in without.summary  # slopes may be what is missing
 
 
 def test_ground_that_changes_all_the_time_in_places_that_are_met_again_is_no_hypothesis(
@@ -372,12 +348,9 @@ def test_ground_that_changes_all_the_time_in_places_that_are_met_again_is_no_hyp
     assert max(ground(place_known=True), default=0) <= 6
 
 
-@pytest.mark.parametrize(("effect", "size", "amount"), [("breakaway", "start_j", 60.0), ("turning", "scrub", 0.1)])
-def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
-    effect: str, size: str, amount: float, drive: Drive, husky: Robot
-) -> None:
+def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(drive: Drive, husky: Robot) -> None:
     """Motion, which causes the one, does not explain the other."""
-    runs = drive(husky, runs=3, minutes=4.0, effects={effect: {size: amount}})
+    runs = drive(husky, runs=3, minutes=4.0, effects={"breakaway": {"start_j": 60.0}})
     since_s = (150.0, 100.0, 100.0)
     recordings = [
         with_power([run], lambda of, on_s=on_s: of["power_w"] + 20.0 * (of["time_s"] > on_s))[0]  # type: ignore[misc]
@@ -387,7 +360,7 @@ def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
     device, motion = sorted(named, key=lambda one: one.effect != "standby")
     assert device.effect == "standby"
     assert device.parameters["power_w"].value == pytest.approx(20.0, rel=0.15)
-    assert motion.effect == effect
+    assert motion.effect == "breakaway"
 
 
 def test_a_payload_taken_up_in_mid_run_is_named_with_its_mass(drive: Drive, husky: Robot) -> None:
@@ -403,6 +376,8 @@ def test_a_payload_taken_up_in_mid_run_is_named_with_its_mass(drive: Drive, husk
     (payload,) = diagnose(recordings, husky).missing_physics
     assert payload.effect == "payload"
     assert payload.parameters["mass_kg"].value == pytest.approx(10.0, rel=0.15)
+    assert [place.condition.split()[0] for place in payload.where] == ["after"] * 3
+    assert [place.start_s for place in payload.where] == pytest.approx([96.0, 120.0, 144.0], abs=20.0)
 
 
 def test_a_rougher_stretch_of_the_way_is_named_where_it_lies(drive: Drive, husky: Robot) -> None:

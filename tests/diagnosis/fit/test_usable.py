@@ -57,7 +57,7 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "no motion": (lambda of: without(of, "speed_mps"), "has no motion channel (speed_mps or wheel_left_mps"),
     "no power": (lambda of: without(of, "power_w"), "has no power channel (power_w or voltage_v"),
     "short": (lambda of: shortened(of, slice(40)), "is too short (40 samples over 3.9 s)"),
-    "few": (lambda of: shortened(of, slice(0, 2500, 200)), "is too short (13 samples over 240 s)"),
+    "few": (lambda of: shortened(of, slice(0, 2500, 132)), "is too short (19 samples over 238 s)"),
     "rows of their own": (
         lambda of: {**of, "power_w": np.where(np.arange(2500) % 4 == 0, of["power_w"], np.nan)}, "missing in 75% of",
     ),
@@ -71,6 +71,11 @@ def test_a_recording_that_cannot_be_used_is_refused_in_one_line(fault: str, husk
     (finding,) = (one for one in findings if one.refused)
     assert runs == [] and why in finding.text and "\n" not in finding.text
     assert fault != "a car" or "km/h" not in finding.text
+
+
+def test_twenty_samples_are_enough(husky: Robot) -> None:
+    (run,), _ = usable_runs([recording(shortened(drive(), slice(0, 2500, 130)))], husky)
+    assert len(run.time_s) == 20
 
 
 @pytest.mark.parametrize("fault", ["sign flip", "dead", "hung", "milliwatts", "km/h"])

@@ -90,13 +90,6 @@ def test_a_true_effect_is_found_through_the_instrument(trap: str, effect: str, s
     assert value.value == pytest.approx(size, rel=0.2)
 
 
-def test_hills_without_slopes_name_the_channel_that_lacks() -> None:
-    analysis = analyse(recordings("husky", lambda c, rng: only(c)), "husky")
-    summary = analysis.diagnosis.summary
-    assert "slopes and the sensing rate that these runs, or some of them, lack (grade_rad or elevation_m" in summary
-    assert "The robot file explains" not in summary
-
-
 def test_a_recorded_payload_is_carried() -> None:
     husky, runs = load_robot("husky"), []
     for index, load_kg in enumerate((0.0, 10.0, 20.0)):

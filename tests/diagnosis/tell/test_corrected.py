@@ -12,6 +12,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.parameter_groups import ROLLING as RESISTANCE
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
@@ -139,6 +140,16 @@ def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robo
     smooth_w = replayed(written(robot, dataclasses.replace(content, effects={}), runs.unit), unknown, runs)
     assert float(np.mean(drawn_w)) == pytest.approx(float(np.mean(runs.observed)), rel=0.01)
     assert float(np.mean(smooth_w)) < 0.97 * float(np.mean(runs.observed))
+
+
+def test_ground_that_adds_as_much_is_a_smaller_share_of_a_larger_resistance(robot: Robot, runs: Runs) -> None:
+    model = joint_fit(robot, "surface", recorded(robot, "surface", runs))
+    assert model is not None
+    theta = model.theta.copy()
+    theta[RESISTANCE] *= 2.0  # as where the last pass of the fit still changed it
+    twice = dataclasses.replace(model, groups=dataclasses.replace(model.groups, theta=theta))
+    gain, of_twice = (file_content(fitted, runs).effects["surface"]["gain"] for fitted in (model, twice))
+    assert of_twice == pytest.approx(0.5 * gain)
 
 
 def test_before_an_effect_began_the_file_is_replayed_without_it(robot: Robot, runs: Runs) -> None:

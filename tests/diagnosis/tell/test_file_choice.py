@@ -75,14 +75,17 @@ def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(short_drive: Drive, 
 
 
 def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(short_drive: Drive, husky: Robot) -> None:
-    """A robot that draws more is sooner home empty: a fit is safer than the file, but measures nothing."""
+    """A robot that draws more is sooner home empty: a fit is safer than the file, but measures nothing.
+
+    No effect of the catalogue chatters so, though a schedule would follow it.
+    """
     recordings = []
     for run in short_drive(husky, controller_w=1.5 * husky.controller_w):
         speed = run.channels["speed_mps"]  # and chatters in a band of speeds
         read_w = run.channels["power_w"] + 60.0 * np.exp(-(((np.abs(speed) - 0.5) / 0.08) ** 2))
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
     analysis = analyse(recordings, husky)
-    assert analysis.diagnosis.verdict == "unknown_physics"
+    assert analysis.diagnosis.verdict == "unknown_physics" and analysis.diagnosis.where
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "predictive"
     assert "no measurement" in analysis.diagnosis.file.why
     assert analysis.diagnosis.parameters == ()

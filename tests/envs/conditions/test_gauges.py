@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from homeward import load_robot
 from homeward.envs.conditions.gauges import COUNTER, GAUGES, LOST, MOST_POINTS, RISE, pack_map, rms_error, suits
@@ -130,7 +131,8 @@ def test_what_agents_know_of_its_error_is_its_error(robot: Robot) -> None:
         envs.reset(seed=0)
         m, squares = envs.batch.records, []
         while not m["over"].any():
-            shown, true = charge_share(robot.curve, np.stack((m["soc"], m["energy_j"] / m["capacity_j"])))
+            energy_share: NDArray[np.float64] = m["energy_j"] / m["capacity_j"]
+            shown, true = charge_share(robot.curve, np.stack((m["soc"], energy_share)))
             squares.append((shown - true) ** 2)
             envs.step(drive_on)
         lasts_s = robot.usable_energy_j / float(envs.batch.known.shared["cruise_w"][0])

@@ -53,7 +53,9 @@ class Readings:
             assert not terminated.any()
             states.append(batch.records.copy())
         self.states: NDArray[np.void] = np.array(states)
-        energies_j = np.concatenate((self.start["energy_j"][None], self.states["energy_j"]))
+        start_j: NDArray[np.float64] = self.start["energy_j"]
+        after_j: NDArray[np.float64] = self.states["energy_j"]
+        energies_j = np.concatenate((start_j[None], after_j))
         self.power_w = -np.diff(energies_j, axis=0) / self.shared["decision_s"]
         self.charge = self.states["energy_j"] / self.states["capacity_j"]
 
@@ -258,7 +260,8 @@ def test_exact_instruments_read_the_truth() -> None:
         np.testing.assert_array_equal(s[name], found.charge)
     np.testing.assert_allclose(s["read_w"], found.power_w, rtol=1e-12)
     np.testing.assert_array_equal(s["read_mps"], s["speed_mps"])
-    np.testing.assert_allclose(s["metered_j"][-1], found.start["energy_j"] - found.records["energy_j"], rtol=1e-12)
+    used_j = found.start["energy_j"] - found.records["energy_j"]
+    np.testing.assert_allclose(s["metered_j"][-1], used_j, rtol=1e-12)
     assert load_instruments("exact") == Instruments() and known_of(Options("Survey")).instruments != Instruments()
 
 

@@ -93,10 +93,11 @@ def test_a_forecast_is_the_wind_of_the_start_with_an_error() -> None:
         for known in ("mean_east_mps", "mean_north_mps", "gust_east_mps", "temperature_c", "capacity_j"):
             assert np.corrcoef(part, r[known])[0, 1] == pytest.approx(0.0, abs=error(1.0))
     assert np.corrcoef(*errors)[0, 1] == pytest.approx(0.0, abs=error(1.0))
-    np.testing.assert_allclose(np.hypot(r["mean_east_mps"], r["mean_north_mps"]), r["wind_mps"], rtol=1e-12)
-    np.testing.assert_allclose(
-        np.mod(np.arctan2(r["mean_north_mps"], r["mean_east_mps"]), 2.0 * np.pi), r["wind_from_rad"], rtol=1e-9
-    )
+    east_mps: NDArray[np.float64] = r["mean_east_mps"]
+    north_mps: NDArray[np.float64] = r["mean_north_mps"]
+    np.testing.assert_allclose(np.hypot(east_mps, north_mps), r["wind_mps"], rtol=1e-12)
+    from_rad = np.mod(np.arctan2(north_mps, east_mps), 2.0 * np.pi)
+    np.testing.assert_allclose(from_rad, r["wind_from_rad"], rtol=1e-9)
 
 
 def test_no_forecast_tells_of_a_hidden_wind() -> None:

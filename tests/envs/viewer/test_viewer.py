@@ -395,6 +395,29 @@ def test_routes_of_any_shape_are_drawn(grade: float, places: int) -> None:
         assert np.asarray(env.render()).shape == (540, 960, 3)
 
 
+def test_wheels_stand_on_the_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    wheels_foot_y: list[float] = []
+    ground_y: list[float] = []
+    circle, polygon = Canvas.circle, Canvas.polygon
+
+    def noted_circle(canvas: Canvas, centre: Any, radius: float, fill: Any) -> None:
+        if fill == palette.INK and radius > 3.0:
+            wheels_foot_y.append(centre[1] + radius)
+        circle(canvas, centre, radius, fill)
+
+    def noted_polygon(canvas: Canvas, points: Any, fill: Any) -> None:
+        if fill == palette.GROUND:
+            ground_y.append(min(y for _, y in points))
+        polygon(canvas, points, fill)
+
+    monkeypatch.setattr(Canvas, "circle", noted_circle)
+    monkeypatch.setattr(Canvas, "polygon", noted_polygon)
+    env = make("Survey", route=flat(2000.0), render_mode="rgb_array")
+    env.reset(seed=0)
+    env.render()
+    assert wheels_foot_y == pytest.approx(2 * ground_y)
+
+
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_panels_lie_apart_and_in_the_picture(mission: str, monkeypatch: pytest.MonkeyPatch) -> None:
     panels: list[tuple[float, float, float, float]] = []
