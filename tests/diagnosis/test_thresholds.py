@@ -22,6 +22,6 @@ def test_numbers_are_what_their_origins_state() -> None:
 def test_limits_of_one_thing_are_in_order() -> None:
     assert thresholds.SMALLEST_GAIN < thresholds.SMALLEST_GAIN_TO_NAME < thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE
     assert thresholds.HALF < thresholds.NEARLY_ALL < thresholds.RIVAL_SHARE < 1.0 < thresholds.NO_WORSE
-    assert thresholds.TOO_FAST < 3.6
+    assert thresholds.HALF_AGAIN < 3.6
     assert math.tan(math.radians(30.0)) < thresholds.STEEPEST
     assert 1000.0 / thresholds.UNIT_RATIO > thresholds.TWICE  # a wrong robot is no wrong unit

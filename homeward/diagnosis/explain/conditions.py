@@ -164,7 +164,9 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
 
 
 def _least_beside_motion(together: Together) -> float:
-    return 1.0 if together.is_scheduled else thresholds.HALF
+    if together.is_scheduled:
+        return 1.0
+    return thresholds.HALF if together.beats_trees else thresholds.SIMPLER
 
 
 def _beside_motion(together: Together) -> float:
@@ -202,7 +204,9 @@ TOGETHER: tuple[Condition[Together], ...] = (
         "motion together", "what they explain over what trees on the motion and its history explain; "
         "of a schedule, both beside the effects that channels show",
         "all", "more than", _least_beside_motion,
-        f"1 of a schedule; otherwise {thresholds.HALF:g}", "HALF",
+        f"1 of a schedule; otherwise {thresholds.SIMPLER:g}, or {thresholds.HALF:g} if trees on the motion do not "
+        "leave less than half of their squared error on unseen runs",
+        "SIMPLER, HALF",
         _beside_motion,
     ),
     Condition(

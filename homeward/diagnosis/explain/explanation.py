@@ -96,7 +96,7 @@ class _Search:
             again = self.naming(varying=False)
             if again.named:
                 shown = Together(again, self.residual)
-                if shown.share >= thresholds.NEARLY_ALL * together.first.held_out_gain:
+                if shown.share >= thresholds.SIMPLER * together.first.held_out_gain:
                     again = replace(again, ranking=naming.ranking, absorbed=naming.absorbed, together=checks)
                     return Explanation(again, self.location, remaining=shown.remaining)
         if not together.is_scheduled:

@@ -227,7 +227,7 @@ def read_gauge(runs: Runs, robot: Robot) -> Readings:
         relative_v = np.where(np.isfinite(voltage_v), voltage_v / np.nanmean(voltage_v), relative_v)
     rate = runs.observed / (relative_v * robot.usable_energy_j)
     apart_s = np.diff(runs.time_s)
-    follows = (np.diff(runs.run) == 0) & (apart_s <= np.maximum(_BIN_S, thresholds.WINDOWS_APART * runs.duration_s[1:]))
+    follows = (np.diff(runs.run) == 0) & (apart_s <= np.maximum(_BIN_S, thresholds.HALF_AGAIN * runs.duration_s[1:]))
     stretch = np.concatenate([[0], np.cumsum(~follows)])
     began_s = runs.time_s[np.searchsorted(stretch, stretch)]
     within = np.floor((runs.time_s - began_s) / _BIN_S).astype(np.intp)

@@ -75,6 +75,12 @@ def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
     return _gain(fit, runs, runs.run, _by_trees(fit, runs, runs.run, rng, ("place_m",), [climbed_m]))
 
 
+def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, rng: Generator) -> bool:
+    """Whether trees on the present motion, beside a fit, leave less than half of the squared error of a model with
+    effects, held out by fold, shape (windows,): by run, where there are enough."""
+    return _by_trees(fit, runs, fold, rng, MOTION) < thresholds.HALF * _held_out_error(named, runs, fold)
+
+
 def _by_trees(
     fit: Fitted, runs: Runs, fold: Index, rng: Generator, channels: Sequence[str], beside: Sequence[Array] = ()
 ) -> float:

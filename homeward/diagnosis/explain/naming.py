@@ -365,7 +365,7 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
 
     def about_best(each: _Tried) -> bool:
         if each.steady and not best.steady:
-            return base - each.squared_error >= thresholds.NEARLY_ALL * (base - best.squared_error)
+            return base - each.squared_error >= thresholds.SIMPLER * (base - best.squared_error)
         return each.squared_error <= thresholds.NO_WORSE * best.squared_error
 
     first = sorted((each for each in better if about_best(each)), key=lambda each: (each.rank, each.squared_error))

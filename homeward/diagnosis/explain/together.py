@@ -17,7 +17,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.motion import explained, largest_by_motion, motion_gain, place_gain
+from homeward.diagnosis.explain.motion import explained, largest_by_motion, motion_gain, place_gain, trees_beat
 from homeward.diagnosis.explain.naming import Named, Naming
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
@@ -112,6 +112,12 @@ class Together:
         if unrecorded(self.runs):
             return is_autocorrelated(self.runs.observed - self.corrected.predicted, self.runs)
         return unexplained(self.corrected, self.runs)
+
+    @cached_property
+    def beats_trees(self) -> bool:
+        """Whether trees on the motion do not predict unseen runs much better."""
+        residual = self.residual
+        return not trees_beat(self.corrected, residual.fit, self.runs, residual.by_run, residual.rng)
 
     @cached_property
     def _beside_channels(self) -> Refit | Corrected:

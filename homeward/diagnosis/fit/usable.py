@@ -165,8 +165,8 @@ def _fault_but_for_sign(run: Signals, robot: Robot) -> str | None:
     if np.ptp(run.observed) == 0.0:
         return f"the recorded power or current never changes ({run.observed[0]:.4g} {run.unit}); did the logger hang?"
     quick = float(np.quantile(np.abs(run.speed_mps), 0.99))
-    if quick > thresholds.TOO_FAST * robot.max_speed_mps:
-        guess = "; km/h?" if quick / 3.6 <= thresholds.TOO_FAST * robot.max_speed_mps else ""
+    if quick > thresholds.HALF_AGAIN * robot.max_speed_mps:
+        guess = "; km/h?" if quick / 3.6 <= thresholds.HALF_AGAIN * robot.max_speed_mps else ""
         return (
             f"drives at {quick:.3g} m/s, while {robot.name} reaches {robot.max_speed_mps:g} m/s: "
             f"another robot or another unit{guess}"

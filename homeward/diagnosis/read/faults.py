@@ -130,7 +130,7 @@ def _spikes(values: Array) -> Mask:
     suspect = off > thresholds.SPIKE * white_noise(readings)
     if 0 < suspect.sum() <= thresholds.MOST_SPIKES * len(readings):
         deviation = np.abs(readings - np.median(readings))
-        beyond = deviation > thresholds.SPIKE_BEYOND * np.max(deviation[~suspect])
+        beyond = deviation > thresholds.HALF_AGAIN * np.max(deviation[~suspect])
         spikes[known[suspect & beyond]] = True
     return spikes
 

@@ -23,7 +23,7 @@ class Reading:
 
     def __init__(self, values: Array, runs: Runs, block: Index) -> None:
         self.known = np.isfinite(values)
-        follows = (np.diff(runs.run) == 0) & (np.diff(runs.time_s) < thresholds.WINDOWS_APART * runs.duration_s[1:])
+        follows = (np.diff(runs.run) == 0) & (np.diff(runs.time_s) < thresholds.HALF_AGAIN * runs.duration_s[1:])
         self.stretch = np.concatenate([[0], np.cumsum(~follows)])[self.known]
         self.run = runs.run[self.known]
         self.block = np.unique(block[self.known], return_inverse=True)[1]
