@@ -61,34 +61,42 @@ def vehicle_of(robot: Robot, place_m: float, cruise_mps: float | None = None) ->
 
 
 @inline
-def rolling(v: Any, sine: float) -> float:
+def rolling(vehicle: Any, sine: float) -> float:
     """Energy of rolling by the robot's file, J/m."""
-    return float(model.rolling_force(v, np.sqrt(max(1.0 - sine * sine, 0.0))) * v.per_efficiency)
+    return float(model.rolling_force(vehicle, np.sqrt(max(1.0 - sine * sine, 0.0))) * vehicle.per_efficiency)
 
 
 @inline
-def climbing(v: Any, sine: float) -> float:
+def climbing(vehicle: Any, sine: float) -> float:
     """Energy of climbing by the robot's file, J/m, negative downhill."""
-    return float(model.grade_force(v, sine) * v.per_efficiency)
+    return float(model.grade_force(vehicle, sine) * vehicle.per_efficiency)
 
 
 @inline
-def drag(v: Any, speed_mps: float, headwind_mps: float) -> float:
+def drag(vehicle: Any, speed_mps: float, headwind_mps: float) -> float:
     """Energy of air drag against the wind, J/m."""
-    return float((model.drag_force(v, speed_mps) + model.wind_force(v, speed_mps, headwind_mps)) * v.per_efficiency)
+    return float(
+        (model.drag_force(vehicle, speed_mps) + model.wind_force(vehicle, speed_mps, headwind_mps))
+        * vehicle.per_efficiency
+    )
 
 
 @inline
-def modelled_driving(v: Any, sine: float, speed_mps: float) -> float:
+def modelled_driving(vehicle: Any, sine: float, speed_mps: float) -> float:
     """Energy of driving by the robot's own model, J/m: that of the place at cruise, with the drag of the actual speed.
 
     Args:
-        v: `Vehicle`.
+        vehicle: `Vehicle`.
         sine: Sine of the slope in the direction of travel.
         speed_mps: Speed, m/s.
     """
-    at_cruise = drag(v, v.cruise_mps, 0.0)
-    return max(max(rolling(v, sine) + climbing(v, sine) + at_cruise, 0.0) + drag(v, speed_mps, 0.0) - at_cruise, 0.0)
+    at_cruise = drag(vehicle, vehicle.cruise_mps, 0.0)
+    return max(
+        max(rolling(vehicle, sine) + climbing(vehicle, sine) + at_cruise, 0.0)
+        + drag(vehicle, speed_mps, 0.0)
+        - at_cruise,
+        0.0,
+    )
 
 
 class Stretch(NamedTuple):
@@ -101,50 +109,76 @@ class Stretch(NamedTuple):
     speed_mps: float
     rolled: float  # rolling energy there over the file's, relative to `ROLLED`; below 0: it is `ROLLING`
     climb_share: float  # of the way from here home
-    stays: float  # share of the present gusts that remains there
+    gust_share: float  # share of the present gusts that remains there
 
 
 @inline
-def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, part: Any) -> tuple[float, float]:
+def predict(
+    vehicle: Any,
+    prior: Any,
+    mean: Any,
+    covariance: Any,
+    stretch: Any,
+    jacobian: Any,
+    hessian: Any,
+    stretch_jacobian: Any,
+) -> tuple[float, float]:
     """Energy of driving a stretch by a hypothesis, over the file's usable energy, and its variance beyond the states'.
 
     It is normally distributed by the states, but never below 0. If it may be both, mean and slopes are those of the
     normal distribution truncated there.
 
     Args:
-        v: `Vehicle`.
+        vehicle: `Vehicle`.
         prior: `Prior`.
-        x: Mean of the states, shape (STATES,).
-        p: Their covariance.
-        s: `Stretch`.
-        slope: Incremented by the derivative of the energy by each state, shape (STATES,).
-        bend: Incremented by the second derivatives by the wind: east, both, north.
-        part: Work space, shape (STATES,).
+        mean: Mean of the states, shape (STATES,).
+        covariance: Their covariance.
+        stretch: `Stretch`.
+        jacobian: Incremented by the derivative of the energy by each state, shape (STATES,).
+        hessian: Incremented by the second derivatives by the wind: east, both, north.
+        stretch_jacobian: Work space, shape (STATES,).
     """
-    full = s.way_m / v.full_j
-    roll, climb = rolling(v, s.sine) * full, climbing(v, s.sine) * full
-    east_mps, north_mps = x[EAST] + s.stays * x[GUST_EAST], x[NORTH] + s.stays * x[GUST_NORTH]
-    headwind_mps = model.headwind(east_mps, north_mps, s.east, s.north)
-    air_mps = s.speed_mps + headwind_mps
-    part[OFFSET] = 0.0
-    part[GAIN], part[WEIGHT] = drag(v, s.speed_mps, headwind_mps) * full, climb
-    second = 2.0 * x[GAIN] * v.drag_ns2_per_m2 * v.per_efficiency * full * np.sign(air_mps)
-    part[EAST], part[NORTH] = second * air_mps * s.east, second * air_mps * s.north
-    part[GUST_EAST], part[GUST_NORTH] = s.stays * part[EAST], s.stays * part[NORTH]
-    energy = x[WEIGHT] * climb + x[GAIN] * part[GAIN]
-    if s.rolled < 0.0:
-        part[ROLLING], part[ROLLED], part[CLIMB] = roll, 0.0, 0.0
+    full = stretch.way_m / vehicle.full_j
+    roll, climb = rolling(vehicle, stretch.sine) * full, climbing(vehicle, stretch.sine) * full
+    east_mps, north_mps = (
+        mean[EAST] + stretch.gust_share * mean[GUST_EAST],
+        mean[NORTH] + stretch.gust_share * mean[GUST_NORTH],
+    )
+    headwind_mps = model.headwind(east_mps, north_mps, stretch.east, stretch.north)
+    air_mps = stretch.speed_mps + headwind_mps
+    stretch_jacobian[OFFSET] = 0.0
+    stretch_jacobian[GAIN], stretch_jacobian[WEIGHT] = drag(vehicle, stretch.speed_mps, headwind_mps) * full, climb
+    air_hessian = 2.0 * mean[GAIN] * vehicle.drag_ns2_per_m2 * vehicle.per_efficiency * full * np.sign(air_mps)
+    stretch_jacobian[EAST], stretch_jacobian[NORTH] = (
+        air_hessian * air_mps * stretch.east,
+        air_hessian * air_mps * stretch.north,
+    )
+    stretch_jacobian[GUST_EAST], stretch_jacobian[GUST_NORTH] = (
+        stretch.gust_share * stretch_jacobian[EAST],
+        stretch.gust_share * stretch_jacobian[NORTH],
+    )
+    energy = mean[WEIGHT] * climb + mean[GAIN] * stretch_jacobian[GAIN]
+    if stretch.rolled < 0.0:
+        stretch_jacobian[ROLLING], stretch_jacobian[ROLLED], stretch_jacobian[CLIMB] = roll, 0.0, 0.0
     else:
-        part[ROLLING], part[ROLLED], part[CLIMB] = 0.0, s.rolled * roll, -misread_climb(prior, x) * s.climb_share
-    energy += part[ROLLING] * x[ROLLING] + part[ROLLED] * x[ROLLED] + part[CLIMB] * x[CLIMB]
+        stretch_jacobian[ROLLING], stretch_jacobian[ROLLED], stretch_jacobian[CLIMB] = (
+            0.0,
+            stretch.rolled * roll,
+            -misread_climb(prior, mean) * stretch.climb_share,
+        )
+    energy += (
+        stretch_jacobian[ROLLING] * mean[ROLLING]
+        + stretch_jacobian[ROLLED] * mean[ROLLED]
+        + stretch_jacobian[CLIMB] * mean[CLIMB]
+    )
     share, residual_variance = 1.0, 0.0
     if energy < thresholds.SURELY_CONSUMES * roll:
         variance = 0.0
         for a in range(_DRIVING):
-            half = 0.5 * part[a] * p[a, a]
+            half = 0.5 * stretch_jacobian[a] * covariance[a, a]
             for b in range(a):
-                half += part[b] * p[a, b]
-            variance += 2.0 * part[a] * half
+                half += stretch_jacobian[b] * covariance[a, b]
+            variance += 2.0 * stretch_jacobian[a] * half
         sd = math.sqrt(max(variance, 1e-24))
         z = energy / sd
         share = 0.5 * math.erfc(-z / math.sqrt(2.0))
@@ -153,14 +187,14 @@ def predict(v: Any, prior: Any, x: Any, p: Any, s: Any, slope: Any, bend: Any, p
         residual_variance = max(energy * mean + variance * share - mean * mean - share * share * variance, 0.0)
         energy = mean
     for a in range(_DRIVING):
-        slope[a] += share * part[a]
-    bend[0] += share * second * s.east * s.east
-    bend[1] += share * second * s.east * s.north
-    bend[2] += share * second * s.north * s.north
+        jacobian[a] += share * stretch_jacobian[a]
+    hessian[0] += share * air_hessian * stretch.east * stretch.east
+    hessian[1] += share * air_hessian * stretch.east * stretch.north
+    hessian[2] += share * air_hessian * stretch.north * stretch.north
     return energy, residual_variance
 
 
 @inline
-def misread_climb(prior: Any, x: Any) -> float:
+def misread_climb(prior: Any, mean: Any) -> float:
     """Derivative of the energy by a climb that the slopes did not show; smaller if the modelled energy includes it."""
-    return float(x[WEIGHT] - prior.model_knows_slopes * x[GAIN])
+    return float(mean[WEIGHT] - prior.model_knows_slopes * mean[GAIN])

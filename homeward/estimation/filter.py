@@ -3,7 +3,7 @@
 Energy is linear in all states but the wind, for which the second order is included. The rolling energy of the ground
 between home and here is a state of its own, `ROLLED`, as estimated on the way out; the way home crosses the same
 ground. Its covariance with the wind states how much of it may be due to wind. A power reading measures rolling and drag
-together: states with the same reading lie on a curve, and an update follows it (`bend`), not its tangent.
+together: states with the same reading lie on a curve, and an update follows it (`hessian`), not its tangent.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from homeward.estimation import thresholds
 from homeward.estimation.drive import Stretch, climbing, misread_climb, modelled_driving, predict, rolling
-from homeward.estimation.kalman import add_to_used, bend_along, carry, kalman_update, spread
+from homeward.estimation.kalman import add_energy_to_used, add_noise_along, follow_curve, kalman_update, propagate
 from homeward.estimation.prior import (
     CLIMB,
     EAST,
@@ -68,8 +68,8 @@ HYPOTHESIS_DTYPE = np.dtype(
         ("rolled", np.float64),  # sum over the ground between home and here of rolling as it was met
         # Second derivatives of that ground's drag by mean wind and gusts (east, both, north), and of the ground from
         # which `ROLLING` was estimated, with its rolling by the file.
-        ("bend", np.float64, (2, 3)),
-        ("bend_here", np.float64, (2, 3)),
+        ("hessian", np.float64, (2, 3)),
+        ("hessian_here", np.float64, (2, 3)),
         ("rolls_here", np.float64),
     ]
 )
@@ -81,34 +81,34 @@ _UNKNOWN = math.nan  # whether the robot coasts: neither 1 nor 0, and no integer
 
 @compiled
 def update(
-    v: Any, prior: Any, asked: Any, readings: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any
+    vehicle: Any, prior: Any, has_reading: Any, readings: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any
 ) -> None:
     """Update robots with their readings.
 
     Args:
-        v: `Vehicle`.
+        vehicle: `Vehicle`.
         prior: `Prior`.
-        asked: Which robots have a reading, shape (n,).
+        has_reading: Which robots have a reading, shape (n,).
         readings: `READING_DTYPE`, shape (n,).
         robots: `ROBOT_DTYPE`, shape (n,).
         hypotheses: `HYPOTHESIS_DTYPE`, shape (n, hypotheses).
         places: `PLACE_DTYPE`, shape (n, places).
         rollings: Rolling resistance over the file's where it was met, shape (n, hypotheses, places).
     """
-    slope, shared, jump, bend = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(3)
-    for i in range(len(asked)):
+    jacobian, cross_covariance, ground_jump, hessian = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(3)
+    for i in range(len(has_reading)):
         robot, reading = robots[i], readings[i]
         dt_s = reading.time_s - robot.time_s
-        if not asked[i] or not dt_s > 0.0:
+        if not has_reading[i] or not dt_s > 0.0:
             continue
-        _see(v, robot, reading, places[i])
+        _note_ground(vehicle, robot, reading, places[i])
         used_before = mean_of(hypotheses[i], USED)
         coasts, first = _UNKNOWN, _likeliest(hypotheses[i])
         for after in range(hypotheses.shape[1]):
             k = (first + after) % hypotheses.shape[1]
             if hypotheses[i, k].log_weight > -np.inf:
-                coasts = _drive(
-                    v,
+                coasts = _update_hypothesis(
+                    vehicle,
                     prior,
                     robot,
                     reading,
@@ -116,25 +116,25 @@ def update(
                     hypotheses[i, k],
                     places[i],
                     rollings[i, k],
-                    slope,
-                    shared,
-                    jump,
-                    bend,
+                    jacobian,
+                    cross_covariance,
+                    ground_jump,
+                    hessian,
                     coasts,
                 )
             if reading.charged_j > 0.0:  # not NaN
-                hypotheses[i, k].mean[USED] -= reading.charged_j / v.full_j
+                hypotheses[i, k].mean[USED] -= reading.charged_j / vehicle.full_j
         _normalise(hypotheses[i])
         used = mean_of(hypotheses[i], USED)
         _update_with_charge(prior, robot, reading.soc, dt_s, used, used_before, hypotheses[i])
         _normalise(hypotheses[i])
-        _remember(v, robot, reading, places[i])
+        _note_way(vehicle, robot, reading, places[i])
 
 
 @inline
-def place_of(v: Any, position_m: float, places: Any) -> int:
+def place_of(vehicle: Any, position_m: float, places: Any) -> int:
     """Number of the place that a position is in; of one before the first place, or of none, the first."""
-    number = position_m / v.place_m
+    number = position_m / vehicle.place_m
     if not number > 0.0:  # also NaN
         return 0
     # Compared before it is converted: a float beyond 64 bits has no integer, and no place.
@@ -162,12 +162,12 @@ def _likeliest(hypotheses: Any) -> int:
 
 
 @inline
-def _see(v: Any, robot: Any, reading: Any, places: Any) -> None:
+def _note_ground(vehicle: Any, robot: Any, reading: Any, places: Any) -> None:
     """Store slope and direction here on the way out, also for the places that were passed without a reading."""
-    here = place_of(v, reading.position_m, places)
+    here = place_of(vehicle, reading.position_m, places)
     if reading.position_m < robot.position_m or not np.isfinite(reading.sine + reading.east + reading.north):
         return
-    first = place_of(v, robot.position_m, places)
+    first = place_of(vehicle, robot.position_m, places)
     for k in range(first if places[first].readings == 0.0 else first + 1, here + 1):
         places[k].readings = 0.0
         places[k].sine, places[k].east, places[k].north = reading.sine, reading.east, reading.north
@@ -185,104 +185,125 @@ def _speed(robot: Any, reading: Any, dt_s: float) -> float:
 
 
 @called
-def _drive(
-    v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any,
-    slope: Any, shared: Any, jump: Any, bend: Any, coasts: float,
-) -> float:  # fmt: skip
+def _update_hypothesis(
+    vehicle: Any,
+    prior: Any,
+    robot: Any,
+    reading: Any,
+    dt_s: float,
+    hypothesis: Any,
+    places: Any,
+    rollings: Any,
+    jacobian: Any,
+    cross_covariance: Any,
+    ground_jump: Any,
+    hessian: Any,
+    coasts: float,
+) -> float:
     """Predict a hypothesis to a reading, and update it with the power that was read.
 
-    Returns `coasts`: whether the robot coasted, which the likeliest hypothesis, updated first, determines. `slope` is
-    the derivative of the energy by the states before, `shared` the covariance of the reading with the states.
+    Returns `coasts`: whether the robot coasted, which the likeliest hypothesis, updated first, determines. `jacobian`
+    is the derivative of the energy by the states before, `cross_covariance` the covariance of the reading with the
+    states.
     """
-    x, p = h.mean, h.covariance
-    _predict_gusts(prior, dt_s, h)
+    mean, covariance = hypothesis.mean, hypothesis.covariance
+    _predict_gusts(prior, dt_s, hypothesis)
     outwards, way_m = reading.position_m >= robot.position_m, abs(reading.position_m - robot.position_m)
-    drive, other, residual_variance, rolls, kept, climb_variance = _way(
-        v, prior, robot, reading, dt_s, h, places, rollings, slope, bend, jump
+    drive, other, residual_variance, rolls, kept, climb_variance = _predict_way(
+        vehicle, prior, robot, reading, dt_s, hypothesis, places, rollings, jacobian, hessian, ground_jump
     )
-    mean_bend, bend_variance, _ = curvature(bend, covariance_of_wind(p, 1.0, 0.0))
-    drive += mean_bend
+    mean_curvature, curvature_variance, _ = curvature(hessian, covariance_of_wind(covariance, 1.0, 0.0))
+    drive += mean_curvature
     # A sensor that is mounted at a tilt misreads all slopes of the way out alike; for the way home, CLIMB notes it.
-    weight = misread_climb(prior, x)
-    climbs = climbing(v, 1.0) * way_m / v.full_j if outwards and prior.slope_offset > 0.0 else 0.0
-    slope[TILT] = weight * climbs
-    drive += slope[TILT] * x[TILT]
-    took, variance = drive + other, 0.0
-    slope[OFFSET] = dt_s  # the reading includes the offset, the energy does not
+    weight = misread_climb(prior, mean)
+    climbs = climbing(vehicle, 1.0) * way_m / vehicle.full_j if outwards and prior.slope_offset > 0.0 else 0.0
+    jacobian[TILT] = weight * climbs
+    drive += jacobian[TILT] * mean[TILT]
+    energy_used, variance = drive + other, 0.0
+    jacobian[OFFSET] = dt_s  # the reading includes the offset, the energy does not
     for a in range(STATES):
         total = 0.0
         for b in range(STATES):
-            total += p[a, b] * slope[b]
-        shared[a] = total
-        variance += slope[a] * total
-    slope[OFFSET] = 0.0
-    add_to_used(p, shared, slope)
-    x[USED] += took
+            total += covariance[a, b] * jacobian[b]
+        cross_covariance[a] = total
+        variance += jacobian[a] * total
+    jacobian[OFFSET] = 0.0
+    add_energy_to_used(covariance, cross_covariance, jacobian)
+    mean[USED] += energy_used
     if outwards:
-        carry(p, ROLLED, 1.0, ROLLING, rolls)
-        x[ROLLED] += rolls * x[ROLLING]
-        shared[ROLLED] += rolls * shared[ROLLING]
-        carry(p, CLIMB, 1.0, TILT, climbs)
-        x[CLIMB] += climbs * x[TILT]
-        shared[CLIMB] += climbs * shared[TILT]
+        propagate(covariance, ROLLED, 1.0, ROLLING, rolls)
+        mean[ROLLED] += rolls * mean[ROLLING]
+        cross_covariance[ROLLED] += rolls * cross_covariance[ROLLING]
+        propagate(covariance, CLIMB, 1.0, TILT, climbs)
+        mean[CLIMB] += climbs * mean[TILT]
+        cross_covariance[CLIMB] += climbs * cross_covariance[TILT]
     else:
         climb_kept = max(1.0 - way_m / robot.position_m, 0.0)
-        carry(p, ROLLED, kept, ROLLING, 0.0)
-        carry(p, CLIMB, climb_kept, ROLLING, 0.0)
-        x[ROLLED] *= kept
-        x[CLIMB] *= climb_kept
-        shared[ROLLED] *= kept
-        shared[CLIMB] *= climb_kept
+        propagate(covariance, ROLLED, kept, ROLLING, 0.0)
+        propagate(covariance, CLIMB, climb_kept, ROLLING, 0.0)
+        mean[ROLLED] *= kept
+        mean[CLIMB] *= climb_kept
+        cross_covariance[ROLLED] *= kept
+        cross_covariance[CLIMB] *= climb_kept
 
     # Slopes that were misread: they raise the energy and, on the way out, recur on the way home.
-    noise = weight * weight * climb_variance + (prior.model_error * took) ** 2 + residual_variance + bend_variance
-    p[USED, USED] += noise
-    shared[USED] += noise
+    noise = (
+        weight * weight * climb_variance
+        + (prior.model_error * energy_used) ** 2
+        + residual_variance
+        + curvature_variance
+    )
+    covariance[USED, USED] += noise
+    cross_covariance[USED] += noise
     variance += noise
     if outwards:
-        p[CLIMB, CLIMB] += climb_variance
-        p[CLIMB, USED] += weight * climb_variance
-        p[USED, CLIMB] += weight * climb_variance
-        shared[CLIMB] += weight * climb_variance
+        covariance[CLIMB, CLIMB] += climb_variance
+        covariance[CLIMB, USED] += weight * climb_variance
+        covariance[USED, CLIMB] += weight * climb_variance
+        cross_covariance[CLIMB] += weight * climb_variance
     else:
         # The sum of rolling is known better than that of each place: what one consumed more, the others consumed less.
         uneven = (thresholds.UNEVEN * prior.patch_sd * rolls) ** 2
-        p[ROLLED, ROLLED] += uneven
-        p[USED, USED] += uneven
-        p[ROLLED, USED] -= uneven
-        p[USED, ROLLED] -= uneven
-        shared[ROLLED] -= uneven
-        shared[USED] += uneven
+        covariance[ROLLED, ROLLED] += uneven
+        covariance[USED, USED] += uneven
+        covariance[ROLLED, USED] -= uneven
+        covariance[USED, ROLLED] -= uneven
+        cross_covariance[ROLLED] -= uneven
+        cross_covariance[USED] += uneven
         variance += uneven
 
-    jump[:] = 0.0
+    ground_jump[:] = 0.0
     change = 0.0
     if outwards and way_m > 0.0:
         change = 1.0 - np.exp(-way_m / prior.patch_m)
-        jump[ROLLING], jump[ROLLED], jump[USED] = 1.0, rolls, slope[ROLLING]
-    fades = np.exp(-dt_s / h.gust_s)
+        ground_jump[ROLLING], ground_jump[ROLLED], ground_jump[USED] = 1.0, rolls, jacobian[ROLLING]
+    fades = np.exp(-dt_s / hypothesis.gust_s)
     for a in range(3):
-        h.bend[0, a] = h.bend[0, a] + bend[a] if outwards else kept * h.bend[0, a]
-        h.bend[1, a] = fades * h.bend[1, a] + bend[a] if outwards else fades * kept * h.bend[1, a]
-        h.bend_here[0, a] += bend[a] if outwards else 0.0
-        h.bend_here[1, a] = fades * h.bend_here[1, a] + (bend[a] if outwards else 0.0)
-    h.rolls_here += rolls if outwards else 0.0
+        hypothesis.hessian[0, a] = (
+            hypothesis.hessian[0, a] + hessian[a] if outwards else kept * hypothesis.hessian[0, a]
+        )
+        hypothesis.hessian[1, a] = (
+            fades * hypothesis.hessian[1, a] + hessian[a] if outwards else fades * kept * hypothesis.hessian[1, a]
+        )
+        hypothesis.hessian_here[0, a] += hessian[a] if outwards else 0.0
+        hypothesis.hessian_here[1, a] = fades * hypothesis.hessian_here[1, a] + (hessian[a] if outwards else 0.0)
+    hypothesis.rolls_here += rolls if outwards else 0.0
     coasts = _update_with_power(
         prior,
-        reading.power_w * dt_s / v.full_j,
-        took + x[OFFSET] * dt_s,
+        reading.power_w * dt_s / vehicle.full_j,
+        energy_used + mean[OFFSET] * dt_s,
         variance,
         residual_variance,
         drive,
         rolls,
-        h,
-        shared,
-        jump,
+        hypothesis,
+        cross_covariance,
+        ground_jump,
         change,
         coasts,
-        thresholds.MOST_LOADS * (v.idle_w * dt_s + rolling(v, 0.0) * way_m) / v.full_j,
+        thresholds.MOST_LOADS * (vehicle.idle_w * dt_s + rolling(vehicle, 0.0) * way_m) / vehicle.full_j,
     )
-    _map(v, robot, reading, h, places, rollings, rolls)
+    _note_rolling(vehicle, robot, reading, hypothesis, places, rollings, rolls)
     return coasts
 
 
@@ -295,17 +316,17 @@ def _update_with_power(
     residual_variance: float,
     drive: float,
     rolls: float,
-    h: Any,
-    shared: Any,
-    jump: Any,
+    hypothesis: Any,
+    cross_covariance: Any,
+    ground_jump: Any,
     change: float,
     coasts: float,
     most: float,
 ) -> float:
     """Update with a reading of energy, over the file's usable energy; returns `coasts`. `most`: see `kalman_update`."""
-    x, p = h.mean, h.covariance
+    mean, covariance = hypothesis.mean, hypothesis.covariance
     if not np.isfinite(read):
-        spread(p, jump, change * prior.patch_sd**2)
+        add_noise_along(covariance, ground_jump, change * prior.patch_sd**2)
         return coasts
     variance += (prior.power_noise * read) ** 2
     if math.isnan(coasts):
@@ -313,123 +334,148 @@ def _update_with_power(
     if coasts == 1.0:
         # All hypotheses use the same decision, as the density of one and the probability of another cannot be compared.
         may = 0.5 * math.erfc((drive - thresholds.COASTS * rolls) / math.sqrt(2.0 * max(variance, 1e-18)))
-        h.log_weight += thresholds.TEMPER * np.log(max(may, thresholds.LEAST_CHANCE))
+        hypothesis.log_weight += thresholds.TEMPER * np.log(max(may, thresholds.LEAST_CHANCE))
         if residual_variance > 0.0:
             # The prediction includes that it may coast: the other states keep their estimates.
-            x[USED] += read - predicted
+            mean[USED] += read - predicted
             for a in range(STATES):
                 if a != USED:
-                    p[USED, a], p[a, USED] = 0.0, 0.0
+                    covariance[USED, a], covariance[a, USED] = 0.0, 0.0
             return coasts
-    east_mps, north_mps, gust_east_mps, gust_north_mps = x[EAST], x[NORTH], x[GUST_EAST], x[GUST_NORTH]
+    east_mps, north_mps, gust_east_mps, gust_north_mps = mean[EAST], mean[NORTH], mean[GUST_EAST], mean[GUST_NORTH]
     log_likelihood, nis = kalman_update(
-        x, p, read - predicted, variance, shared, jump, change, prior.patch_sd, read, most
+        mean, covariance, read - predicted, variance, cross_covariance, ground_jump, change, prior.patch_sd, read, most
     )
     if coasts == 0.0:
-        h.log_weight += thresholds.TEMPER * log_likelihood
+        hypothesis.log_weight += thresholds.TEMPER * log_likelihood
     # A normalised innovation squared above 1 indicates gusts that change faster.
-    gust_s = h.gust_s * np.exp(-thresholds.ADAPT * (min(nis, thresholds.DOUBT) - 1.0))
-    h.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
-    by_mean_mps = x[EAST] - east_mps, x[NORTH] - north_mps
-    by_gust_mps = x[GUST_EAST] - gust_east_mps, x[GUST_NORTH] - gust_north_mps
-    bend_along(x, p, ROLLED, h.bend, 1.0, by_mean_mps, by_gust_mps)
-    bend_along(x, p, ROLLING, h.bend_here, 1.0 / max(h.rolls_here, 1e-12), by_mean_mps, by_gust_mps)
+    gust_s = hypothesis.gust_s * np.exp(-thresholds.ADAPT * (min(nis, thresholds.DOUBT) - 1.0))
+    hypothesis.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
+    by_mean_mps = mean[EAST] - east_mps, mean[NORTH] - north_mps
+    by_gust_mps = mean[GUST_EAST] - gust_east_mps, mean[GUST_NORTH] - gust_north_mps
+    follow_curve(mean, covariance, ROLLED, hypothesis.hessian, 1.0, by_mean_mps, by_gust_mps)
+    follow_curve(
+        mean,
+        covariance,
+        ROLLING,
+        hypothesis.hessian_here,
+        1.0 / max(hypothesis.rolls_here, 1e-12),
+        by_mean_mps,
+        by_gust_mps,
+    )
     # For new ground it is not known.
     for a in range(3):
-        h.bend_here[0, a] *= 1.0 - change
-        h.bend_here[1, a] *= 1.0 - change
-    h.rolls_here *= 1.0 - change
+        hypothesis.hessian_here[0, a] *= 1.0 - change
+        hypothesis.hessian_here[1, a] *= 1.0 - change
+    hypothesis.rolls_here *= 1.0 - change
     return coasts
 
 
 @inline
-def _predict_gusts(prior: Any, dt_s: float, h: Any) -> None:
+def _predict_gusts(prior: Any, dt_s: float, hypothesis: Any) -> None:
     """Predict the gusts."""
-    x, p, kept = h.mean, h.covariance, np.exp(-dt_s / h.gust_s)
-    variance = gust_variance(prior, x, p)
+    mean, covariance, kept = hypothesis.mean, hypothesis.covariance, np.exp(-dt_s / hypothesis.gust_s)
+    variance = gust_variance(prior, mean, covariance)
     for gust in (GUST_EAST, GUST_NORTH):
-        x[gust] *= kept
+        mean[gust] *= kept
         for a in range(STATES):
-            p[gust, a] *= kept
-            p[a, gust] *= kept
-        p[gust, gust] += variance * (1.0 - kept * kept)
+            covariance[gust, a] *= kept
+            covariance[a, gust] *= kept
+        covariance[gust, gust] += variance * (1.0 - kept * kept)
 
 
 @called
-def _way(
-    v: Any, prior: Any, robot: Any, reading: Any, dt_s: float, h: Any, places: Any, rollings: Any, slope: Any,
-    bend: Any, part: Any,
-) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Energy since the last reading, and its derivatives: first by each state (`slope`) and second by the wind
-    (`bend`).
+def _predict_way(
+    vehicle: Any,
+    prior: Any,
+    robot: Any,
+    reading: Any,
+    dt_s: float,
+    hypothesis: Any,
+    places: Any,
+    rollings: Any,
+    jacobian: Any,
+    hessian: Any,
+    stretch_jacobian: Any,
+) -> tuple[float, float, float, float, float, float]:
+    """Energy since the last reading, and its derivatives: first by each state (`jacobian`) and second by the wind
+    (`hessian`).
 
     Returns:
         Energy of driving; of all else; variance beyond that of the states; rolling by the file; share of the ground's
         rolling between home and here that remains; variance of climbing by the file due to misread slopes.
     """
-    x, p = h.mean, h.covariance
+    mean, covariance = hypothesis.mean, hypothesis.covariance
     outwards = reading.position_m >= robot.position_m
     ahead = 1.0 if outwards else -1.0
     reached_m, end_m = min(robot.position_m, reading.position_m), max(robot.position_m, reading.position_m)
     speed_mps = _speed(robot, reading, dt_s)
-    per_rolled = 1.0 / max(h.rolled, 1e-12)
-    slope[:], bend[:] = 0.0, 0.0
-    own = took = variance = rolls = met = climb_variance = 0.0
-    k = place_of(v, reached_m, places)
+    per_rolled = 1.0 / max(hypothesis.rolled, 1e-12)
+    jacobian[:], hessian[:] = 0.0, 0.0
+    own = energy_used = variance = rolls = met = climb_variance = 0.0
+    k = place_of(vehicle, reached_m, places)
     while reached_m < end_m:
-        border_m = min((k + 1) * v.place_m, end_m) if k < len(places) - 1 else end_m
+        border_m = min((k + 1) * vehicle.place_m, end_m) if k < len(places) - 1 else end_m
         way_m, place = max(border_m - reached_m, 0.0), places[k]
         sine = ahead * (place.sine if outwards else place.sine_driven)
-        roll = rolling(v, sine) * way_m / v.full_j
+        roll = rolling(vehicle, sine) * way_m / vehicle.full_j
         again = -1.0 if outwards else rollings[k] * per_rolled
         home_share = way_m / max(robot.position_m, 1e-9)
         stretch = Stretch(way_m, sine, ahead * place.east, ahead * place.north, speed_mps, again, home_share, 1.0)
-        energy, residual_variance = predict(v, prior, x, p, stretch, slope, bend, part)
-        own += modelled_driving(v, sine, speed_mps) * way_m / v.full_j
-        took += energy
+        energy, residual_variance = predict(
+            vehicle, prior, mean, covariance, stretch, jacobian, hessian, stretch_jacobian
+        )
+        own += modelled_driving(vehicle, sine, speed_mps) * way_m / vehicle.full_j
+        energy_used += energy
         variance += residual_variance
         rolls += roll
         met += rollings[k] * roll * per_rolled
         slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + prior.slope_within_place**2
-        climb_variance += (climbing(v, 1.0) * way_m / v.full_j) ** 2 * slope_variance
+        climb_variance += (climbing(vehicle, 1.0) * way_m / vehicle.full_j) ** 2 * slope_variance
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
-    idle = (v.idle_w * dt_s + reading.other_j) / v.full_j
+    idle = (vehicle.idle_w * dt_s + reading.other_j) / vehicle.full_j
     if np.isfinite(reading.modelled_j):
-        idle = reading.modelled_j / v.full_j - own
-    slope[GAIN] += idle
-    return took, x[GAIN] * idle, variance, rolls, max(1.0 - met, 0.0), climb_variance
+        idle = reading.modelled_j / vehicle.full_j - own
+    jacobian[GAIN] += idle
+    return energy_used, mean[GAIN] * idle, variance, rolls, max(1.0 - met, 0.0), climb_variance
 
 
 @inline
-def _map(v: Any, robot: Any, reading: Any, h: Any, places: Any, rollings: Any, rolls: float) -> None:
+def _note_rolling(
+    vehicle: Any, robot: Any, reading: Any, hypothesis: Any, places: Any, rollings: Any, rolls: float
+) -> None:
     """Store the rolling resistance by place, as estimated on the way out."""
     if reading.position_m < robot.position_m:
         kept_m = reading.position_m
         total = 0.0
-        for k in range(place_of(v, kept_m, places) + 1):
-            total += rollings[k] * rolling(v, places[k].sine_driven) * max(min(v.place_m, kept_m - k * v.place_m), 0.0)
-        h.rolled = total / v.full_j
+        for k in range(place_of(vehicle, kept_m, places) + 1):
+            total += (
+                rollings[k]
+                * rolling(vehicle, places[k].sine_driven)
+                * max(min(vehicle.place_m, kept_m - k * vehicle.place_m), 0.0)
+            )
+        hypothesis.rolled = total / vehicle.full_j
         return
-    rolling_now, reached_m = max(h.mean[ROLLING], thresholds.LEAST_ROLLING), robot.position_m
-    k = place_of(v, reached_m, places)
+    rolling_now, reached_m = max(hypothesis.mean[ROLLING], thresholds.LEAST_ROLLING), robot.position_m
+    k = place_of(vehicle, reached_m, places)
     while reached_m < reading.position_m:
-        border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
+        border_m = min((k + 1) * vehicle.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
         part_m = max(border_m - reached_m, 0.0)
-        before_m = max(reached_m - k * v.place_m, 0.0)
+        before_m = max(reached_m - k * vehicle.place_m, 0.0)
         rollings[k] += (rolling_now - rollings[k]) * part_m / max(part_m + before_m, 1e-9)
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
-    h.rolled += rolling_now * rolls
+    hypothesis.rolled += rolling_now * rolls
 
 
 @inline
-def _remember(v: Any, robot: Any, reading: Any, places: Any) -> None:
+def _note_way(vehicle: Any, robot: Any, reading: Any, places: Any) -> None:
     """Store the robot's place, and the slopes that were used for its way out."""
     reached_m = robot.position_m
-    k = place_of(v, reached_m, places)
+    k = place_of(vehicle, reached_m, places)
     while reached_m < reading.position_m:
-        border_m = min((k + 1) * v.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
+        border_m = min((k + 1) * vehicle.place_m, reading.position_m) if k < len(places) - 1 else reading.position_m
         part_m = max(border_m - reached_m, 0.0)
-        before_m = max(reached_m - k * v.place_m, 0.0)
+        before_m = max(reached_m - k * vehicle.place_m, 0.0)
         places[k].sine_driven += (places[k].sine - places[k].sine_driven) * part_m / max(part_m + before_m, 1e-9)
         reached_m, k = max(border_m, reached_m), min(k + 1, len(places) - 1)
     robot.time_s, robot.position_m = reading.time_s, reading.position_m
@@ -456,10 +502,10 @@ def _update_with_charge(
     robot.lag = kept * robot.lag + per_lag * (used - used_before)
     lasts = np.exp(-abs(used - used_before) / prior.soc_error_lasts)
     for k in range(len(hypotheses)):
-        x, p = hypotheses[k].mean, hypotheses[k].covariance
-        carry(p, SOC_ERROR, lasts, SOC_ERROR, 0.0)
-        x[SOC_ERROR] *= lasts
-        p[SOC_ERROR, SOC_ERROR] += prior.soc_error**2 * (1.0 - lasts * lasts)
+        mean, covariance = hypotheses[k].mean, hypotheses[k].covariance
+        propagate(covariance, SOC_ERROR, lasts, SOC_ERROR, 0.0)
+        mean[SOC_ERROR] *= lasts
+        covariance[SOC_ERROR, SOC_ERROR] += prior.soc_error**2 * (1.0 - lasts * lasts)
     if not np.isfinite(soc):
         return
     if soc != robot.soc:
@@ -476,22 +522,24 @@ def _update_with_charge(
         1.0 - alike, thresholds.LEAST_INDEPENDENT
     )
     for k in range(len(hypotheses)):
-        h = hypotheses[k]
-        if h.log_weight > -np.inf:
-            x, p = h.mean, h.covariance
-            spent, per_capacity = x[USED] - robot.lag, x[PER_CAPACITY]
-            innovation = robot.soc_start - soc - per_capacity * spent + x[SOC_ERROR]
+        hypothesis = hypotheses[k]
+        if hypothesis.log_weight > -np.inf:
+            mean, covariance = hypothesis.mean, hypothesis.covariance
+            spent, per_capacity = mean[USED] - robot.lag, mean[PER_CAPACITY]
+            innovation = robot.soc_start - soc - per_capacity * spent + mean[SOC_ERROR]
             variance = error
             gain = np.empty(STATES)
             for a in range(STATES):
-                gain[a] = spent * p[a, PER_CAPACITY] + per_capacity * p[a, USED] - p[a, SOC_ERROR]
+                gain[a] = (
+                    spent * covariance[a, PER_CAPACITY] + per_capacity * covariance[a, USED] - covariance[a, SOC_ERROR]
+                )
             variance += spent * gain[PER_CAPACITY] + per_capacity * gain[USED] - gain[SOC_ERROR]
             variance = max(variance, innovation * innovation / thresholds.DOUBT)
             for a in range(STATES):
-                x[a] += gain[a] * innovation / variance
+                mean[a] += gain[a] * innovation / variance
                 for b in range(STATES):
-                    p[a, b] -= gain[a] * gain[b] / variance
-            h.log_weight -= 0.5 * (innovation * innovation / variance + np.log(variance))
+                    covariance[a, b] -= gain[a] * gain[b] / variance
+            hypothesis.log_weight -= 0.5 * (innovation * innovation / variance + np.log(variance))
 
 
 @inline

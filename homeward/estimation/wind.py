@@ -12,37 +12,41 @@ from homeward.physics.jit import inline
 
 
 @inline
-def gust_variance(prior: Any, x: Any, p: Any) -> float:
+def gust_variance(prior: Any, mean: Any, covariance: Any) -> float:
     """Variance of each component of the gusts, (m/s)^2."""
-    square = x[EAST] * x[EAST] + x[NORTH] * x[NORTH] + p[EAST, EAST] + p[NORTH, NORTH]
+    square = mean[EAST] * mean[EAST] + mean[NORTH] * mean[NORTH] + covariance[EAST, EAST] + covariance[NORTH, NORTH]
     return float(prior.gust_share * prior.gust_share * square)
 
 
 @inline
-def covariance_of_wind(p: Any, stays: float, to_come: float) -> tuple[float, float, float]:
+def covariance_of_wind(covariance: Any, gust_share: float, gust_variance_to_come: float) -> tuple[float, float, float]:
     """Covariance of the wind on a way, (m/s)^2.
 
     Args:
-        p: Covariance of the states.
-        stays: Share of the present gusts that remains on the way.
-        to_come: Variance of either component of the gusts to come.
+        covariance: Covariance of the states.
+        gust_share: Share of the present gusts that remains on the way.
+        gust_variance_to_come: Variance of either component of the gusts to come.
     """
-    east = p[EAST, EAST] + stays * (2.0 * p[EAST, GUST_EAST] + stays * p[GUST_EAST, GUST_EAST])
-    north = p[NORTH, NORTH] + stays * (2.0 * p[NORTH, GUST_NORTH] + stays * p[GUST_NORTH, GUST_NORTH])
-    both = p[EAST, GUST_NORTH] + p[GUST_EAST, NORTH] + stays * p[GUST_EAST, GUST_NORTH]
-    return east + to_come, p[EAST, NORTH] + stays * both, north + to_come
+    east = covariance[EAST, EAST] + gust_share * (
+        2.0 * covariance[EAST, GUST_EAST] + gust_share * covariance[GUST_EAST, GUST_EAST]
+    )
+    north = covariance[NORTH, NORTH] + gust_share * (
+        2.0 * covariance[NORTH, GUST_NORTH] + gust_share * covariance[GUST_NORTH, GUST_NORTH]
+    )
+    both = covariance[EAST, GUST_NORTH] + covariance[GUST_EAST, NORTH] + gust_share * covariance[GUST_EAST, GUST_NORTH]
+    return east + gust_variance_to_come, covariance[EAST, NORTH] + gust_share * both, north + gust_variance_to_come
 
 
 @inline
-def curvature(bend: Any, wind: Any) -> tuple[float, float, float]:
+def curvature(hessian: Any, wind: Any) -> tuple[float, float, float]:
     """First three cumulants of a quadratic form of the wind about its mean.
 
     Args:
-        bend: Second derivatives of the energy.
+        hessian: Second derivatives of the energy.
         wind: Covariance of the wind.
     """
-    ee, en = bend[0] * wind[0] + bend[1] * wind[1], bend[0] * wind[1] + bend[1] * wind[2]
-    ne, nn = bend[1] * wind[0] + bend[2] * wind[1], bend[1] * wind[1] + bend[2] * wind[2]
+    ee, en = hessian[0] * wind[0] + hessian[1] * wind[1], hessian[0] * wind[1] + hessian[1] * wind[2]
+    ne, nn = hessian[1] * wind[0] + hessian[2] * wind[1], hessian[1] * wind[1] + hessian[2] * wind[2]
     # Half the traces of the product, and the traces of its square and cube.
     trace, determinant = ee + nn, ee * nn - en * ne
     square = trace * trace - 2.0 * determinant
