@@ -32,7 +32,7 @@ from homeward.estimation.prior import (
     TILT,
     USED,
 )
-from homeward.estimation.wind import covariance_of_wind, curvature, gust_variance
+from homeward.estimation.wind import covariance_of_wind, gust_variance, quadratic_cumulants
 from homeward.physics.jit import called, compiled, inline
 
 READING_DTYPE = np.dtype(
@@ -212,7 +212,7 @@ def _update_hypothesis(
     drive, other, residual_variance, rolls, kept, climb_variance = _predict_way(
         vehicle, prior, robot, reading, dt_s, hypothesis, places, rollings, jacobian, hessian, ground_jump
     )
-    mean_curvature, curvature_variance, _ = curvature(hessian, covariance_of_wind(covariance, 1.0, 0.0))
+    mean_curvature, curvature_variance, _ = quadratic_cumulants(hessian, covariance_of_wind(covariance, 1.0, 0.0))
     drive += mean_curvature
     # A sensor that is mounted at a tilt misreads all slopes of the way out alike; for the way home, CLIMB notes it.
     weight = misread_climb(prior, mean)

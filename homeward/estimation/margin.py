@@ -20,7 +20,7 @@ from homeward.estimation.prior import (
     STATES,
     USED,
 )
-from homeward.estimation.wind import covariance_of_wind, curvature, gust_variance
+from homeward.estimation.wind import covariance_of_wind, gust_variance, quadratic_cumulants
 from homeward.physics.jit import called, compiled, inline
 
 PLAN_DTYPE = np.dtype(
@@ -87,7 +87,7 @@ def compute_margins(
             shape (n, hypotheses, 4).
     """
     jacobian, share_jacobian, stretch_jacobian = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
-    sums, hessian, wind = np.zeros((4, 2)), np.zeros(3), np.zeros(3)
+    sums, hessian, wind_covariance = np.zeros((4, 2)), np.zeros(3), np.zeros(3)
     for i in range(len(plans)):
         if np.isnan(plans[i].home_cost_j):
             continue
@@ -109,7 +109,7 @@ def compute_margins(
                 rollings[i, k],
                 jacobian,
                 hessian,
-                wind,
+                wind_covariance,
                 stretch_jacobian,
             )
             mean, covariance = hypothesis.mean, hypothesis.covariance
@@ -131,7 +131,9 @@ def compute_margins(
             _add(sums[2], weight, left - cost, margin_variance)
             mixture[i, k, 0], mixture[i, k, 1], mixture[i, k, 2] = weight, left - cost, np.sqrt(margin_variance)
             # A tail lighter than a normal distribution's is not used.
-            longer = max(_third_cumulant(covariance, jacobian, hessian, wind, gust_share, gust_variance_to_come), 0.0)
+            longer = max(
+                _third_cumulant(covariance, jacobian, hessian, wind_covariance, gust_share, gust_variance_to_come), 0.0
+            )
             mixture[i, k, 3] = -longer / max(margin_variance, 1e-18) ** 1.5
             jacobian[:] = 0.0
             jacobian[USED], jacobian[PER_CAPACITY] = 1.0, start * capacity * capacity
@@ -169,7 +171,7 @@ def _quadratic(covariance: Any, jacobian: Any) -> float:
 
 @inline
 def _third_cumulant(
-    covariance: Any, jacobian: Any, hessian: Any, wind: Any, gust_share: float, gust_variance_to_come: float
+    covariance: Any, jacobian: Any, hessian: Any, wind_covariance: Any, gust_share: float, gust_variance_to_come: float
 ) -> float:
     """Third cumulant of the energy: winds above their expectation add to its tail.
 
@@ -177,7 +179,7 @@ def _third_cumulant(
         covariance: Covariance of the states.
         jacobian: Derivative of the energy by each state.
         hessian: Second derivatives by the wind.
-        wind: Covariance of the wind on the way.
+        wind_covariance: Covariance of the wind on the way.
         gust_share: See `covariance_of_wind`, like the next one.
         gust_variance_to_come: Variance.
     """
@@ -186,7 +188,7 @@ def _third_cumulant(
     for a in range(STATES):
         east += jacobian[a] * (covariance[a, EAST] + gust_share * covariance[a, GUST_EAST])
         north += jacobian[a] * (covariance[a, NORTH] + gust_share * covariance[a, GUST_NORTH])
-    _, _, cubes = curvature(hessian, wind)
+    _, _, cubes = quadratic_cumulants(hessian, wind_covariance)
     return float(
         3.0 * (hessian[0] * east * east + 2.0 * hessian[1] * east * north + hessian[2] * north * north) + cubes
     )
@@ -338,13 +340,13 @@ def _cost(
     rollings: Any,
     jacobian: Any,
     hessian: Any,
-    wind: Any,
+    wind_covariance: Any,
     stretch_jacobian: Any,
 ) -> tuple[float, float, float, float]:
     """Energy of a plan by a hypothesis.
 
     Writes its derivatives by each state (`jacobian`), its second derivatives by the wind (`hessian`) and the covariance
-    of the wind on the way (`wind`), both east, both and north.
+    of the wind on the way (`wind_covariance`), both east, both and north.
 
     Returns:
         The energy; its variance beyond that of the states; share of the present gusts that remains on the way; variance
@@ -423,8 +425,10 @@ def _cost(
         + hessian[2] * covariance[NORTH, NORTH]
     )
     gust_variance_to_come = max(2.0 / course * (1.0 - gust_share) - gust_share * gust_share, 0.0) * gusts
-    wind[0], wind[1], wind[2] = covariance_of_wind(covariance, gust_share, gust_variance_to_come)
-    variance += curvature(hessian, wind)[1]
+    wind_covariance[0], wind_covariance[1], wind_covariance[2] = covariance_of_wind(
+        covariance, gust_share, gust_variance_to_come
+    )
+    variance += quadratic_cumulants(hessian, wind_covariance)[1]
     # All but driving: the model's way home at cruise, and the energy of electronics at another speed.
     if plan.elsewhere > 0.0:
         rest_j = max(plan.home_cost_j - own, 0.0) + plan.onwards_j

@@ -33,20 +33,32 @@ def covariance_of_wind(covariance: Any, gust_share: float, gust_variance_to_come
     north = covariance[NORTH, NORTH] + gust_share * (
         2.0 * covariance[NORTH, GUST_NORTH] + gust_share * covariance[GUST_NORTH, GUST_NORTH]
     )
-    both = covariance[EAST, GUST_NORTH] + covariance[GUST_EAST, NORTH] + gust_share * covariance[GUST_EAST, GUST_NORTH]
-    return east + gust_variance_to_come, covariance[EAST, NORTH] + gust_share * both, north + gust_variance_to_come
+    east_north = (
+        covariance[EAST, GUST_NORTH] + covariance[GUST_EAST, NORTH] + gust_share * covariance[GUST_EAST, GUST_NORTH]
+    )
+    return (
+        east + gust_variance_to_come,
+        covariance[EAST, NORTH] + gust_share * east_north,
+        north + gust_variance_to_come,
+    )
 
 
 @inline
-def curvature(hessian: Any, wind: Any) -> tuple[float, float, float]:
+def quadratic_cumulants(hessian: Any, wind_covariance: Any) -> tuple[float, float, float]:
     """First three cumulants of a quadratic form of the wind about its mean.
 
     Args:
         hessian: Second derivatives of the energy.
-        wind: Covariance of the wind.
+        wind_covariance: Covariance of the wind.
     """
-    ee, en = hessian[0] * wind[0] + hessian[1] * wind[1], hessian[0] * wind[1] + hessian[1] * wind[2]
-    ne, nn = hessian[1] * wind[0] + hessian[2] * wind[1], hessian[1] * wind[1] + hessian[2] * wind[2]
+    ee, en = (
+        hessian[0] * wind_covariance[0] + hessian[1] * wind_covariance[1],
+        hessian[0] * wind_covariance[1] + hessian[1] * wind_covariance[2],
+    )
+    ne, nn = (
+        hessian[1] * wind_covariance[0] + hessian[2] * wind_covariance[1],
+        hessian[1] * wind_covariance[1] + hessian[2] * wind_covariance[2],
+    )
     # Half the traces of the product, and the traces of its square and cube.
     trace, determinant = ee + nn, ee * nn - en * ne
     square = trace * trace - 2.0 * determinant
