@@ -24,6 +24,10 @@ from homeward.physics import Robot, ancillary_power, model, optimal_speed
 from homeward.physics.jit import inline
 
 _DRIVING = CLIMB + 1  # the states that determine the energy of driving come first
+LEAST_ROLLED = 1e-12
+"""Least rolling between home and here, of a battery. Chosen: above 0, because it divides."""
+LEAST_WAY_M = 1e-9
+"""Least way, m. Chosen: above 0, because it divides."""
 _LEAST_VARIANCE = 1e-24
 """Least variance of a stretch's energy, of a battery squared. Chosen: above 0, because its root divides."""
 

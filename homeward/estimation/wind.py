@@ -51,8 +51,12 @@ def quadratic_cumulants(hessian: Any, wind_covariance: Any) -> tuple[float, floa
         hessian: Second derivatives H of the energy.
         wind_covariance: Covariance W of the wind.
     """
-    h_ee, h_en, h_nn = hessian
-    w_ee, w_en, w_nn = wind_covariance
+    h_ee = hessian[0]
+    h_en = hessian[1]
+    h_nn = hessian[2]
+    w_ee = wind_covariance[0]
+    w_en = wind_covariance[1]
+    w_nn = wind_covariance[2]
     m_ee = h_ee * w_ee + h_en * w_en
     m_en = h_ee * w_en + h_en * w_nn
     m_ne = h_en * w_ee + h_nn * w_en
