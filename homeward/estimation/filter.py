@@ -184,7 +184,7 @@ def place_of(vehicle: Any, position_m: float, places: Any) -> int:
 def _leaves_place_m(vehicle: Any, place: int, places: Any, end_m: float) -> float:
     """Where a way that ends at `end_m` leaves a place, m from home; the last place has no end."""
     if place < len(places) - 1:
-        return min((place + 1) * vehicle.place_m, end_m)
+        return float(min((place + 1) * vehicle.place_m, end_m))
     return end_m
 
 

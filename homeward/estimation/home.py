@@ -40,15 +40,25 @@ def modelled_power(
         ahead: 1 on the way out, -1 on the way home.
         temperature_c: Of the air, C.
     """
-    robot, state = robots[0], states[0]
-    cosine = np.sqrt(max(1.0 - sine * sine, 0.0))
-    rough = robot.surface_usual
-    given = Conditions(
-        speed_mps, sensing_hz, accel_mps2, sine, cosine, yaw_rate_radps, rough, 0.0, temperature_c, 0.0, ahead
+    robot = robots[0]
+    state = states[0]
+    conditions = Conditions(
+        speed_mps=speed_mps,
+        sensing_hz=sensing_hz,
+        accel_mps2=accel_mps2,
+        sin_grade=sine,
+        cos_grade=np.sqrt(max(1.0 - sine * sine, 0.0)),
+        yaw_rate_radps=yaw_rate_radps,
+        roughness=robot.surface_usual,
+        headwind_mps=0.0,
+        temperature_c=temperature_c,
+        base_distance_m=0.0,
+        direction=ahead,
     )
-    power_w = demand(robot, state, given)
+    power_w = demand(robot, state, conditions)
+    steady_w = modelled_driving(vehicle, sine, speed_mps) * speed_mps
     state.speed_mps = speed_mps
-    return power_w, state.drive_w, modelled_driving(vehicle, sine, speed_mps) * speed_mps
+    return power_w, state.drive_w, steady_w
 
 
 @compiled
@@ -62,10 +72,13 @@ def home_cost(vehicle: Any, places: Any, extra_j_per_m: Any, position_m: float) 
             shape (places,). It is assumed on the way home, too.
         position_m: Distance from home, m.
     """
-    total = vehicle.idle_w / vehicle.cruise_mps * position_m
-    last = place_of(vehicle, position_m, places)
-    for k in range(last + 1):
-        end_m = position_m if k == last else (k + 1) * vehicle.place_m
-        driving = modelled_driving(vehicle, -places[k].sine_driven, vehicle.cruise_mps)
-        total += max(driving + extra_j_per_m[k], 0.0) * (end_m - k * vehicle.place_m)
-    return float(total)
+    total_j = vehicle.idle_w / vehicle.cruise_mps * position_m
+    place_here = place_of(vehicle, position_m, places)
+    for k in range(place_here + 1):
+        start_m = k * vehicle.place_m
+        end_m = (k + 1) * vehicle.place_m
+        if k == place_here:
+            end_m = position_m
+        driving_j_per_m = modelled_driving(vehicle, -places[k].sine_driven, vehicle.cruise_mps)
+        total_j += max(driving_j_per_m + extra_j_per_m[k], 0.0) * (end_m - start_m)
+    return float(total_j)
