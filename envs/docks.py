@@ -106,20 +106,20 @@ def write_docks(docks: Docks, idle_w: float, shared: Any) -> None:
 
 
 @inline
-def charger_w(m: Any, shared: Any) -> Any:
+def charger_w(mission: Any, shared: Any) -> Any:
     """Power of the charger where the robot is, W; 0 where there is none."""
     for k in range(shared.dock_count):
-        if m.position_m == shared.docks[k].position_m:
+        if mission.position_m == shared.docks[k].position_m:
             return shared.docks[k].charger_w
     return 0.0
 
 
 @inline
-def next_dock_m(m: Any, shared: Any) -> Any:
+def next_dock_m(mission: Any, shared: Any) -> Any:
     """Position of the next dock in the direction of travel, m, which may be here; infinite if there is none."""
     nearest_m, position_m = np.inf, np.inf
     for k in range(shared.dock_count):
-        ahead_m = m.direction * (shared.docks[k].position_m - m.position_m)
+        ahead_m = mission.direction * (shared.docks[k].position_m - mission.position_m)
         if 0.0 <= ahead_m < nearest_m:
             nearest_m, position_m = ahead_m, shared.docks[k].position_m
     return position_m

@@ -42,7 +42,7 @@ def _add_up_interest(route: Any, shared: Any) -> None:
 
 
 @inline
-def _read_route(m: Any, route: Any, shared: Any) -> None:
+def _read_route(mission: Any, route: Any, shared: Any) -> None:
     """Store for each place the mean slope and interest of the stretches ahead, as seen and forecast."""
     count = shared.places
     _add_up_interest(route, shared)
@@ -53,11 +53,11 @@ def _read_route(m: Any, route: Any, shared: Any) -> None:
         sine = interest = 0.0
         for k in range(first, last):
             place = route.places[k]
-            place.sine_read = instruments.sine_read(m.key, k, place.sin_grade, shared)
+            place.sine_read = instruments.sine_read(mission.key, k, place.sin_grade, shared)
             sine += place.sin_grade
             interest += place.interest
-        sine = sine / (last - first) + _FORECAST_SINE * normal(m.key, first, FORECAST_GRADE)
-        error = 1.0 + _FORECAST_INTEREST * normal(m.key, first, FORECAST_INTEREST)
+        sine = sine / (last - first) + _FORECAST_SINE * normal(mission.key, first, FORECAST_GRADE)
+        error = 1.0 + _FORECAST_INTEREST * normal(mission.key, first, FORECAST_INTEREST)
         interest = max(interest / (last - first) * error, 0.0)
         for k in range(first, last):
             place = route.places[k]
@@ -88,85 +88,95 @@ def note_ahead(route: Any, shared: Any, sines: Any, interests: Any) -> None:
 
 
 @inline
-def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
+def _reset(mission: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
     """Begin a mission: draw its conditions, the route and the true robot."""
     shared, nominal, hidden = c.shared, c.nominal, c.hidden
     for k in range(shared.places):
         prefetch(route.places[k])
-    m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.start_left = m.step_s = 0.0
-    m.traction_n = m.drive_w = m.power_w = 0.0
-    m.position_m = m.furthest_m = m.dwell_s = m.legs = 0.0
-    m.backlog = m.backlog_information = m.delivered = m.lost = m.modelled_j = m.sensing_hz = 0.0
-    m.place = m.mapped = m.decisions = m.asked = 0
-    m.score = m.cost = m.score_reward = m.shaping_reward = 0.0
-    m.returning = m.home = m.over = m.depleted = False
-    m.direction = 1.0
-    m.ledger_j[:] = 0.0
-    m.key = np.uint64(_KEYS * rng.random())
-    instruments.begin(m, shared, rng.random(), rng.random())
-    difficulty.draw(rng, p, hidden.truth, m, hidden)
+    mission.time_s = mission.distance_m = mission.speed_mps = mission.winding_k = mission.start_left = (
+        mission.step_s
+    ) = 0.0
+    mission.traction_n = mission.drive_w = mission.power_w = 0.0
+    mission.position_m = mission.furthest_m = mission.dwell_s = mission.legs = 0.0
+    mission.backlog = mission.backlog_information = mission.delivered = mission.lost = mission.modelled_j = (
+        mission.sensing_hz
+    ) = 0.0
+    mission.place = mission.mapped = mission.decisions = mission.asked = 0
+    mission.score = mission.cost = mission.score_reward = mission.shaping_reward = 0.0
+    mission.returning = mission.home = mission.over = mission.depleted = False
+    mission.direction = 1.0
+    mission.ledger_j[:] = 0.0
+    mission.key = np.uint64(_KEYS * rng.random())
+    instruments.begin(mission, shared, rng.random(), rng.random())
+    difficulty.draw(rng, p, hidden.truth, mission, hidden)
     if hidden.generated:
-        generate(rng, route, m, shared.places, shared.length_m, hidden.hidden_wind)
+        generate(rng, route, mission, shared.places, shared.length_m, hidden.hidden_wind)
     else:
         for k in range(shared.places):
             route.places[k] = hidden.fixed.places[k]
-        m.temperature_c, m.wind_mps, m.wind_from_rad = hidden.temperature_c, hidden.wind_mps, hidden.wind_from_rad
+        mission.temperature_c, mission.wind_mps, mission.wind_from_rad = (
+            hidden.temperature_c,
+            hidden.wind_mps,
+            hidden.wind_from_rad,
+        )
     if p.effects == 0:
-        m.wind_mps = 0.0  # the paper's robot is not affected by wind
-    weather.begin(m, rng, shared, hidden)
+        mission.wind_mps = 0.0  # the paper's robot is not affected by wind
+    weather.begin(mission, rng, shared, hidden)
     rise = 0.0
     for k in range(shared.places):
         rise += route.places[k].sin_grade
-    m.mean_grade = rise / shared.places
-    _read_route(m, route, shared)
-    map_place(m, p, route.places[0], nominal, shared, 0.0, 0.0)
-    m.here = route.places[0]
-    m.potential = potential(m, route, shared, _margin(m, shared)) if shared.shaped else 0.0
+    mission.mean_grade = rise / shared.places
+    _read_route(mission, route, shared)
+    map_place(mission, p, route.places[0], nominal, shared, 0.0, 0.0)
+    mission.here = route.places[0]
+    mission.potential = potential(mission, route, shared, _margin(mission, shared)) if shared.shaped else 0.0
 
 
 @inline
-def _margin(m: Any, shared: Any) -> Any:
+def _margin(mission: Any, shared: Any) -> Any:
     """True energy beyond the way home over the driven ground, J, as the true robot would drive it at cruise."""
-    here_m = m.position_m - m.place * shared.place_m
-    return m.energy_j - (m.here.true_home_cost_j + here_m * m.here.true_home_j_per_m)
+    here_m = mission.position_m - mission.place * shared.place_m
+    return mission.energy_j - (mission.here.true_home_cost_j + here_m * mission.here.true_home_j_per_m)
 
 
 @inline
 def _begin(i: Any, generators: Any, constants: Any, records: Any, robots: Any, routes: Any, observations: Any) -> None:
     """Begin mission i and observe its start; arguments as for `reset_missions`."""
-    m, c = records[i], constants[0]
+    mission, c = records[i], constants[0]
     if c.hidden.own_robots:
         robots[i] = c.hidden.truth
-    _reset(m, robots[i], routes[i], generators[i], c)
-    observe(m, c.shared, 0.0, observations[i])
+    _reset(mission, robots[i], routes[i], generators[i], c)
+    observe(mission, c.shared, 0.0, observations[i])
 
 
 @inline
 def _fetch_next_place(records: Any, routes: Any, i: int) -> None:
     """Prefetch the place that a mission to be stepped shortly may reach, because loading it takes time."""
     if i < len(records):
-        m = records[i]
-        prefetch(routes[i].places[max(m.place + (1 if m.direction > 0.0 else -1), 0)])
+        mission = records[i]
+        prefetch(routes[i].places[max(mission.place + (1 if mission.direction > 0.0 else -1), 0)])
 
 
 @inline
-def _step(m: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int) -> Any:
+def _step(
+    mission: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
+) -> Any:
     """Step a mission by one decision and return the reward."""
     # If nothing is hidden, all missions have the robot of the file: one record, always in the cache.
     p = robot if c.hidden.own_robots else c.nominal
-    shared, before_j = c.shared, m.energy_j
-    decide(m, p, route, c.nominal, shared, speed_mps, sensing_hz, mode)
-    instruments.read(m, shared, before_j - m.energy_j)
-    earned = reward(m, route, shared, _margin(m, shared))
-    m.over = m.home or m.depleted or m.decisions >= shared.max_decisions
-    weather.change(m)
-    observe(m, shared, home_cost(m, shared), row)
+    shared, before_j = c.shared, mission.energy_j
+    decide(mission, p, route, c.nominal, shared, speed_mps, sensing_hz, mode)
+    instruments.read(mission, shared, before_j - mission.energy_j)
+    earned = reward(mission, route, shared, _margin(mission, shared))
+    mission.over = mission.home or mission.depleted or mission.decisions >= shared.max_decisions
+    weather.change(mission)
+    observe(mission, shared, home_cost(mission, shared), row)
     return earned
 
 
 @inline
 def _step_if_going(
-    m: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
+    mission: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
 ) -> Any:
     """Step a mission, unless it is over; return its reward, whether it ended at home or stranded, and whether out of
     time.
@@ -174,10 +184,10 @@ def _step_if_going(
     It takes records, because arrays that pass into it would cost as much time as the step.
     """
     earned, ended, late = 0.0, False, False
-    if not m.over:
-        earned = _step(m, robot, route, c, row, speed_mps, sensing_hz, mode)
-        ended = m.home or m.depleted
-        late = m.over and not ended
+    if not mission.over:
+        earned = _step(mission, robot, route, c, row, speed_mps, sensing_hz, mode)
+        ended = mission.home or mission.depleted
+        late = mission.over and not ended
     return earned, ended, late
 
 
@@ -217,11 +227,11 @@ def step_in_turn(
         return -1 - bad
     ended = 0
     for i in range(len(records)):
-        m, c = records[i], constants[0]
+        mission, c = records[i], constants[0]
         _fetch_next_place(records, routes, i + _FETCH_AHEAD)
         commanded = command(choices, levels, i, c.shared)
         rewards[i], terminated[i], truncated[i] = _step_if_going(
-            m, robots[i], routes[i], c, observations[i], *commanded
+            mission, robots[i], routes[i], c, observations[i], *commanded
         )
         ended += terminated[i] or truncated[i]
     return ended
@@ -256,11 +266,11 @@ def step_in_parallel(
             rewards[i], terminated[i], truncated[i] = 0.0, False, False
             _begin(np.int64(i), generators, constants, records, robots, routes, observations)
         else:
-            m, c = records[i], constants[0]  # taken here, as records do not pass into a parallel loop
+            mission, c = records[i], constants[0]  # taken here, as records do not pass into a parallel loop
             _fetch_next_place(records, routes, i + _FETCH_AHEAD)
             commanded = command(choices, levels, i, c.shared)
             rewards[i], terminated[i], truncated[i] = _step_if_going(
-                m, robots[i], routes[i], c, observations[i], *commanded
+                mission, robots[i], routes[i], c, observations[i], *commanded
             )
             ended += terminated[i] or truncated[i]
     return ended

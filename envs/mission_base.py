@@ -26,7 +26,7 @@ def _no_note(scene: Scene) -> str:
 class Mission:
     """One mission: its functions, which kernels compile, its properties and its words.
 
-    The functions of a score take records of a mission `m`, of its route, and the shared one (`homeward.envs.state`).
+    The functions of a score take the records of a mission, of its route, and the shared one (`homeward.envs.state`).
 
     Attributes:
         name: Name in the id of the environment.
@@ -70,8 +70,8 @@ class Mission:
 
 
 @inline
-def room_m(m: Any, shared: Any, margin_j: float) -> Any:
+def room_m(mission: Any, shared: Any, margin_j: float) -> Any:
     """Metres ahead that the energy beyond the way home allows: out as the mission drives on average, home without
     sensing."""
     out_m = max(margin_j, 0.0) * shared.per_out_and_home_j_per_m
-    return min(out_m, shared.length_m - m.position_m)
+    return min(out_m, shared.length_m - mission.position_m)

@@ -89,25 +89,25 @@ class Observer:
         self._records, self._routes = plain(np.zeros(1, MISSION_DTYPE)), plain(np.zeros(1, ROUTE_DTYPE))
         self._sines, self._readings = np.zeros((2, self._count))  # for each place: sum and number of readings
         self._interest = forecast.interest.copy()
-        m, places = self._records[0], self._routes["places"][0, : self._count]
+        mission, places = self._records[0], self._routes["places"][0, : self._count]
         places["curvature_per_m"] = forecast.curvature_per_m
         places["east"], places["north"] = np.cos(forecast.heading_rad), np.sin(forecast.heading_rad)
-        m["direction"], m["temperature_c"] = 1.0, forecast.temperature_c
-        m["mean_grade"] = float(np.mean(np.sin(forecast.grade_rad))) if mean_grade is None else mean_grade
+        mission["direction"], mission["temperature_c"] = 1.0, forecast.temperature_c
+        mission["mean_grade"] = float(np.mean(np.sin(forecast.grade_rad))) if mean_grade is None else mean_grade
         for axis, value in zip(("east", "north"), forecast_mps, strict=True):
-            m[f"mean_{axis}_mps"] = m[f"forecast_{axis}_mps"] = value
+            mission[f"mean_{axis}_mps"] = mission[f"forecast_{axis}_mps"] = value
 
     def begin(self, read: Read) -> NDArray[np.float32]:
         """Observe the start of the mission, shape (1, features)."""
-        m, usable_j = self._records[0], float(self.known.shared["usable_j"][0])
-        m["temperature_c"] = _or(read.temperature_c, float(m["temperature_c"]))
-        m["soc"] = m["metered"] = _or(read.soc, 1.0)
-        m["soc_lowest"] = 1.0
+        mission, usable_j = self._records[0], float(self.known.shared["usable_j"][0])
+        mission["temperature_c"] = _or(read.temperature_c, float(mission["temperature_c"]))
+        mission["soc"] = mission["metered"] = _or(read.soc, 1.0)
+        mission["soc_lowest"] = 1.0
         # The energy left is read, not computed: it decides the voltage, and the battery does not run out.
-        m["endless"], m["capacity_j"], m["energy_j"] = True, usable_j, m["soc"] * usable_j
+        mission["endless"], mission["capacity_j"], mission["energy_j"] = True, usable_j, mission["soc"] * usable_j
         # Energy missing from the battery counts as used, as the model predicts it.
-        m["metered_followed"] = 1.0 - m["soc"]
-        m["metered_j"] = m["modelled_j"] = m["metered_followed"] * usable_j
+        mission["metered_followed"] = 1.0 - mission["soc"]
+        mission["metered_j"] = mission["modelled_j"] = mission["metered_followed"] * usable_j
         self._note_places()
         rows = plain(np.zeros(1, OBSERVATION_DTYPE))
         _begin(self._records, self._routes, self._constants, read.position_m, rows)
@@ -161,14 +161,16 @@ class Observer:
         if abs(self._records["position_m"][0] - read.position_m) > OFF_COMMAND * s["max_speed_mps"] * decision_s:
             self._records, self._routes = records.copy(), routes
             self._drive(action, way_m / decision_s)
-        m = self._records[0]
-        modelled_w = float(m["modelled_j"] - records["modelled_j"][0]) / decision_s
-        m["read_w"] = _or(read.power_w, modelled_w)
-        m["read_mps"] = _or(read.speed_mps, abs(way_m) / decision_s)
-        m["soc"] = _or(read.soc, max(float(m["metered"] - m["read_w"] * decision_s / s["usable_j"]), 0.0))
-        m["energy_j"] = m["soc"] * m["capacity_j"]
+        mission = self._records[0]
+        modelled_w = float(mission["modelled_j"] - records["modelled_j"][0]) / decision_s
+        mission["read_w"] = _or(read.power_w, modelled_w)
+        mission["read_mps"] = _or(read.speed_mps, abs(way_m) / decision_s)
+        mission["soc"] = _or(
+            read.soc, max(float(mission["metered"] - mission["read_w"] * decision_s / s["usable_j"]), 0.0)
+        )
+        mission["energy_j"] = mission["soc"] * mission["capacity_j"]
         rows = plain(np.zeros(1, OBSERVATION_DTYPE))
-        temperature_c = _or(read.temperature_c, float(m["temperature_c"]))
+        temperature_c = _or(read.temperature_c, float(mission["temperature_c"]))
         _read(self._records, self._routes, self._constants, read.position_m, temperature_c, rows)
         return _as_features(rows)
 
@@ -237,22 +239,22 @@ def _as_features(rows: NDArray[np.void]) -> NDArray[np.float32]:
 
 
 def _begin(records: Any, routes: Any, constants: Any, position_m: float, rows: Any) -> None:
-    m, route, c = records[0], routes[0], constants[0]
-    map_place(m, c.nominal, route.places[0], c.nominal, c.shared, 0.0, 0.0)
-    m.here = route.places[0]
-    _move_to(m, route, c, position_m)
-    observe(m, c.shared, home_cost(m, c.shared), rows[0])
+    mission, route, c = records[0], routes[0], constants[0]
+    map_place(mission, c.nominal, route.places[0], c.nominal, c.shared, 0.0, 0.0)
+    mission.here = route.places[0]
+    _move_to(mission, route, c, position_m)
+    observe(mission, c.shared, home_cost(mission, c.shared), rows[0])
 
 
 def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any) -> None:
     """Store slope and interest ahead of each place, and predict the present place with the slopes read since."""
-    m, route, c = records[0], routes[0], constants[0]
+    mission, route, c = records[0], routes[0], constants[0]
     note_ahead(route, c.shared, sines, interests)
-    here = route.places[m.place]
-    if m.place == m.mapped - 1 and here.sine_read != m.here.sine_read:
-        map_place(m, c.nominal, here, c.nominal, c.shared, here.home_cost_j, here.true_home_cost_j)
-        m.mapped -= 1
-    m.here = here
+    here = route.places[mission.place]
+    if mission.place == mission.mapped - 1 and here.sine_read != mission.here.sine_read:
+        map_place(mission, c.nominal, here, c.nominal, c.shared, here.home_cost_j, here.true_home_cost_j)
+        mission.mapped -= 1
+    mission.here = here
 
 
 def _drive(records: Any, routes: Any, constants: Any, speed_mps: float, sensing_hz: float, mode: int) -> None:
@@ -262,22 +264,22 @@ def _drive(records: Any, routes: Any, constants: Any, speed_mps: float, sensing_
 
 def _read(records: Any, routes: Any, constants: Any, position_m: float, temperature_c: float, rows: Any) -> None:
     """Set the robot's position and readings, and observe."""
-    m, c = records[0], constants[0]
-    _move_to(m, routes[0], c, position_m)
-    meter(m, c.shared)
-    m.score = score(m, c.shared)
-    m.temperature_c = temperature_c
-    observe(m, c.shared, home_cost(m, c.shared), rows[0])
+    mission, c = records[0], constants[0]
+    _move_to(mission, routes[0], c, position_m)
+    meter(mission, c.shared)
+    mission.score = score(mission, c.shared)
+    mission.temperature_c = temperature_c
+    observe(mission, c.shared, home_cost(mission, c.shared), rows[0])
 
 
-def _move_to(m: Any, route: Any, c: Any, position_m: float) -> None:
+def _move_to(mission: Any, route: Any, c: Any, position_m: float) -> None:
     """Move to the robot's position reading."""
-    slack_m, outwards = _BORDER * c.shared.place_m, m.direction
-    m.position_m, m.furthest_m = position_m, max(m.furthest_m, position_m)
-    m.direction = 1.0
-    while m.place < c.shared.places - 1 and position_m > (m.place + 1) * c.shared.place_m + slack_m:
-        cross(m, c.nominal, route, c.nominal, c.shared)
-    m.direction = -1.0
-    while m.place > 0 and position_m < m.place * c.shared.place_m - slack_m:
-        cross(m, c.nominal, route, c.nominal, c.shared)
-    m.direction = outwards
+    slack_m, outwards = _BORDER * c.shared.place_m, mission.direction
+    mission.position_m, mission.furthest_m = position_m, max(mission.furthest_m, position_m)
+    mission.direction = 1.0
+    while mission.place < c.shared.places - 1 and position_m > (mission.place + 1) * c.shared.place_m + slack_m:
+        cross(mission, c.nominal, route, c.nominal, c.shared)
+    mission.direction = -1.0
+    while mission.place > 0 and position_m < mission.place * c.shared.place_m - slack_m:
+        cross(mission, c.nominal, route, c.nominal, c.shared)
+    mission.direction = outwards

@@ -219,49 +219,49 @@ def lowest_believed(lowest: Any, soc: Any) -> Any:
 
 
 @inline
-def expect_rise(m: Any) -> None:
+def expect_rise(mission: Any) -> None:
     """Let a robot at a charger believe a gauge that rises."""
-    if m.soc_lowest != LOST:
-        m.soc_lowest = 1.0
+    if mission.soc_lowest != LOST:
+        mission.soc_lowest = 1.0
 
 
 @inline
-def choose(m: Any, shared: Any) -> None:
+def choose(mission: Any, shared: Any) -> None:
     """Draw the gauge of a mission, and when it is set anew, by the mission's key."""
-    m.gauge = np.int64(uniform(m.key, 0, GAUGE) * shared.gauge_count)
-    g = shared.gauges[m.gauge]
-    m.gauge_reset_left = g.reset_low + g.reset_span * uniform(m.key, 0, RESET)
-    m.gauge_shift = 0.0
+    mission.gauge = np.int64(uniform(mission.key, 0, GAUGE) * shared.gauge_count)
+    gauge = shared.gauges[mission.gauge]
+    mission.gauge_reset_left = gauge.reset_low + gauge.reset_span * uniform(mission.key, 0, RESET)
+    mission.gauge_shift = 0.0
 
 
 @inline
-def shown_by(m: Any, shared: Any, counted: float, charge: float, power_w: float) -> Any:
+def shown_by(mission: Any, shared: Any, counted: float, charge: float, power_w: float) -> Any:
     """State of charge that a gauge shows beyond steps, noise and lag.
 
     Args:
-        m: Mission record.
+        mission: Mission record.
         shared: Shared record.
         counted: What a counter shows.
         charge: True share of charge.
         power_w: Power out of the battery.
     """
-    g = shared.gauges[m.gauge]
-    if g.resets and charge >= m.gauge_reset_left:
-        return counted + m.gauge_shift
+    gauge = shared.gauges[mission.gauge]
+    if gauge.resets and charge >= mission.gauge_reset_left:
+        return counted + mission.gauge_shift
     target = 1.0
-    if g.maps:
+    if gauge.maps:
         rest_v = battery.open_circuit_v(shared.curve, charge)
-        target = _mapped(g, rest_v - shared.resistance_ohm * power_w / rest_v)
-    if g.resets:
-        m.gauge_shift, m.gauge_reset_left = target - counted, 0.0
+        target = _mapped(gauge, rest_v - shared.resistance_ohm * power_w / rest_v)
+    if gauge.resets:
+        mission.gauge_shift, mission.gauge_reset_left = target - counted, 0.0
     return target
 
 
 @inline
-def _mapped(g: Any, volts: float) -> Any:
+def _mapped(gauge: Any, volts: float) -> Any:
     """Share that a map shows; as `np.interp`, which takes ten times as long of one number."""
     k = 1
-    while k < MOST_POINTS - 1 and volts > g.map_v[k]:
+    while k < MOST_POINTS - 1 and volts > gauge.map_v[k]:
         k += 1
-    beyond = (volts - g.map_v[k - 1]) / (g.map_v[k] - g.map_v[k - 1])
-    return g.map_share[k - 1] + (g.map_share[k] - g.map_share[k - 1]) * min(max(beyond, 0.0), 1.0)
+    beyond = (volts - gauge.map_v[k - 1]) / (gauge.map_v[k] - gauge.map_v[k - 1])
+    return gauge.map_share[k - 1] + (gauge.map_share[k] - gauge.map_share[k - 1]) * min(max(beyond, 0.0), 1.0)

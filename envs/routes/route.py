@@ -120,7 +120,7 @@ MEAN_INTEREST, INTEREST_DEVIATION = 1.23, 1.0
 
 
 @inline
-def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind_out: bool) -> None:
+def generate(rng: Any, route: Any, mission: Any, count: int, length_m: float, tailwind_out: bool) -> None:
     """Draw a route of a given number of places and its weather, into the records of a mission.
 
     Distributions, all chosen, with lengths as shares of the route so that any robot meets the same variety. At each of
@@ -171,14 +171,14 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
             weight = keeps * weight + new * rng.standard_normal()
             east, north = east * cos_bend - north * sin_bend, north * cos_bend + east * sin_bend
         sine, first = after, last
-    m.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
+    mission.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
     strength, direction = rng.random(), rng.random()
-    m.wind_mps = WIND_SCALE_MPS * np.sqrt(-2.0 * np.log(1.0 - strength))
-    m.wind_from_rad = 2.0 * np.pi * direction
+    mission.wind_mps = WIND_SCALE_MPS * np.sqrt(-2.0 * np.log(1.0 - strength))
+    mission.wind_from_rad = 2.0 * np.pi * direction
     if tailwind_out:
         east, north = 0.0, 0.0
         for k in range(count):
             east += route.places[k].east
             north += route.places[k].north
-        m.wind_mps = HIDDEN_WIND_MPS[0] + (HIDDEN_WIND_MPS[1] - HIDDEN_WIND_MPS[0]) * strength
-        m.wind_from_rad = np.arctan2(-north, -east)
+        mission.wind_mps = HIDDEN_WIND_MPS[0] + (HIDDEN_WIND_MPS[1] - HIDDEN_WIND_MPS[0]) * strength
+        mission.wind_from_rad = np.arctan2(-north, -east)
