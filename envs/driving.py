@@ -36,18 +36,26 @@ def decide(
         mission.direction = -1.0
         mission.asked += 1
         if mission.asked >= shared.return_decisions:
-            mission.returning, mission.dwell_s = True, 0.0
+            mission.returning = True
+            mission.dwell_s = 0.0
             mission.home = mission.position_m <= 0.0
     elif not mission.returning:
         mission.asked = 0
     mission.decisions += 1
     mission.sensing_hz = sensing_hz
     # The change of speed is spread over the decision.
-    accel = (speed_mps - mission.speed_mps) * shared.per_decision
+    accel_mps2 = (speed_mps - mission.speed_mps) * shared.per_decision
     left_s = shared.decision_s
     while left_s > 0.0 and not mission.home and not mission.depleted:
-        speed, dt_s, halt_m, arriving, crossing = 0.0, left_s, 0.0, False, False
-        dock_m = docks.next_dock_m(mission, shared) if mode == STOP else np.inf
+        # Unless it drives, it stands until the decision is over.
+        driven_mps = 0.0
+        dt_s = left_s
+        halt_m = 0.0
+        arriving = False
+        crossing = False
+        dock_m = np.inf
+        if mode == STOP:
+            dock_m = docks.next_dock_m(mission, shared)
         to_dock_m = mission.direction * (dock_m - mission.position_m)
         docks_now = 0.0 < to_dock_m <= speed_mps * left_s
         if mission.dwell_s > 0.0:
@@ -60,23 +68,31 @@ def decide(
                 continue
             crossing = not (docks_now and to_dock_m < ahead_m)
             if not crossing:
-                halt_m, ahead_m = dock_m, to_dock_m
-            speed = speed_mps
-            arriving = ahead_m <= speed * left_s
+                halt_m = dock_m
+                ahead_m = to_dock_m
+            driven_mps = speed_mps
+            arriving = ahead_m <= driven_mps * left_s
             if arriving:
-                dt_s = ahead_m / speed
+                dt_s = ahead_m / driven_mps
+        headwind_mps = weather.headwind(mission, mission.here)
         conditions = _conditions(
-            mission, mission.here, speed, sensing_hz, accel, weather.headwind(mission, mission.here), mission.direction
+            mission, mission.here, driven_mps, sensing_hz, accel_mps2, headwind_mps, mission.direction
         )
-        charger_w = docks.charger_w(mission, shared) if speed == 0.0 else 0.0
-        passed_s = advance(robot, mission, conditions, connect(robot, mission, conditions, charger_w, dt_s))
+        charger_w = 0.0
+        if driven_mps == 0.0:
+            charger_w = docks.charger_w(mission, shared)
+        connected = connect(robot, mission, conditions, charger_w, dt_s)
+        passed_s = advance(robot, mission, conditions, connected)
         mission.charger_w = 0.0
         if charger_w > 0.0:
             gauges.expect_rise(mission)
         left_s -= passed_s
         mission.dwell_s = max(mission.dwell_s - passed_s, 0.0)
         arriving = arriving and not mission.depleted
-        mission.position_m = halt_m if arriving else mission.position_m + mission.direction * speed * passed_s
+        if arriving:
+            mission.position_m = halt_m
+        else:
+            mission.position_m = mission.position_m + mission.direction * driven_mps * passed_s
         new_m = max(mission.position_m - mission.furthest_m, 0.0)
         mission.furthest_m = max(mission.furthest_m, mission.position_m)
         _account(mission, nominal, shared, conditions, passed_s, new_m)
@@ -129,9 +145,14 @@ def map_place(
     mission: Any, robot: Any, place: Any, believed: Any, shared: Any, home_cost_j: float, true_home_cost_j: float
 ) -> None:
     """Predict the energy of a place at the first visit, by the robot's own model and the grade as read."""
-    place.home_cost_j, place.true_home_cost_j = home_cost_j, true_home_cost_j
-    cruise = shared.cruise_mps
-    headwind = weather.headwind(mission, place) if shared.route_is_known else 0.0
+    place.home_cost_j = home_cost_j
+    place.true_home_cost_j = true_home_cost_j
+    cruise_mps = shared.cruise_mps
+    true_headwind_mps = weather.headwind(mission, place)
+    headwind_mps = 0.0
+    if shared.route_is_known:
+        headwind_mps = true_headwind_mps
+
     # The model's powers are computed in the mission's own record, with cold windings, long after a start, at time 0.
     state_before = (
         mission.time_s,
@@ -143,23 +164,22 @@ def map_place(
         mission.drive_w,
         mission.power_w,
     )
-    mission.time_s, mission.step_s, mission.speed_mps, mission.winding_k, mission.start_left = (
-        0.0,
-        shared.decision_s,
-        cruise,
-        0.0,
-        0.0,
-    )
-    true_home_w = demand(
-        robot, mission, _conditions(mission, place, cruise, 0.0, 0.0, weather.headwind(mission, place), -1.0)
-    )
-    true_sine, true_j = place.sin_grade, mission.energy_j
-    # The robot's model knows the charge, and so the voltage, as it is read.
-    place.sin_grade, mission.energy_j = place.sine_read, mission.soc * mission.capacity_j
-    standing_w = demand(believed, mission, _conditions(mission, place, 0.0, 0.0, 0.0, headwind, 1.0))
-    out_w = demand(believed, mission, _conditions(mission, place, cruise, 0.0, 0.0, headwind, 1.0))
-    home_w = demand(believed, mission, _conditions(mission, place, cruise, 0.0, 0.0, headwind, -1.0))
-    place.sin_grade, mission.energy_j = true_sine, true_j
+    true_sine = place.sin_grade
+    true_j = mission.energy_j
+    mission.time_s = 0.0
+    mission.step_s = shared.decision_s
+    mission.speed_mps = cruise_mps
+    mission.winding_k = 0.0
+    mission.start_left = 0.0
+    true_home_w = demand(robot, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, true_headwind_mps, -1.0))
+    # The robot's model knows the charge, and so the voltage, as it is read, and the slope likewise.
+    place.sin_grade = place.sine_read
+    mission.energy_j = mission.soc * mission.capacity_j
+    standing_w = demand(believed, mission, _conditions(mission, place, 0.0, 0.0, 0.0, headwind_mps, 1.0))
+    out_w = demand(believed, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, headwind_mps, 1.0))
+    home_w = demand(believed, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, headwind_mps, -1.0))
+    place.sin_grade = true_sine
+    mission.energy_j = true_j
     (
         mission.time_s,
         mission.step_s,
@@ -170,10 +190,12 @@ def map_place(
         mission.drive_w,
         mission.power_w,
     ) = state_before
+
     place.standing_w = standing_w
-    place.out_j_per_m = (out_w - standing_w) / cruise
-    place.back_j_per_m = (home_w - standing_w) / cruise
-    place.home_j_per_m, place.true_home_j_per_m = home_w / cruise, true_home_w / cruise
+    place.out_j_per_m = (out_w - standing_w) / cruise_mps
+    place.back_j_per_m = (home_w - standing_w) / cruise_mps
+    place.home_j_per_m = home_w / cruise_mps
+    place.true_home_j_per_m = true_home_w / cruise_mps
     mission.mapped += 1
 
 
@@ -181,7 +203,9 @@ def map_place(
 def _account(mission: Any, nominal: Any, shared: Any, conditions: Any, passed_s: float, new_m: float) -> None:
     """Add the energy that the robot's own model predicts for a stretch, and the samples taken and sent on it."""
     here = mission.here
-    drive_j_per_m = here.out_j_per_m if conditions.direction > 0.0 else here.back_j_per_m
+    drive_j_per_m = here.back_j_per_m
+    if conditions.direction > 0.0:
+        drive_j_per_m = here.out_j_per_m
     drive_j_per_m += shared.drag_j_per_m * (
         conditions.speed_mps * conditions.speed_mps - shared.cruise_mps * shared.cruise_mps
     )
@@ -197,17 +221,17 @@ def _conditions(
     mission: Any, place: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, headwind_mps: float, ahead: float
 ) -> Any:
     """Conditions at a place; `ahead` is 1 away from home and -1 towards it, the headwind that of the way out."""
-    sine, roughness = ahead * place.sin_grade, float(place.roughness)
+    sine = ahead * place.sin_grade
     return Conditions(
-        speed_mps,
-        sensing_hz,
-        accel_mps2,
-        sine,
-        np.sqrt(1.0 - sine * sine),
-        ahead * place.curvature_per_m * speed_mps,
-        roughness,
-        ahead * headwind_mps,
-        mission.temperature_c,
-        mission.position_m,
-        ahead,
+        speed_mps=speed_mps,
+        sensing_hz=sensing_hz,
+        accel_mps2=accel_mps2,
+        sin_grade=sine,
+        cos_grade=np.sqrt(1.0 - sine * sine),
+        yaw_rate_radps=ahead * place.curvature_per_m * speed_mps,
+        roughness=float(place.roughness),
+        headwind_mps=ahead * headwind_mps,
+        temperature_c=mission.temperature_c,
+        base_distance_m=mission.position_m,
+        direction=ahead,
     )
