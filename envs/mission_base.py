@@ -30,9 +30,9 @@ class Mission:
 
     Attributes:
         name: Name in the id of the environment.
-        score: Score if the robot is home, of `(m, shared)`.
-        attainable: Score that it may still add before its return, of `(m, route, shared, margin_j)` with the energy
-            beyond the way home, J; for the shaping, by the range that this energy allows (Eq. 8).
+        score: Score if the robot is home, of `(mission, shared)`.
+        attainable: Score that it may still add before its return, of `(mission, route, shared, margin_j)` with the
+            energy beyond the way home, J; for the shaping, by the range that this energy allows (Eq. 8).
         good_score: Score of a good mission, of half the range of the robot (m) and the shared record: it scales the
             reward.
         shuttles: Whether it turns at both ends of the route, after a pit stop there, and not where it chooses.

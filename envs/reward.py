@@ -52,11 +52,20 @@ def reward(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
         shared: Shared record.
         margin_j: True energy beyond the true way home, J.
     """
-    mission.score = 0.0 if mission.depleted else score(mission, shared)
-    mission.cost = 1.0 if mission.depleted else 0.0
-    mission.score_reward = mission.score * shared.per_score if mission.home else 0.0
+    if mission.depleted:
+        mission.score = 0.0
+        mission.cost = 1.0
+    else:
+        mission.score = score(mission, shared)
+        mission.cost = 0.0
+    mission.score_reward = 0.0
+    if mission.home:
+        mission.score_reward = mission.score * shared.per_score
     if shared.shaped:
-        after = 0.0 if mission.home or mission.depleted else potential(mission, route, shared, margin_j)
-        mission.shaping_reward = shared.discount * after - mission.potential
-        mission.potential = after
+        # The end of a mission has no potential, so that the shaping changes no policy.
+        new_potential = 0.0
+        if not (mission.home or mission.depleted):
+            new_potential = potential(mission, route, shared, margin_j)
+        mission.shaping_reward = shared.discount * new_potential - mission.potential
+        mission.potential = new_potential
     return mission.score_reward + mission.shaping_reward

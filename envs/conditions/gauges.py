@@ -166,17 +166,25 @@ def write_gauge(gauge: Gauge, robot: Robot, step: float, lag_s: float, decision_
     """
     lag_s = gauge.lag_s or lag_s
     record["step"] = gauge.step or step
-    record["per_step"] = 1.0 / record["step"] if record["step"] else 0.0
+    record["per_step"] = 0.0
+    if record["step"]:
+        record["per_step"] = 1.0 / record["step"]
     record["lag_decisions"] = lag_s / decision_s
-    record["keeps"] = np.exp(-decision_s / lag_s) if lag_s else 0.0
+    record["keeps"] = 0.0
+    if lag_s:
+        record["keeps"] = np.exp(-decision_s / lag_s)
     low, high = gauge.reset_left
-    record["reset_low"], record["reset_span"], record["resets"] = low, high - low, high > 0.0
+    record["reset_low"] = low
+    record["reset_span"] = high - low
+    record["resets"] = high > 0.0
     record["maps"] = bool(gauge.map)
     if gauge.map:
         volts, shares = np.transpose(pack_map(gauge, robot))
-        beyond = MOST_POINTS - len(volts)
-        record["map_v"] = np.pad(volts, (0, beyond), mode="edge") + np.pad(np.arange(beyond) + 1.0, (len(volts), 0))
-        record["map_share"] = np.pad(shares, (0, beyond), mode="edge")
+        # Unused points follow the last one: a volt apart, with its share.
+        unused = MOST_POINTS - len(volts)
+        rising_v = np.pad(np.arange(unused) + 1.0, (len(volts), 0))
+        record["map_v"] = np.pad(volts, (0, unused), mode="edge") + rising_v
+        record["map_share"] = np.pad(shares, (0, unused), mode="edge")
 
 
 def rms_error(gauge: Gauge, robot: Robot, lasts_s: float, most_reset: float = np.inf) -> float:
@@ -201,8 +209,10 @@ def rms_error(gauge: Gauge, robot: Robot, lasts_s: float, most_reset: float = np
     if high > 0.0:  # the error at the reset lasts for the charge that was left
         at_reset = np.linspace(low, high, 201)
         mean_square = float(np.mean(at_reset * np.interp(at_reset, charge, squares)))
+    elif gauge.map:
+        mean_square = float(squares.mean())
     else:
-        mean_square = float(squares.mean()) if gauge.map else 0.0
+        mean_square = 0.0
     return float(np.sqrt(mean_square + gauge.step**2 / 12.0 + (gauge.lag_s / lasts_s) ** 2))
 
 
@@ -253,7 +263,8 @@ def shown_by(mission: Any, shared: Any, counted: float, charge: float, power_w: 
         rest_v = battery.open_circuit_v(shared.curve, charge)
         target = _mapped(gauge, rest_v - shared.resistance_ohm * power_w / rest_v)
     if gauge.resets:
-        mission.gauge_shift, mission.gauge_reset_left = target - counted, 0.0
+        mission.gauge_shift = target - counted
+        mission.gauge_reset_left = 0.0
     return target
 
 
@@ -263,5 +274,7 @@ def _mapped(gauge: Any, volts: float) -> Any:
     k = 1
     while k < MOST_POINTS - 1 and volts > gauge.map_v[k]:
         k += 1
-    beyond = (volts - gauge.map_v[k - 1]) / (gauge.map_v[k] - gauge.map_v[k - 1])
-    return gauge.map_share[k - 1] + (gauge.map_share[k] - gauge.map_share[k - 1]) * min(max(beyond, 0.0), 1.0)
+    low_v = gauge.map_v[k - 1]
+    low_share = gauge.map_share[k - 1]
+    weight = (volts - low_v) / (gauge.map_v[k] - low_v)
+    return low_share + (gauge.map_share[k] - low_share) * min(max(weight, 0.0), 1.0)

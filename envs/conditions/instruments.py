@@ -161,9 +161,12 @@ def begin(mission: Any, shared: Any, gain: float, offset: float) -> None:
 @inline
 def read(mission: Any, shared: Any, used_j: float) -> None:
     """Read the instruments after a decision that consumed a given energy."""
-    soc, power_w = mission.energy_j / mission.capacity_j, used_j * shared.per_decision
+    soc = mission.energy_j / mission.capacity_j
+    power_w = used_j * shared.per_decision
     if not shared.inexact:
-        mission.soc, mission.read_w, mission.read_mps = soc, power_w, mission.speed_mps
+        mission.soc = soc
+        mission.read_w = power_w
+        mission.read_mps = mission.speed_mps
         meter(mission, shared)
         return
     mission.read_mps = mission.speed_mps * (1.0 + shared.speed_noise * normal(mission.key, mission.decisions, SPEED))
@@ -172,7 +175,8 @@ def read(mission: Any, shared: Any, used_j: float) -> None:
     # A gauge shows a share of charge, and lags by a first order behind one that falls evenly over the decision.
     share_before = (mission.energy_j + used_j) / mission.capacity_j
     if shared.curved:
-        soc, share_before = battery.charge_share(shared.curve, soc), battery.charge_share(shared.curve, share_before)
+        soc = battery.charge_share(shared.curve, soc)
+        share_before = battery.charge_share(shared.curve, share_before)
     gauge = shared.gauges[mission.gauge]
     lag_share = (share_before - soc) * gauge.lag_decisions
     mission.soc_followed = soc + lag_share + (mission.soc_followed - share_before - lag_share) * gauge.keeps
@@ -190,7 +194,9 @@ def read(mission: Any, shared: Any, used_j: float) -> None:
 @inline
 def in_energy(shared: Any, soc: Any) -> Any:
     """Share of the usable energy that a state of charge is, by the robot's file."""
-    return battery.energy_share(shared.curve, soc) if shared.curved else soc
+    if shared.curved:
+        return battery.energy_share(shared.curve, soc)
+    return soc
 
 
 @inline
@@ -209,11 +215,10 @@ def meter(mission: Any, shared: Any) -> None:
         mission.metered = mission.soc
         mission.charged += charged_j / mission.capacity_j
         return
-    metered, step = mission.metered_j * shared.per_usable_j, mission.read_w * shared.decision_s * shared.per_usable_j
-    lag_metered = step * shared.soc_lag_decisions
-    mission.metered_followed = (
-        metered - lag_metered + (mission.metered_followed - metered + step + lag_metered) * shared.soc_keeps
-    )
+    metered = mission.metered_j * shared.per_usable_j
+    step = mission.read_w * shared.decision_s * shared.per_usable_j
+    lag = step * shared.soc_lag_decisions
+    mission.metered_followed = metered - lag + (mission.metered_followed - metered + step + lag) * shared.soc_keeps
     mission.soc_lowest = gauges.lowest_believed(mission.soc_lowest, mission.soc)
     if mission.soc_lowest != gauges.LOST:
         mission.sum_used_metered += (1.0 - mission.soc) * mission.metered_followed
