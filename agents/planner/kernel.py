@@ -148,16 +148,23 @@ def efficient_speeds(beliefs: Any, vehicle: Any, models: Any, constants: Any, ah
         belief = beliefs[n]
         _drive(belief, vehicle, model, shared, belief.sine_here, drive)
         for speed in range(LEVELS):
-            home = ahead[n] < 0.0
-            cost = _cost(belief, vehicle, model, shared, speed, belief.sine_here, -1.0) if home else drive[speed]
-            if cost < least_cost and (home or _fits(belief, model, shared, drive, speed)):
-                least_cost, speeds_mps[n] = cost, model.speeds_mps[speed]
+            if ahead[n] < 0.0:
+                cost = _cost(belief, vehicle, model, shared, speed, belief.sine_here, -1.0)
+                is_allowed = True
+            else:
+                cost = drive[speed]
+                is_allowed = _fits(belief, model, shared, drive, speed)
+            if cost < least_cost and is_allowed:
+                least_cost = cost
+                speeds_mps[n] = model.speeds_mps[speed]
 
 
 @called
 def _radio(shared: Any, position_m: float, moving: bool) -> float:
     """Samples that the radio sends per second at a distance from home."""
-    share = sensing.DRIVING_LINK if moving else 1.0
+    share = 1.0
+    if moving:
+        share = sensing.DRIVING_LINK
     return float(share * shared.radio_hz / sensing.fading(position_m, shared.per_link_m))
 
 
@@ -165,16 +172,22 @@ def _radio(shared: Any, position_m: float, moving: bool) -> float:
 def _metre(model: Any, speed: int, sine: float) -> float:
     """Energy of a metre by the model at a speed level, interpolated linearly in the sine of the slope."""
     last_sine = model.per_m.shape[1] - 1
-    entry = (min(max(sine / model.steepest, -1.0), 1.0) + 1.0) * 0.5 * last_sine
+    steepness = min(max(sine / model.steepest, -1.0), 1.0)
+    entry = (steepness + 1.0) * 0.5 * last_sine
     low = min(int(entry), last_sine - 1)
-    return float(model.per_m[speed, low] + (entry - low) * (model.per_m[speed, low + 1] - model.per_m[speed, low]))
+    low_energy = model.per_m[speed, low]
+    high_energy = model.per_m[speed, low + 1]
+    return float(low_energy + (entry - low) * (high_energy - low_energy))
 
 
 @called
 def _best_way(
     energy_gain: float, model: Any, drive: Any, interest: float, energy_multiplier: float, sample_multiplier: float
 ) -> tuple[int, int]:
-    """Levels of speed and sensing rate that maximise the Lagrangian of a metre out; `energy_gain` is `gain` of `belief`."""
+    """Levels of speed and sensing rate that maximise the Lagrangian of a metre out.
+
+    `energy_gain` is `gain` of the belief.
+    """
     best_value = -1e300
     best_speed = LEVELS - 1
     best_rate = 0
@@ -184,7 +197,9 @@ def _best_way(
             value = interest * model.found[speed, rate] - sample_multiplier * model.rates_hz[rate] * s_per_m
             value -= energy_multiplier * (drive[speed] + energy_gain * model.sensing[rate] * s_per_m)
             if value > best_value:
-                best_value, best_speed, best_rate = value, speed, rate
+                best_value = value
+                best_speed = speed
+                best_rate = rate
     return best_speed, best_rate
 
 
@@ -202,9 +217,12 @@ def _follow(
         drives: `drive` here and in each stretch ahead, shape (1 + stretches, LEVELS + 1).
     """
     place = min(int(belief.position_m * shared.per_place_m), shared.places - 1)
-    position_m, margin, backlog = belief.position_m, belief.margin, belief.backlog
+    position_m = belief.position_m
+    margin = belief.margin
+    backlog = belief.backlog
     left_s = belief.left_s - position_m / shared.cruise_mps
-    information, stretch = 0.0, -1
+    information = 0.0
+    stretch = -1
     way = _way(
         model, belief.gain, drives[0], belief.interest_here, model.spread[0], energy_multiplier, sample_multiplier
     )
@@ -235,8 +253,8 @@ def _follow(
         information += way_m * gain
         if backlog > shared.backlog_limit:
             # It stops until there is room, or loses what does not fit if energy or time do not suffice.
-            excess, radio_hz = backlog - shared.backlog_limit, _radio(shared, position_m, False)
-            stop_s = excess / radio_hz
+            excess = backlog - shared.backlog_limit
+            stop_s = excess / _radio(shared, position_m, False)
             backlog = shared.backlog_limit
             if stop_s * belief.gain * model.standing <= margin and stop_s <= left_s:
                 margin -= stop_s * belief.gain * model.standing
@@ -273,7 +291,12 @@ def _way(
         energy += drive[speed] + energy_gain * model.sensing[rate] * s_per_m
         samples += model.rates_hz[rate] * s_per_m
         time_s += s_per_m
-    return gain / _KINDS, energy / _KINDS + drive[LEVELS], samples / _KINDS, time_s / _KINDS
+    return (
+        gain / _KINDS,
+        energy / _KINDS + drive[LEVELS],
+        samples / _KINDS,
+        time_s / _KINDS,
+    )
 
 
 @called
