@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -109,15 +109,14 @@ def _read_gpx(path: Path) -> Track:
         gpx = gpxpy.parse(read_text(path, MOST_ROUTE_BYTES))
     except (gpxpy.gpx.GPXException, ValueError, OSError) as error:
         raise RouteError(f"{path}: is not a whole GPX file: {_first_line(error)}") from None
-    segments = [segment.points for track in gpx.tracks for segment in track.segments]
-    if not any(segments):  # planned, not recorded
-        segments = [route.points for route in gpx.routes]
-    tables = [_table_of(points) for points in segments]
+    tables = [_table_of(segment.points) for track in gpx.tracks for segment in track.segments]
+    if not any(map(len, tables)):  # planned, not recorded
+        tables = [_table_of(route.points) for route in gpx.routes]
     latitude, longitude, elevation = _driven(tables, str(path)).T
     return Track(elevation, latitude, longitude)
 
 
-def _table_of(points: list[Any]) -> Array:
+def _table_of(points: Sequence[Any]) -> Array:
     """Latitude, longitude and elevation of the points of a GPX file, shape (points, 3)."""
     rows = [(point.latitude, point.longitude, _number(point.elevation)) for point in points]
     return np.array(rows, dtype=np.float64).reshape(-1, 3)

@@ -367,7 +367,7 @@ class BatteryBelief:
         cells = self._cells
         if not cells.has_curve:
             return any_cell(self._charge)
-        return open_circuit_v(cells.curve, self._charge) / cells.mean_v
+        return np.asarray(open_circuit_v(cells.curve, self._charge) / cells.mean_v)
 
     def _tell(self) -> None:
         """Tell the energy from the start until empty by parts of the probability."""
