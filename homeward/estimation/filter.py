@@ -546,6 +546,10 @@ def _predict_way(
     Writes its derivatives by each state (`work.jacobian`) and its second ones by the wind (`work.hessian`).
     """
     mean = hypothesis.mean
+    covariance = hypothesis.covariance
+    jacobian = work.jacobian
+    hessian = work.hessian
+    stretch_jacobian = work.stretch_jacobian
     outwards = reading.position_m >= robot.position_m
     ahead = 1.0 if outwards else -1.0
     reached_m = min(robot.position_m, reading.position_m)
@@ -554,8 +558,8 @@ def _predict_way(
     per_rolled = 1.0 / max(hypothesis.rolled, LEAST_ROLLED)
     climb_per_m = climbing(vehicle, 1.0)
 
-    work.jacobian[:] = 0.0
-    work.hessian[:] = 0.0
+    jacobian[:] = 0.0
+    hessian[:] = 0.0
     modelled = 0.0  # energy of driving by the robot's own model
     driving = 0.0
     residual_variance = 0.0
@@ -587,11 +591,11 @@ def _predict_way(
             vehicle,
             prior,
             mean,
-            hypothesis.covariance,
+            covariance,
             stretch,
-            work.jacobian,
-            work.hessian,
-            work.stretch_jacobian,
+            jacobian,
+            hessian,
+            stretch_jacobian,
         )
         roll = rolling(vehicle, sine) * way_m / vehicle.full_j
         slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + prior.slope_within_place**2
@@ -607,7 +611,7 @@ def _predict_way(
     other = (vehicle.idle_w * dt_s + reading.other_j) / vehicle.full_j
     if np.isfinite(reading.modelled_j):
         other = reading.modelled_j / vehicle.full_j - modelled
-    work.jacobian[GAIN] += other
+    jacobian[GAIN] += other
     return WayEnergy(
         driving=driving,
         other=mean[GAIN] * other,

@@ -537,21 +537,6 @@ def _cost(
     return PlanCost(energy, variance, gust_share, gust_variance_to_come)
 
 
-@inline
-def _predict_stretch(vehicle: Any, prior: Any, hypothesis: Any, stretch: Any, work: Any) -> tuple[float, float]:
-    """Energy of a stretch and its variance beyond the states', see `predict`."""
-    return predict(
-        vehicle,
-        prior,
-        hypothesis.mean,
-        hypothesis.covariance,
-        stretch,
-        work.jacobian,
-        work.hessian,
-        work.stretch_jacobian,
-    )
-
-
 @called
 def _way_back(
     vehicle: Any,
@@ -571,6 +556,11 @@ def _way_back(
         Energy of driving it at cruise by the robot's own model, J; that by the hypothesis; its variance beyond the
         states'.
     """
+    mean = hypothesis.mean
+    covariance = hypothesis.covariance
+    jacobian = work.jacobian
+    hessian = work.hessian
+    stretch_jacobian = work.stretch_jacobian
     here_m = robot.position_m
     modelled_j = 0.0
     energy = 0.0
@@ -597,7 +587,9 @@ def _way_back(
                     climb_share=way_m / here_m,
                     gust_share=gust_share,
                 )
-                stretch_energy, residual_variance = _predict_stretch(vehicle, prior, hypothesis, stretch, work)
+                stretch_energy, residual_variance = predict(
+                    vehicle, prior, mean, covariance, stretch, jacobian, hessian, stretch_jacobian
+                )
                 energy += stretch_energy
                 variance += residual_variance
     return modelled_j, energy, variance
@@ -608,6 +600,11 @@ def _other_way_home(
     vehicle: Any, prior: Any, ways: Any, hypothesis: Any, gust_share: float, work: Any
 ) -> tuple[float, float, float]:
     """The way home along `ways`, which are new ground; returns as `_way_back`."""
+    mean = hypothesis.mean
+    covariance = hypothesis.covariance
+    jacobian = work.jacobian
+    hessian = work.hessian
+    stretch_jacobian = work.stretch_jacobian
     modelled_j = 0.0
     energy = 0.0
     variance = 0.0
@@ -623,7 +620,9 @@ def _other_way_home(
             climb_share=0.0,
             gust_share=gust_share,
         )
-        stretch_energy, residual_variance = _predict_stretch(vehicle, prior, hypothesis, stretch, work)
+        stretch_energy, residual_variance = predict(
+            vehicle, prior, mean, covariance, stretch, jacobian, hessian, stretch_jacobian
+        )
         energy += stretch_energy
         variance += residual_variance
     return modelled_j, energy, variance
@@ -644,6 +643,11 @@ def _add_onwards(
     variance: float,
 ) -> tuple[float, float]:
     """Add the new ground up to the turn, out and home, to an energy and its variance beyond the states'."""
+    mean = hypothesis.mean
+    covariance = hypothesis.covariance
+    jacobian = work.jacobian
+    hessian = work.hessian
+    stretch_jacobian = work.stretch_jacobian
     reached_m = robot.position_m
     k = place_of(vehicle, reached_m, places)
     while reached_m < turn_m:
@@ -666,7 +670,9 @@ def _add_onwards(
                 climb_share=0.0,
                 gust_share=gust_share,
             )
-            stretch_energy, residual_variance = _predict_stretch(vehicle, prior, hypothesis, stretch, work)
+            stretch_energy, residual_variance = predict(
+                vehicle, prior, mean, covariance, stretch, jacobian, hessian, stretch_jacobian
+            )
             energy += stretch_energy
             variance += residual_variance
         reached_m = max(border_m, reached_m)
