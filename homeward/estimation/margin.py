@@ -201,11 +201,26 @@ def _add_hypothesis(
         moments: Weighted sums of values and of their squares, shape (4, 2); added to.
         part: Row of the mixture; written.
     """
-    cost = _cost(vehicle, prior, robot, plan, ways, hypothesis, places, rollings, work)
-    mean = hypothesis.mean
-    covariance = hypothesis.covariance
     jacobian = work.jacobian
     share_jacobian = work.share_jacobian
+    hessian = work.hessian
+    wind_covariance = work.wind_covariance
+    cost = _cost(
+        vehicle,
+        prior,
+        robot,
+        plan,
+        ways,
+        hypothesis,
+        places,
+        rollings,
+        jacobian,
+        hessian,
+        work.stretch_jacobian,
+        wind_covariance,
+    )
+    mean = hypothesis.mean
+    covariance = hypothesis.covariance
     per_capacity = mean[PER_CAPACITY]
     capacity = 1.0 / per_capacity
     start = robot.soc_start
@@ -225,7 +240,7 @@ def _add_hypothesis(
     margin_variance = cost.variance + _quadratic(covariance, jacobian)
     _add_moments(moments[_MARGIN], weight, left - cost.energy, margin_variance)
     third_cumulant = _third_cumulant(
-        covariance, jacobian, work.hessian, work.wind_covariance, cost.gust_share, cost.gust_variance_to_come
+        covariance, jacobian, hessian, wind_covariance, cost.gust_share, cost.gust_variance_to_come
     )
     part[_WEIGHT] = weight
     part[_MEAN] = left - cost.energy
@@ -450,7 +465,10 @@ def _cost(
     hypothesis: Any,
     places: Any,
     rollings: Any,
-    work: Any,
+    jacobian: Any,
+    hessian: Any,
+    stretch_jacobian: Any,
+    wind_covariance: Any,
 ) -> PlanCost:
     """Energy of a plan by a hypothesis.
 
@@ -460,12 +478,10 @@ def _cost(
         E    = driving(x) + tr(H P_wind) / 2 + g tr(H) / 2 + gain rest
         var  = of truncation + new ground + tr((H W)^2) / 2 + g (J_east^2 + J_north^2) + (model error E)^2 + unsure^2
 
-    Writes J (`work.jacobian`), H (`work.hessian`) and W (`work.wind_covariance`).
+    Writes J (`jacobian`), H (`hessian`) and W (`wind_covariance`).
     """
     mean = hypothesis.mean
     covariance = hypothesis.covariance
-    jacobian = work.jacobian
-    hessian = work.hessian
     here_m = robot.position_m
     turn_m = max(here_m + plan.onwards_m, 0.0)
     onwards_m = max(plan.onwards_m, 0.0)
@@ -485,16 +501,41 @@ def _cost(
     new_m = 0.0
     home_share = 0.0  # share of the ground between home and here that the way home crosses
     if leads_elsewhere:
-        modelled_j, energy, variance = _other_way_home(vehicle, prior, ways, hypothesis, gust_share, work)
+        modelled_j, energy, variance = _other_way_home(
+            vehicle, prior, ways, hypothesis, gust_share, jacobian, hessian, stretch_jacobian
+        )
         for way in ways:
             new_m += 0.5 * way.way_m
     else:
         modelled_j, energy, variance = _way_back(
-            vehicle, prior, robot, plan, turn_m, hypothesis, places, rollings, gust_share, work
+            vehicle,
+            prior,
+            robot,
+            plan,
+            turn_m,
+            hypothesis,
+            places,
+            rollings,
+            gust_share,
+            jacobian,
+            hessian,
+            stretch_jacobian,
         )
         home_share = min(turn_m / max(here_m, LEAST_WAY_M), 1.0)
     energy, variance = _add_onwards(
-        vehicle, prior, robot, plan, turn_m, hypothesis, places, gust_share, work, energy, variance
+        vehicle,
+        prior,
+        robot,
+        plan,
+        turn_m,
+        hypothesis,
+        places,
+        gust_share,
+        jacobian,
+        hessian,
+        stretch_jacobian,
+        energy,
+        variance,
     )
     new_m += max(turn_m - here_m, 0.0)
     if new_m > 0.0:
@@ -515,10 +556,10 @@ def _cost(
     )
     energy += of_gusts + of_mean_wind
     east, east_north, north = covariance_of_wind(covariance, gust_share, gust_variance_to_come)
-    work.wind_covariance[0] = east
-    work.wind_covariance[1] = east_north
-    work.wind_covariance[2] = north
-    _, curvature_variance, _ = quadratic_cumulants(hessian, work.wind_covariance)
+    wind_covariance[0] = east
+    wind_covariance[1] = east_north
+    wind_covariance[2] = north
+    _, curvature_variance, _ = quadratic_cumulants(hessian, wind_covariance)
     variance += curvature_variance
 
     # All but driving: the model's way home at cruise, and the energy of electronics at another speed.
@@ -548,7 +589,9 @@ def _way_back(
     places: Any,
     rollings: Any,
     gust_share: float,
-    work: Any,
+    jacobian: Any,
+    hessian: Any,
+    stretch_jacobian: Any,
 ) -> tuple[float, float, float]:
     """The way home back along the way out.
 
@@ -558,9 +601,6 @@ def _way_back(
     """
     mean = hypothesis.mean
     covariance = hypothesis.covariance
-    jacobian = work.jacobian
-    hessian = work.hessian
-    stretch_jacobian = work.stretch_jacobian
     here_m = robot.position_m
     modelled_j = 0.0
     energy = 0.0
@@ -597,14 +637,18 @@ def _way_back(
 
 @called
 def _other_way_home(
-    vehicle: Any, prior: Any, ways: Any, hypothesis: Any, gust_share: float, work: Any
+    vehicle: Any,
+    prior: Any,
+    ways: Any,
+    hypothesis: Any,
+    gust_share: float,
+    jacobian: Any,
+    hessian: Any,
+    stretch_jacobian: Any,
 ) -> tuple[float, float, float]:
     """The way home along `ways`, which are new ground; returns as `_way_back`."""
     mean = hypothesis.mean
     covariance = hypothesis.covariance
-    jacobian = work.jacobian
-    hessian = work.hessian
-    stretch_jacobian = work.stretch_jacobian
     modelled_j = 0.0
     energy = 0.0
     variance = 0.0
@@ -638,16 +682,15 @@ def _add_onwards(
     hypothesis: Any,
     places: Any,
     gust_share: float,
-    work: Any,
+    jacobian: Any,
+    hessian: Any,
+    stretch_jacobian: Any,
     energy: float,
     variance: float,
 ) -> tuple[float, float]:
     """Add the new ground up to the turn, out and home, to an energy and its variance beyond the states'."""
     mean = hypothesis.mean
     covariance = hypothesis.covariance
-    jacobian = work.jacobian
-    hessian = work.hessian
-    stretch_jacobian = work.stretch_jacobian
     reached_m = robot.position_m
     k = place_of(vehicle, reached_m, places)
     while reached_m < turn_m:
