@@ -138,7 +138,8 @@ def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mo
         np.atleast_1d(_share(speed_mps, *speeds)), _share(sensing_hz, *rates), np.asarray(mode)
     )
     if known.shared["discrete"][0]:
-        speed_level, sensing_level = np.rint((LEVELS - 1) * speed_share), np.rint((LEVELS - 1) * sensing_share)
+        speed_level = np.rint((LEVELS - 1) * speed_share)
+        sensing_level = np.rint((LEVELS - 1) * sensing_share)
         return np.stack((speed_level, sensing_level, modes), axis=-1).astype(np.int64)
     # Each mode has a third of [-1, 1]; the middle of it is used.
     middles = (modes - 1.0) * 2.0 / 3.0
@@ -152,12 +153,21 @@ def decode_actions(known: Known, actions: NDArray[Any]) -> Commands:
     >>> decode_actions(known_of(Options("Survey")), np.array([[2, 4, 2]])).speed_mps.tolist()
     [0.55]
     """
-    (slowest, fastest), (_, most) = limits(known)
+    (slowest_mps, fastest_mps), (_, most_hz) = limits(known)
     if known.shared["discrete"][0]:
-        speed, sensing, mode = actions[:, 0] / (LEVELS - 1), actions[:, 1] / (LEVELS - 1), actions[:, 2]
+        speed_share = actions[:, 0] / (LEVELS - 1)
+        sensing_share = actions[:, 1] / (LEVELS - 1)
+        mode = actions[:, 2].astype(np.int64)
     else:
-        speed, sensing, mode = *(0.5 * (actions[:, :2].astype(np.float64) + 1.0)).T, modes(actions)
-    return Commands(slowest + speed * (fastest - slowest), sensing * most, mode.astype(np.int64))
+        shares = 0.5 * (actions[:, :2].astype(np.float64) + 1.0)
+        speed_share = shares[:, 0]
+        sensing_share = shares[:, 1]
+        mode = modes(actions)
+    return Commands(
+        speed_mps=slowest_mps + speed_share * (fastest_mps - slowest_mps),
+        sensing_hz=sensing_share * most_hz,
+        mode=mode,
+    )
 
 
 def modes(actions: NDArray[Any]) -> NDArray[np.int64]:
@@ -176,14 +186,17 @@ def thirds(actions: NDArray[Any]) -> NDArray[np.float64]:
 def silenced(actions: NDArray[Any], which: NDArray[np.bool_]) -> NDArray[Any]:
     """Actions, shape (n, 3) of either space, of which some, shape (n,), get a sensing rate of 0."""
     filled: NDArray[Any] = actions.copy()
-    filled[which, 1] = -1 if actions.dtype.kind == "f" else 0
+    is_continuous = actions.dtype.kind == "f"
+    filled[which, 1] = -1 if is_continuous else 0  # the lowest
     return filled
 
 
 def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
     """Position of a value between two limits, from 0 to 1; 1 if the limits are equal."""
     value = np.asarray(value, dtype=np.float64)
-    return np.clip((value - low) / (high - low), 0.0, 1.0) if high > low else np.ones(value.shape)
+    if high <= low:
+        return np.ones(value.shape)
+    return np.clip((value - low) / (high - low), 0.0, 1.0)
 
 
 @inline

@@ -133,9 +133,10 @@ class Batch:
 
     def _write_constants(self) -> None:
         """Write the known and the hidden constants into one record for the kernels."""
-        known, hidden, constants = self.known, self.hidden, self._constants[0]
-        constants["shared"], constants["nominal"] = known.shared[0], known.robot.record()[0]
-        constants["hidden"] = hidden.record[0]
+        constants = self._constants[0]
+        constants["shared"] = self.known.shared[0]
+        constants["nominal"] = self.known.robot.record()[0]
+        constants["hidden"] = self.hidden.record[0]
 
     @property
     def generators(self) -> Sequence[np.random.Generator]:

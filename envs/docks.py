@@ -89,7 +89,8 @@ def write_docks(docks: Docks, idle_w: float, shared: Any) -> None:
     Raises:
         DockError: One is beyond the end of the route, or its charger is weaker than the robot's electronics.
     """
-    length_m, place_m = float(shared["length_m"]), float(shared["place_m"])
+    length_m = float(shared["length_m"])
+    place_m = float(shared["place_m"])
     shared["dock_count"] = len(docks)
     for (position_m, charger_w), record in zip(docks, shared["docks"], strict=False):
         border = round(position_m / place_m)
@@ -102,26 +103,29 @@ def write_docks(docks: Docks, idle_w: float, shared: Any) -> None:
                 f"the charger of the dock at {position_m:g} m has {charger_w:g} W, which charges no battery; give more "
                 f"than the {idle_w:.3g} W that the robot consumes at a stand"
             )
-        record["position_m"], record["charger_w"] = position_m, charger_w
+        record["position_m"] = position_m
+        record["charger_w"] = charger_w
 
 
 @inline
-def charger_w(m: Any, shared: Any) -> Any:
+def charger_w(mission: Any, shared: Any) -> Any:
     """Power of the charger where the robot is, W; 0 where there is none."""
     for k in range(shared.dock_count):
-        if m.position_m == shared.docks[k].position_m:
+        if mission.position_m == shared.docks[k].position_m:
             return shared.docks[k].charger_w
     return 0.0
 
 
 @inline
-def next_dock_m(m: Any, shared: Any) -> Any:
+def next_dock_m(mission: Any, shared: Any) -> Any:
     """Position of the next dock in the direction of travel, m, which may be here; infinite if there is none."""
-    nearest_m, position_m = np.inf, np.inf
+    nearest_m = np.inf
+    position_m = np.inf
     for k in range(shared.dock_count):
-        ahead_m = m.direction * (shared.docks[k].position_m - m.position_m)
+        ahead_m = mission.direction * (shared.docks[k].position_m - mission.position_m)
         if 0.0 <= ahead_m < nearest_m:
-            nearest_m, position_m = ahead_m, shared.docks[k].position_m
+            nearest_m = ahead_m
+            position_m = shared.docks[k].position_m
     return position_m
 
 
@@ -136,11 +140,13 @@ def observe_docks(
         shared: Shared record.
         features: Written, shape (n, len(DOCK_FEATURES)).
     """
-    position_m, place_m = records["position_m"], float(shared["place_m"])
+    position_m = records["position_m"]
+    place_m = float(shared["place_m"])
     here = records["here"]
     home_cost_j = here["home_cost_j"] + (position_m - records["place"] * place_m) * here["home_j_per_m"]
     out_m = np.full(len(records), np.inf)
-    back_m, back_j = position_m.copy(), home_cost_j.astype(np.float64)
+    back_m = position_m.copy()
+    back_j = home_cost_j.astype(np.float64)
     # By increasing position: the last one behind is the nearest there, and the first one ahead the nearest ahead.
     for dock in shared["docks"][: int(shared["dock_count"])]:
         away_m = dock["position_m"] - position_m

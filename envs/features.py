@@ -20,9 +20,13 @@ GAINS = (10.0, 40.0, 100.0)
 """Gains at which margins are observed again, clipped to -1 and 1: a hundredth of the battery decides about the turn,
 which a network hardly resolves on the scale of the whole battery. Chosen: full scale is a tenth, a fortieth and a
 hundredth of the battery."""
-SINE_UNIT, INTEREST_UNIT, WIND_UNIT_MPS = 0.1, 2.0, 10.0
+SINE_UNIT = 0.1
+INTEREST_UNIT = 2.0
+WIND_UNIT_MPS = 10.0
 """Units of slopes (sine), interest and wind (m/s) in the observation, which agents multiply by."""
-_PER_SINE, _PER_INTEREST, _PER_WIND = 1.0 / SINE_UNIT, 1.0 / INTEREST_UNIT, 1.0 / WIND_UNIT_MPS
+_PER_SINE = 1.0 / SINE_UNIT
+_PER_INTEREST = 1.0 / INTEREST_UNIT
+_PER_WIND = 1.0 / WIND_UNIT_MPS
 _DRAWN = 0.05
 """Share of the battery, added to both used and modelled energy, that draws the consumption towards the model's.
 Chosen: ten decisions at cruise, so that the first ones change it little."""
@@ -86,14 +90,18 @@ INDEX = {name: index for index, name in enumerate(NAMES + DOCK_NAMES)}
 
 def names_of(docks: bool) -> tuple[str, ...]:
     """Names of the features of an environment, with or without docks."""
-    return NAMES + DOCK_NAMES if docks else NAMES
+    if docks:
+        return NAMES + DOCK_NAMES
+    return NAMES
 
 
 LIMIT = 10.0
 """Bound of every feature; values are clipped to it. Chosen: ten times the unit of each, which are typical sizes."""
 
 _STEEPEST = 10.0 * STEEPEST_READ  # in units of a sine of 0.1
-_SHARE, _SIGNED, _POSITIVE = (0.0, 1.0), (-1.0, 1.0), (0.0, LIMIT)
+_SHARE = (0.0, 1.0)
+_SIGNED = (-1.0, 1.0)
+_POSITIVE = (0.0, LIMIT)
 
 RANGES: dict[str, tuple[float, float]] = {
     **dict.fromkeys(NAMES, (-LIMIT, LIMIT)),
@@ -127,60 +135,69 @@ OBSERVATION_DTYPE = _row_dtype()
 
 
 @inline
-def home_cost(m: Any, shared: Any) -> Any:
+def home_cost(mission: Any, shared: Any) -> Any:
     """Energy to get home over the driven ground, J, predicted by the robot's own model."""
-    return m.here.home_cost_j + (m.position_m - m.place * shared.place_m) * m.here.home_j_per_m
+    return mission.here.home_cost_j + (mission.position_m - mission.place * shared.place_m) * mission.here.home_j_per_m
 
 
 @inline
-def _cut(value: Any, most: float) -> Any:
-    return min(max(value, -most), most)
+def _cut(value: Any, limit: float) -> Any:
+    """A value within a limit either way."""
+    return min(max(value, -limit), limit)
 
 
 @inline
-def observe(m: Any, shared: Any, cost_j: float, out: Any) -> None:
+def observe(mission: Any, shared: Any, cost_j: float, out: Any) -> None:
     """Write the features of a mission.
 
     Args:
-        m: Mission record.
+        mission: Mission record.
         shared: Shared record.
         cost_j: Energy to get home, J.
         out: Observation record, written.
     """
-    place = m.here
-    cost, modelled = cost_j * shared.per_usable_j, m.modelled_j * shared.per_usable_j
-    margin = m.metered - cost
-    ratio = (1.0 - m.metered + m.charged + _DRAWN) / (modelled + _DRAWN)
-    corrected = m.metered - cost * ratio
-    out.energy, out.metered = m.soc, m.metered
-    out.power = _cut(m.read_w * shared.per_cruise_w, LIMIT)
-    out.distance = min(m.position_m * shared.per_reach_m, LIMIT)
+    place = mission.here
+    cost = cost_j * shared.per_usable_j
+    modelled = mission.modelled_j * shared.per_usable_j
+    margin = mission.metered - cost
+    consumption = (1.0 - mission.metered + mission.charged + _DRAWN) / (modelled + _DRAWN)
+    corrected = mission.metered - cost * consumption
+    out.energy = mission.soc
+    out.metered = mission.metered
+    out.power = _cut(mission.read_w * shared.per_cruise_w, LIMIT)
+    out.distance = min(mission.position_m * shared.per_reach_m, LIMIT)
     out.home_cost = min(cost, LIMIT)
-    out.margin, out.corrected = max(margin, -LIMIT), max(corrected, -LIMIT)
-    out.margin_10, out.corrected_10 = _cut(10.0 * margin, 1.0), _cut(10.0 * corrected, 1.0)
-    out.margin_40, out.corrected_40 = _cut(40.0 * margin, 1.0), _cut(40.0 * corrected, 1.0)
-    out.margin_100, out.corrected_100 = _cut(100.0 * margin, 1.0), _cut(100.0 * corrected, 1.0)
-    out.consumption = _cut(ratio - 1.0, 1.0)
+    out.margin = max(margin, -LIMIT)
+    out.margin_10 = _cut(10.0 * margin, 1.0)
+    out.margin_40 = _cut(40.0 * margin, 1.0)
+    out.margin_100 = _cut(100.0 * margin, 1.0)
+    out.corrected = max(corrected, -LIMIT)
+    out.corrected_10 = _cut(10.0 * corrected, 1.0)
+    out.corrected_40 = _cut(40.0 * corrected, 1.0)
+    out.corrected_100 = _cut(100.0 * corrected, 1.0)
+    out.consumption = _cut(consumption - 1.0, 1.0)
     out.modelled = min(modelled, LIMIT)
-    out.returning = 1.0 if m.returning else m.asked * shared.per_return_decisions
-    out.outbound = m.direction
-    out.speed = m.read_mps * shared.per_max_speed
-    out.sensing = m.sensing_hz * shared.per_max_sensing
-    out.grade = _PER_SINE * m.direction * place.sine_read
+    out.returning = mission.asked * shared.per_return_decisions
+    if mission.returning:
+        out.returning = 1.0
+    out.outbound = mission.direction
+    out.speed = mission.read_mps * shared.per_max_speed
+    out.sensing = mission.sensing_hz * shared.per_max_sensing
+    out.grade = _PER_SINE * mission.direction * place.sine_read
     for k in range(len(AHEAD)):
         out.grade_ahead[k] = _PER_SINE * place.sine_ahead[k]
         out.interest_ahead[k] = min(_PER_INTEREST * place.interest_ahead[k], LIMIT)
-    out.grade_mean = _PER_SINE * m.mean_grade
+    out.grade_mean = _PER_SINE * mission.mean_grade
     out.interest = min(_PER_INTEREST * place.interest, LIMIT)
-    out.backlog = m.backlog * shared.per_backlog
-    out.link = 1.0 / fading(m.position_m, shared.per_link_m)
-    against_mps = model.headwind(m.forecast_east_mps, m.forecast_north_mps, place.east, place.north)
-    out.headwind = _cut(_PER_WIND * m.direction * against_mps, LIMIT)
-    out.forecast_east = _cut(_PER_WIND * m.forecast_east_mps, LIMIT)
-    out.forecast_north = _cut(_PER_WIND * m.forecast_north_mps, LIMIT)
-    out.east = m.direction * place.east
-    out.north = m.direction * place.north
-    out.temperature = 0.05 * (m.temperature_c - 10.0)
-    out.score = min(m.score * shared.per_score, LIMIT)
-    out.time = m.decisions * shared.per_max_decisions
-    out.pit_stop = min(m.dwell_s * shared.per_decision, LIMIT)
+    out.backlog = mission.backlog * shared.per_backlog
+    out.link = 1.0 / fading(mission.position_m, shared.per_link_m)
+    against_mps = model.headwind(mission.forecast_east_mps, mission.forecast_north_mps, place.east, place.north)
+    out.headwind = _cut(_PER_WIND * mission.direction * against_mps, LIMIT)
+    out.forecast_east = _cut(_PER_WIND * mission.forecast_east_mps, LIMIT)
+    out.forecast_north = _cut(_PER_WIND * mission.forecast_north_mps, LIMIT)
+    out.east = mission.direction * place.east
+    out.north = mission.direction * place.north
+    out.temperature = 0.05 * (mission.temperature_c - 10.0)
+    out.score = min(mission.score * shared.per_score, LIMIT)
+    out.time = mission.decisions * shared.per_max_decisions
+    out.pit_stop = min(mission.dwell_s * shared.per_decision, LIMIT)

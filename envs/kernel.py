@@ -26,6 +26,8 @@ _FORECAST_SINE = 0.01
 _FORECAST_INTEREST = 0.3
 """Relative standard deviation of the forecast's error of the interest: chosen so that the forecast usually ranks
 stretches correctly without revealing their interest."""
+_SEEN, _FORECAST = range(2)
+"""Rows of cumulative sums over the places."""
 _KEYS = 2.0**53  # as many keys as `random` has values (53 bits)
 _PER_COUNT = 1.0 / np.maximum(np.arange(MAX_PLACES + 1), 1)
 """Inverse of a number of places, because hundreds of divisions at each start are slow; that of none is 1."""
@@ -42,27 +44,32 @@ def _add_up_interest(route: Any, shared: Any) -> None:
 
 
 @inline
-def _read_route(m: Any, route: Any, shared: Any) -> None:
+def _read_route(mission: Any, route: Any, shared: Any) -> None:
     """Store for each place the mean slope and interest of the stretches ahead, as seen and forecast."""
     count = shared.places
     _add_up_interest(route, shared)
     # Cumulative sums to each place, as seen and as forecast.
-    sines, interests = np.zeros((2, MAX_PLACES + 1)), np.zeros((2, MAX_PLACES + 1))
-    for first in range(0, count, _FORECAST_PLACES):
-        last = min(first + _FORECAST_PLACES, count)
-        sine = interest = 0.0
-        for k in range(first, last):
+    sines = np.zeros((2, MAX_PLACES + 1))
+    interests = np.zeros((2, MAX_PLACES + 1))
+    for start in range(0, count, _FORECAST_PLACES):
+        end = min(start + _FORECAST_PLACES, count)
+        sine = 0.0
+        interest = 0.0
+        for k in range(start, end):
             place = route.places[k]
-            place.sine_read = instruments.sine_read(m.key, k, place.sin_grade, shared)
+            place.sine_read = instruments.sine_read(mission.key, k, place.sin_grade, shared)
             sine += place.sin_grade
             interest += place.interest
-        sine = sine / (last - first) + _FORECAST_SINE * normal(m.key, first, FORECAST_GRADE)
-        error = 1.0 + _FORECAST_INTEREST * normal(m.key, first, FORECAST_INTEREST)
-        interest = max(interest / (last - first) * error, 0.0)
-        for k in range(first, last):
+        # The forecast of these places is their mean, with an error.
+        sine = sine / (end - start) + _FORECAST_SINE * normal(mission.key, start, FORECAST_GRADE)
+        error = 1.0 + _FORECAST_INTEREST * normal(mission.key, start, FORECAST_INTEREST)
+        interest = max(interest / (end - start) * error, 0.0)
+        for k in range(start, end):
             place = route.places[k]
-            sines[0, k + 1], sines[1, k + 1] = sines[0, k] + place.sine_read, sines[1, k] + sine
-            interests[0, k + 1], interests[1, k + 1] = interests[0, k] + place.interest, interests[1, k] + interest
+            sines[_SEEN, k + 1] = sines[_SEEN, k] + place.sine_read
+            sines[_FORECAST, k + 1] = sines[_FORECAST, k] + sine
+            interests[_SEEN, k + 1] = interests[_SEEN, k] + place.interest
+            interests[_FORECAST, k + 1] = interests[_FORECAST, k] + interest
     note_ahead(route, shared, sines, interests)
 
 
@@ -80,104 +87,145 @@ def note_ahead(route: Any, shared: Any, sines: Any, interests: Any) -> None:
     for k in range(count):
         place = route.places[k]
         for stretch in range(len(AHEAD)):
-            first, last = min(k + AHEAD[stretch][0], count), min(k + AHEAD[stretch][1], count)
-            kind = 0 if shared.route_is_known or stretch < IN_SIGHT else 1
-            per_place = _PER_COUNT[last - first]
-            place.sine_ahead[stretch] = (sines[kind, last] - sines[kind, first]) * per_place
-            place.interest_ahead[stretch] = (interests[kind, last] - interests[kind, first]) * per_place
+            start = min(k + AHEAD[stretch][0], count)
+            end = min(k + AHEAD[stretch][1], count)
+            row = _FORECAST
+            if shared.route_is_known or stretch < IN_SIGHT:
+                row = _SEEN
+            per_place = _PER_COUNT[end - start]
+            place.sine_ahead[stretch] = (sines[row, end] - sines[row, start]) * per_place
+            place.interest_ahead[stretch] = (interests[row, end] - interests[row, start]) * per_place
 
 
 @inline
-def _reset(m: Any, p: Any, route: Any, rng: Any, c: Any) -> None:
+def _reset(mission: Any, robot: Any, route: Any, rng: Any, c: Any) -> None:
     """Begin a mission: draw its conditions, the route and the true robot."""
-    shared, nominal, hidden = c.shared, c.nominal, c.hidden
+    shared = c.shared
+    hidden = c.hidden
     for k in range(shared.places):
         prefetch(route.places[k])
-    m.time_s = m.distance_m = m.speed_mps = m.winding_k = m.start_left = m.step_s = 0.0
-    m.traction_n = m.drive_w = m.power_w = 0.0
-    m.position_m = m.furthest_m = m.dwell_s = m.legs = 0.0
-    m.backlog = m.backlog_information = m.delivered = m.lost = m.modelled_j = m.sensing_hz = 0.0
-    m.place = m.mapped = m.decisions = m.asked = 0
-    m.score = m.cost = m.score_reward = m.shaping_reward = 0.0
-    m.returning = m.home = m.over = m.depleted = False
-    m.direction = 1.0
-    m.ledger_j[:] = 0.0
-    m.key = np.uint64(_KEYS * rng.random())
-    instruments.begin(m, shared, rng.random(), rng.random())
-    difficulty.draw(rng, p, hidden.truth, m, hidden)
+    mission.time_s = 0.0
+    mission.distance_m = 0.0
+    mission.speed_mps = 0.0
+    mission.winding_k = 0.0
+    mission.start_left = 0.0
+    mission.step_s = 0.0
+    mission.traction_n = 0.0
+    mission.drive_w = 0.0
+    mission.power_w = 0.0
+    mission.position_m = 0.0
+    mission.furthest_m = 0.0
+    mission.dwell_s = 0.0
+    mission.legs = 0.0
+    mission.backlog = 0.0
+    mission.backlog_information = 0.0
+    mission.delivered = 0.0
+    mission.lost = 0.0
+    mission.modelled_j = 0.0
+    mission.sensing_hz = 0.0
+    mission.place = 0
+    mission.mapped = 0
+    mission.decisions = 0
+    mission.asked = 0
+    mission.score = 0.0
+    mission.cost = 0.0
+    mission.score_reward = 0.0
+    mission.shaping_reward = 0.0
+    mission.returning = False
+    mission.home = False
+    mission.over = False
+    mission.depleted = False
+    mission.direction = 1.0
+    mission.ledger_j[:] = 0.0
+    mission.key = np.uint64(_KEYS * rng.random())
+    instruments.begin(mission, shared, rng.random(), rng.random())
+    difficulty.draw(rng, robot, hidden.truth, mission, hidden)
     if hidden.generated:
-        generate(rng, route, m, shared.places, shared.length_m, hidden.hidden_wind)
+        generate(rng, route, mission, shared.places, shared.length_m, hidden.hidden_wind)
     else:
         for k in range(shared.places):
             route.places[k] = hidden.fixed.places[k]
-        m.temperature_c, m.wind_mps, m.wind_from_rad = hidden.temperature_c, hidden.wind_mps, hidden.wind_from_rad
-    if p.effects == 0:
-        m.wind_mps = 0.0  # the paper's robot is not affected by wind
-    weather.begin(m, rng, shared, hidden)
+        mission.temperature_c = hidden.temperature_c
+        mission.wind_mps = hidden.wind_mps
+        mission.wind_from_rad = hidden.wind_from_rad
+    if robot.effects == 0:
+        mission.wind_mps = 0.0  # the paper's robot is not affected by wind
+    weather.begin(mission, rng, shared, hidden)
     rise = 0.0
     for k in range(shared.places):
         rise += route.places[k].sin_grade
-    m.mean_grade = rise / shared.places
-    _read_route(m, route, shared)
-    map_place(m, p, route.places[0], nominal, shared, 0.0, 0.0)
-    m.here = route.places[0]
-    m.potential = potential(m, route, shared, _margin(m, shared)) if shared.shaped else 0.0
+    mission.mean_grade = rise / shared.places
+    _read_route(mission, route, shared)
+    map_place(mission, robot, route.places[0], c.nominal, shared, 0.0, 0.0)
+    mission.here = route.places[0]
+    mission.potential = 0.0
+    if shared.shaped:
+        mission.potential = potential(mission, route, shared, _margin(mission, shared))
 
 
 @inline
-def _margin(m: Any, shared: Any) -> Any:
+def _margin(mission: Any, shared: Any) -> Any:
     """True energy beyond the way home over the driven ground, J, as the true robot would drive it at cruise."""
-    here_m = m.position_m - m.place * shared.place_m
-    return m.energy_j - (m.here.true_home_cost_j + here_m * m.here.true_home_j_per_m)
+    here_m = mission.position_m - mission.place * shared.place_m
+    return mission.energy_j - (mission.here.true_home_cost_j + here_m * mission.here.true_home_j_per_m)
 
 
 @inline
 def _begin(i: Any, generators: Any, constants: Any, records: Any, robots: Any, routes: Any, observations: Any) -> None:
     """Begin mission i and observe its start; arguments as for `reset_missions`."""
-    m, c = records[i], constants[0]
+    mission = records[i]
+    c = constants[0]
     if c.hidden.own_robots:
         robots[i] = c.hidden.truth
-    _reset(m, robots[i], routes[i], generators[i], c)
-    observe(m, c.shared, 0.0, observations[i])
+    _reset(mission, robots[i], routes[i], generators[i], c)
+    observe(mission, c.shared, 0.0, observations[i])
 
 
 @inline
 def _fetch_next_place(records: Any, routes: Any, i: int) -> None:
     """Prefetch the place that a mission to be stepped shortly may reach, because loading it takes time."""
     if i < len(records):
-        m = records[i]
-        prefetch(routes[i].places[max(m.place + (1 if m.direction > 0.0 else -1), 0)])
+        mission = records[i]
+        next_place = mission.place - 1
+        if mission.direction > 0.0:
+            next_place = mission.place + 1
+        prefetch(routes[i].places[max(next_place, 0)])
 
 
 @inline
-def _step(m: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int) -> Any:
+def _step(
+    mission: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
+) -> Any:
     """Step a mission by one decision and return the reward."""
     # If nothing is hidden, all missions have the robot of the file: one record, always in the cache.
-    p = robot if c.hidden.own_robots else c.nominal
-    shared, before_j = c.shared, m.energy_j
-    decide(m, p, route, c.nominal, shared, speed_mps, sensing_hz, mode)
-    instruments.read(m, shared, before_j - m.energy_j)
-    earned = reward(m, route, shared, _margin(m, shared))
-    m.over = m.home or m.depleted or m.decisions >= shared.max_decisions
-    weather.change(m)
-    observe(m, shared, home_cost(m, shared), row)
+    true_robot = robot if c.hidden.own_robots else c.nominal
+    shared = c.shared
+    before_j = mission.energy_j
+    decide(mission, true_robot, route, c.nominal, shared, speed_mps, sensing_hz, mode)
+    instruments.read(mission, shared, before_j - mission.energy_j)
+    earned = reward(mission, route, shared, _margin(mission, shared))
+    mission.over = mission.home or mission.depleted or mission.decisions >= shared.max_decisions
+    weather.change(mission)
+    observe(mission, shared, home_cost(mission, shared), row)
     return earned
 
 
 @inline
 def _step_if_going(
-    m: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
+    mission: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
 ) -> Any:
     """Step a mission, unless it is over; return its reward, whether it ended at home or stranded, and whether out of
     time.
 
     It takes records, because arrays that pass into it would cost as much time as the step.
     """
-    earned, ended, late = 0.0, False, False
-    if not m.over:
-        earned = _step(m, robot, route, c, row, speed_mps, sensing_hz, mode)
-        ended = m.home or m.depleted
-        late = m.over and not ended
+    earned = 0.0
+    ended = False
+    late = False
+    if not mission.over:
+        earned = _step(mission, robot, route, c, row, speed_mps, sensing_hz, mode)
+        ended = mission.home or mission.depleted
+        late = mission.over and not ended
     return earned, ended, late
 
 
@@ -217,11 +265,12 @@ def step_in_turn(
         return -1 - bad
     ended = 0
     for i in range(len(records)):
-        m, c = records[i], constants[0]
+        mission = records[i]
+        c = constants[0]
         _fetch_next_place(records, routes, i + _FETCH_AHEAD)
         commanded = command(choices, levels, i, c.shared)
         rewards[i], terminated[i], truncated[i] = _step_if_going(
-            m, robots[i], routes[i], c, observations[i], *commanded
+            mission, robots[i], routes[i], c, observations[i], *commanded
         )
         ended += terminated[i] or truncated[i]
     return ended
@@ -253,14 +302,18 @@ def step_in_parallel(
     ended = 0
     for i in numba.prange(len(records)):
         if begin[i]:
-            rewards[i], terminated[i], truncated[i] = 0.0, False, False
+            rewards[i] = 0.0
+            terminated[i] = False
+            truncated[i] = False
             _begin(np.int64(i), generators, constants, records, robots, routes, observations)
         else:
-            m, c = records[i], constants[0]  # taken here, as records do not pass into a parallel loop
+            # Taken here, as records do not pass into a parallel loop.
+            mission = records[i]
+            c = constants[0]
             _fetch_next_place(records, routes, i + _FETCH_AHEAD)
             commanded = command(choices, levels, i, c.shared)
             rewards[i], terminated[i], truncated[i] = _step_if_going(
-                m, robots[i], routes[i], c, observations[i], *commanded
+                mission, robots[i], routes[i], c, observations[i], *commanded
             )
             ended += terminated[i] or truncated[i]
     return ended

@@ -26,13 +26,13 @@ def _no_note(scene: Scene) -> str:
 class Mission:
     """One mission: its functions, which kernels compile, its properties and its words.
 
-    The functions of a score take records of a mission `m`, of its route, and the shared one (`homeward.envs.state`).
+    The functions of a score take the records of a mission, of its route, and the shared one (`homeward.envs.state`).
 
     Attributes:
         name: Name in the id of the environment.
-        score: Score if the robot is home, of `(m, shared)`.
-        attainable: Score that it may still add before its return, of `(m, route, shared, margin_j)` with the energy
-            beyond the way home, J; for the shaping, by the range that this energy allows (Eq. 8).
+        score: Score if the robot is home, of `(mission, shared)`.
+        attainable: Score that it may still add before its return, of `(mission, route, shared, margin_j)` with the
+            energy beyond the way home, J; for the shaping, by the range that this energy allows (Eq. 8).
         good_score: Score of a good mission, of half the range of the robot (m) and the shared record: it scales the
             reward.
         shuttles: Whether it turns at both ends of the route, after a pit stop there, and not where it chooses.
@@ -70,8 +70,8 @@ class Mission:
 
 
 @inline
-def room_m(m: Any, shared: Any, margin_j: float) -> Any:
+def room_m(mission: Any, shared: Any, margin_j: float) -> Any:
     """Metres ahead that the energy beyond the way home allows: out as the mission drives on average, home without
     sensing."""
     out_m = max(margin_j, 0.0) * shared.per_out_and_home_j_per_m
-    return min(out_m, shared.length_m - m.position_m)
+    return min(out_m, shared.length_m - mission.position_m)

@@ -46,11 +46,13 @@ class MultiObjectiveEnv(HomewardEnv):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        low, high = np.array([[-np.inf, -1.0, -np.inf, -1.0], [np.inf, 0.0, np.inf, 0.0]], np.float32)
+        low = np.array([-np.inf, -1.0, -np.inf, -1.0], np.float32)
+        high = np.array([np.inf, 0.0, np.inf, 0.0], np.float32)
         self.reward_space = spaces.Box(low, high, dtype=np.float32)
         self.reward_dim = len(OBJECTIVES)
         shared = self.batch.known.shared[0]
-        self._per_j, self._per_decision = 1.0 / float(shared["usable_j"]), 1.0 / float(shared["max_decisions"])
+        self._per_j = 1.0 / float(shared["usable_j"])
+        self._per_decision = 1.0 / float(shared["max_decisions"])
         self._drawn_j = 0.0
 
     def reset(
@@ -65,7 +67,8 @@ class MultiObjectiveEnv(HomewardEnv):
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], bool, bool, dict[str, Any]]:
         """Carry out one decision; raises as `HomewardEnv.step`."""
         observation, reward, terminated, truncated, info = super().step(action)
-        before_j, self._drawn_j = self._drawn_j, info["energy_j"].total()
-        energy = (before_j - self._drawn_j) * self._per_j
+        drawn_before_j = self._drawn_j
+        self._drawn_j = info["energy_j"].total()
+        energy = (drawn_before_j - self._drawn_j) * self._per_j
         rewards = np.array((reward, -info["cost"], energy, -self._per_decision), np.float32)
         return observation, rewards, terminated, truncated, info

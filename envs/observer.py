@@ -74,10 +74,17 @@ class Observer:
         s = known.shared[0]
         if s["dock_count"]:
             raise ValueError("features of docks are not read on a robot yet; give an environment without docks")
-        self._count, self._place_m = int(s["places"]), float(s["place_m"])
+        self._count = int(s["places"])
+        self._place_m = float(s["place_m"])
         if forecast is None:
-            nothing = np.zeros(self._count)
-            forecast = Route(self._place_m, nothing, nothing, nothing + MEAN_INTEREST, nothing)
+            zeros = np.zeros(self._count)
+            forecast = Route(
+                place_m=self._place_m,
+                grade_rad=zeros,
+                roughness=zeros,
+                interest=zeros + MEAN_INTEREST,
+                heading_rad=zeros,
+            )
         if len(forecast.grade_rad) != self._count or not math.isclose(forecast.place_m, self._place_m, rel_tol=1e-9):
             raise ValueError(
                 f"the forecast has {len(forecast.grade_rad)} places of {forecast.place_m:g} m; give {self._count} of "
@@ -85,29 +92,45 @@ class Observer:
             )
         self._forecast = forecast
         self._constants = plain(np.zeros(1, CONSTANTS_DTYPE))
-        self._constants["shared"], self._constants["nominal"] = s, known.robot.record()[0]
-        self._records, self._routes = plain(np.zeros(1, MISSION_DTYPE)), plain(np.zeros(1, ROUTE_DTYPE))
-        self._sines, self._readings = np.zeros((2, self._count))  # for each place: sum and number of readings
+        self._constants["shared"] = s
+        self._constants["nominal"] = known.robot.record()[0]
+        self._records = plain(np.zeros(1, MISSION_DTYPE))
+        self._routes = plain(np.zeros(1, ROUTE_DTYPE))
+        self._sines = np.zeros(self._count)  # sum of the readings in each place
+        self._readings = np.zeros(self._count)  # and their number
         self._interest = forecast.interest.copy()
-        m, places = self._records[0], self._routes["places"][0, : self._count]
+        places = self._routes["places"][0, : self._count]
         places["curvature_per_m"] = forecast.curvature_per_m
-        places["east"], places["north"] = np.cos(forecast.heading_rad), np.sin(forecast.heading_rad)
-        m["direction"], m["temperature_c"] = 1.0, forecast.temperature_c
-        m["mean_grade"] = float(np.mean(np.sin(forecast.grade_rad))) if mean_grade is None else mean_grade
-        for axis, value in zip(("east", "north"), forecast_mps, strict=True):
-            m[f"mean_{axis}_mps"] = m[f"forecast_{axis}_mps"] = value
+        places["east"] = np.cos(forecast.heading_rad)
+        places["north"] = np.sin(forecast.heading_rad)
+        if mean_grade is None:
+            mean_grade = float(np.mean(np.sin(forecast.grade_rad)))
+        east_mps, north_mps = forecast_mps
+        mission = self._records[0]
+        mission["direction"] = 1.0
+        mission["temperature_c"] = forecast.temperature_c
+        mission["mean_grade"] = mean_grade
+        mission["mean_east_mps"] = east_mps
+        mission["mean_north_mps"] = north_mps
+        mission["forecast_east_mps"] = east_mps
+        mission["forecast_north_mps"] = north_mps
 
     def begin(self, read: Read) -> NDArray[np.float32]:
         """Observe the start of the mission, shape (1, features)."""
-        m, usable_j = self._records[0], float(self.known.shared["usable_j"][0])
-        m["temperature_c"] = _or(read.temperature_c, float(m["temperature_c"]))
-        m["soc"] = m["metered"] = _or(read.soc, 1.0)
-        m["soc_lowest"] = 1.0
+        mission = self._records[0]
+        usable_j = float(self.known.shared["usable_j"][0])
+        mission["temperature_c"] = _or(read.temperature_c, float(mission["temperature_c"]))
+        mission["soc"] = _or(read.soc, 1.0)
+        mission["metered"] = mission["soc"]
+        mission["soc_lowest"] = 1.0
         # The energy left is read, not computed: it decides the voltage, and the battery does not run out.
-        m["endless"], m["capacity_j"], m["energy_j"] = True, usable_j, m["soc"] * usable_j
+        mission["endless"] = True
+        mission["capacity_j"] = usable_j
+        mission["energy_j"] = mission["soc"] * usable_j
         # Energy missing from the battery counts as used, as the model predicts it.
-        m["metered_followed"] = 1.0 - m["soc"]
-        m["metered_j"] = m["modelled_j"] = m["metered_followed"] * usable_j
+        mission["metered_followed"] = 1.0 - mission["soc"]
+        mission["metered_j"] = mission["metered_followed"] * usable_j
+        mission["modelled_j"] = mission["metered_j"]
         self._note_places()
         rows = plain(np.zeros(1, OBSERVATION_DTYPE))
         _begin(self._records, self._routes, self._constants, read.position_m, rows)
@@ -131,11 +154,10 @@ class Observer:
             outwards: On a border between places: whether the place beyond it is meant.
         """
         places_from_home = position_m / self._place_m
-        place = (
-            round(places_from_home) - (not outwards)
-            if abs(places_from_home - round(places_from_home)) < _BORDER
-            else math.floor(places_from_home)
-        )
+        border = round(places_from_home)
+        place = math.floor(places_from_home)
+        if abs(places_from_home - border) < _BORDER:
+            place = border if outwards else border - 1
         place = min(max(place, 0), self._count - 1)
         if math.isfinite(grade_rad):
             self._sines[place] += math.sin(grade_rad)
@@ -153,33 +175,43 @@ class Observer:
             action: The commanded action, shape (1, 3).
             read: The readings meanwhile.
         """
-        s, decision_s = self.known.shared[0], float(self.known.shared[0]["decision_s"])
+        s = self.known.shared[0]
+        decision_s = float(s["decision_s"])
         self._note_places()
-        records, routes = self._records.copy(), self._routes.copy()
-        way_m = read.position_m - float(records["position_m"][0])
+        records_before = self._records.copy()
+        routes_before = self._routes.copy()
+        way_m = read.position_m - float(records_before["position_m"][0])
         self._drive(action, None)
-        if abs(self._records["position_m"][0] - read.position_m) > OFF_COMMAND * s["max_speed_mps"] * decision_s:
-            self._records, self._routes = records.copy(), routes
+        off_m = abs(self._records["position_m"][0] - read.position_m)
+        if off_m > OFF_COMMAND * s["max_speed_mps"] * decision_s:
+            self._records = records_before.copy()
+            self._routes = routes_before
             self._drive(action, way_m / decision_s)
-        m = self._records[0]
-        modelled_w = float(m["modelled_j"] - records["modelled_j"][0]) / decision_s
-        m["read_w"] = _or(read.power_w, modelled_w)
-        m["read_mps"] = _or(read.speed_mps, abs(way_m) / decision_s)
-        m["soc"] = _or(read.soc, max(float(m["metered"] - m["read_w"] * decision_s / s["usable_j"]), 0.0))
-        m["energy_j"] = m["soc"] * m["capacity_j"]
+        mission = self._records[0]
+        modelled_w = float(mission["modelled_j"] - records_before["modelled_j"][0]) / decision_s
+        mission["read_w"] = _or(read.power_w, modelled_w)
+        mission["read_mps"] = _or(read.speed_mps, abs(way_m) / decision_s)
+        metered = float(mission["metered"] - mission["read_w"] * decision_s / s["usable_j"])
+        mission["soc"] = _or(read.soc, max(metered, 0.0))
+        mission["energy_j"] = mission["soc"] * mission["capacity_j"]
         rows = plain(np.zeros(1, OBSERVATION_DTYPE))
-        temperature_c = _or(read.temperature_c, float(m["temperature_c"]))
+        temperature_c = _or(read.temperature_c, float(mission["temperature_c"]))
         _read(self._records, self._routes, self._constants, read.position_m, temperature_c, rows)
         return _as_features(rows)
 
     def _drive(self, action: NDArray[Any], along_mps: float | None) -> None:
         """Drive as commanded or, if the positions contradict that, at the speed that they imply, along the way out."""
         commands = decode_actions(self.known, action)
-        speed_mps, mode = float(commands.speed_mps[0]), int(commands.mode[0])
-        if along_mps is not None:
-            ahead = -1.0 if mode == RETURN else float(self._records["direction"][0])
-            speed_mps, mode = max(ahead * along_mps, _STANDING_MPS), GO if mode == STOP else mode
+        speed_mps = float(commands.speed_mps[0])
         sensing_hz = float(commands.sensing_hz[0])
+        mode = int(commands.mode[0])
+        if along_mps is not None:
+            ahead = float(self._records["direction"][0])
+            if mode == RETURN:
+                ahead = -1.0
+            speed_mps = max(ahead * along_mps, _STANDING_MPS)
+            if mode == STOP:
+                mode = GO
         _drive(self._records, self._routes, self._constants, speed_mps, sensing_hz, mode)
 
     def state(self) -> bytes:
@@ -214,17 +246,21 @@ class Observer:
 
     def _note_places(self) -> None:
         """Write the slopes and interests as seen and as forecast for the kernels."""
-        places, forecast = self._routes["places"][0, : self._count], self._forecast
-        known = self._readings > 0.0
-        sine = np.sin(forecast.grade_rad)
-        places["sine_read"] = np.where(known, self._sines / np.maximum(self._readings, 1.0), sine)
+        places = self._routes["places"][0, : self._count]
+        forecast_sines = np.sin(self._forecast.grade_rad)
+        read_sines = self._sines / np.maximum(self._readings, 1.0)
+        places["sine_read"] = np.where(self._readings > 0.0, read_sines, forecast_sines)
         places["interest"] = self._interest
-        sines, interests = np.stack((places["sine_read"], sine)), np.stack((places["interest"], forecast.interest))
+        sines = np.stack((places["sine_read"], forecast_sines))
+        interests = np.stack((places["interest"], self._forecast.interest))
         _note(self._records, self._routes, self._constants, _totals(sines), _totals(interests))
 
 
 def _or(value: float, otherwise: float) -> float:
-    return value if math.isfinite(value) else otherwise
+    """A value, or another one where it is not known."""
+    if math.isfinite(value):
+        return value
+    return otherwise
 
 
 def _totals(rows: Array) -> Array:
@@ -237,22 +273,22 @@ def _as_features(rows: NDArray[np.void]) -> NDArray[np.float32]:
 
 
 def _begin(records: Any, routes: Any, constants: Any, position_m: float, rows: Any) -> None:
-    m, route, c = records[0], routes[0], constants[0]
-    map_place(m, c.nominal, route.places[0], c.nominal, c.shared, 0.0, 0.0)
-    m.here = route.places[0]
-    _move_to(m, route, c, position_m)
-    observe(m, c.shared, home_cost(m, c.shared), rows[0])
+    mission, route, c = records[0], routes[0], constants[0]
+    map_place(mission, c.nominal, route.places[0], c.nominal, c.shared, 0.0, 0.0)
+    mission.here = route.places[0]
+    _move_to(mission, route, c, position_m)
+    observe(mission, c.shared, home_cost(mission, c.shared), rows[0])
 
 
 def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any) -> None:
     """Store slope and interest ahead of each place, and predict the present place with the slopes read since."""
-    m, route, c = records[0], routes[0], constants[0]
+    mission, route, c = records[0], routes[0], constants[0]
     note_ahead(route, c.shared, sines, interests)
-    here = route.places[m.place]
-    if m.place == m.mapped - 1 and here.sine_read != m.here.sine_read:
-        map_place(m, c.nominal, here, c.nominal, c.shared, here.home_cost_j, here.true_home_cost_j)
-        m.mapped -= 1
-    m.here = here
+    here = route.places[mission.place]
+    if mission.place == mission.mapped - 1 and here.sine_read != mission.here.sine_read:
+        map_place(mission, c.nominal, here, c.nominal, c.shared, here.home_cost_j, here.true_home_cost_j)
+        mission.mapped -= 1
+    mission.here = here
 
 
 def _drive(records: Any, routes: Any, constants: Any, speed_mps: float, sensing_hz: float, mode: int) -> None:
@@ -262,22 +298,25 @@ def _drive(records: Any, routes: Any, constants: Any, speed_mps: float, sensing_
 
 def _read(records: Any, routes: Any, constants: Any, position_m: float, temperature_c: float, rows: Any) -> None:
     """Set the robot's position and readings, and observe."""
-    m, c = records[0], constants[0]
-    _move_to(m, routes[0], c, position_m)
-    meter(m, c.shared)
-    m.score = score(m, c.shared)
-    m.temperature_c = temperature_c
-    observe(m, c.shared, home_cost(m, c.shared), rows[0])
+    mission, c = records[0], constants[0]
+    _move_to(mission, routes[0], c, position_m)
+    meter(mission, c.shared)
+    mission.score = score(mission, c.shared)
+    mission.temperature_c = temperature_c
+    observe(mission, c.shared, home_cost(mission, c.shared), rows[0])
 
 
-def _move_to(m: Any, route: Any, c: Any, position_m: float) -> None:
+def _move_to(mission: Any, route: Any, c: Any, position_m: float) -> None:
     """Move to the robot's position reading."""
-    slack_m, outwards = _BORDER * c.shared.place_m, m.direction
-    m.position_m, m.furthest_m = position_m, max(m.furthest_m, position_m)
-    m.direction = 1.0
-    while m.place < c.shared.places - 1 and position_m > (m.place + 1) * c.shared.place_m + slack_m:
-        cross(m, c.nominal, route, c.nominal, c.shared)
-    m.direction = -1.0
-    while m.place > 0 and position_m < m.place * c.shared.place_m - slack_m:
-        cross(m, c.nominal, route, c.nominal, c.shared)
-    m.direction = outwards
+    shared = c.shared
+    slack_m = _BORDER * shared.place_m
+    direction = mission.direction
+    mission.position_m = position_m
+    mission.furthest_m = max(mission.furthest_m, position_m)
+    mission.direction = 1.0
+    while mission.place < shared.places - 1 and position_m > (mission.place + 1) * shared.place_m + slack_m:
+        cross(mission, c.nominal, route, c.nominal, shared)
+    mission.direction = -1.0
+    while mission.place > 0 and position_m < mission.place * shared.place_m - slack_m:
+        cross(mission, c.nominal, route, c.nominal, shared)
+    mission.direction = direction

@@ -46,6 +46,9 @@ OFF_COMMAND = 0.1
 have driven evenly between its positions. Chosen: a tenth or twice of it changes no test of `observer` and `onboard`."""
 _MOST_HALF = 0.6
 """Half of the widest range that is drawn from a file's uncertainty. Chosen: the factors then stay above 0.4."""
+_CERTAIN = 1e12
+"""Weight of the prior of the capacity, in readings, where it is certain; its inverse is the least weight. Chosen:
+beyond the readings of any mission, and above 0, because it divides."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
 _DECISIONS = 200
@@ -181,12 +184,12 @@ def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Opt
     Raises:
         OptionError: A keyword is unknown or a value is not allowed.
     """
-    known = [field.name for field in dataclasses.fields(Options) if field.name != "mission"]
+    names = [field.name for field in dataclasses.fields(Options) if field.name != "mission"]
     for name in keywords:
-        if name not in (*known, "mission"):
-            close = difflib.get_close_matches(name, known, n=1)
+        if name not in (*names, "mission"):
+            close = difflib.get_close_matches(name, names, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
-            raise OptionError(f"unknown keyword {name!r}{hint}; allowed: {', '.join((*known, *others))}")
+            raise OptionError(f"unknown keyword {name!r}{hint}; allowed: {', '.join((*names, *others))}")
     return Options(**keywords)
 
 
@@ -265,75 +268,93 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
         RobotError, RouteError, OptionError, InstrumentError: An option is invalid.
     """
     robot = load_robot(options.robot)
-    truth = robot if options.true_robot is None else load_robot(options.true_robot)
-    scale = robot if options.scaled_for is None else load_robot(options.scaled_for)
+    truth = robot
+    if options.true_robot is not None:
+        truth = load_robot(options.true_robot)
+    scale = robot
+    if options.scaled_for is not None:
+        scale = load_robot(options.scaled_for)
     for a_robot in (robot, truth, scale):
         if not np.isfinite(d_max(a_robot)):
             raise OptionError(f"robot {a_robot.name!r} never runs empty on level ground; check its effects")
     mission = MISSIONS[options.mission]
-    cruise = float(optimal_speed(scale))
+    cruise_mps = float(optimal_speed(scale))
     range_m = float(d_max(scale))
-    lasts_s = range_m / cruise
+    lasts_s = range_m / cruise_mps
     decision_s = _decision_s(options, scale, lasts_s)
-    generated = isinstance(options.route, str) and options.route in (GENERATED, HIDDEN_WIND)
     reach_m = _REACH * range_m
 
-    length_m, places = mission.length_m(reach_m, cruise * decision_s), mission.places
     difficulty = DIFFICULTY[options.difficulty]
     if options.weather == "still":
         difficulty = replace(difficulty, weather_changes=False)
-    instruments = load_instruments(difficulty.instruments if options.instruments is None else options.instruments)
+    if options.instruments is None:
+        instruments = load_instruments(difficulty.instruments)
+    else:
+        instruments = load_instruments(options.instruments)
     if options.randomise == "file":
-        own_s = decision_s if options.instruments is None else None
+        own_s = None
+        if options.instruments is None:
+            own_s = decision_s
         difficulty, instruments = _by_file(robot, difficulty, own_s, instruments)
-    hidden, interest = np.zeros(1, HIDDEN_DTYPE), MEAN_INTEREST
+
+    hidden = np.zeros(1, HIDDEN_DTYPE)
     h = hidden[0]
-    if not generated:
+    places = mission.places
+    length_m = mission.length_m(reach_m, cruise_mps * decision_s)
+    interest = MEAN_INTEREST
+    is_generated = isinstance(options.route, str) and options.route in (GENERATED, HIDDEN_WIND)
+    if not is_generated:
         route = options.route if isinstance(options.route, Route) else load_route(options.route, length_m / places)
         _check_route(route, scale, mission, range_m, decision_s)
         _write(route, h["fixed"])
-        places, length_m, interest = len(route.grade_rad), route.length_m, float(route.interest.mean())
-        for name in ("temperature_c", "wind_mps", "wind_from_rad"):
-            h[name] = getattr(route, name)
-    pit_stop_s = mission.pit_stop * length_m / cruise
-    h["truth"], h["full_j"] = truth.record()[0], truth.usable_energy_j
-    h["generated"], h["hidden_wind"] = generated, generated and options.route == HIDDEN_WIND
+        places = len(route.grade_rad)
+        length_m = route.length_m
+        interest = float(route.interest.mean())
+        h["temperature_c"] = route.temperature_c
+        h["wind_mps"] = route.wind_mps
+        h["wind_from_rad"] = route.wind_from_rad
+    h["truth"] = truth.record()[0]
+    h["full_j"] = truth.usable_energy_j
+    h["generated"] = is_generated
+    h["hidden_wind"] = is_generated and options.route == HIDDEN_WIND
     h["own_robots"] = not difficulty.route_is_known or truth is not robot
-    h["forecast_errs"], h["weather_changes"] = not difficulty.route_is_known, difficulty.weather_changes
+    h["forecast_errs"] = not difficulty.route_is_known
+    h["weather_changes"] = difficulty.weather_changes
     for name in DRAWN_DTYPE.names or ():
-        drawn = getattr(difficulty, name)
-        h["drawn"][name] = drawn.low, drawn.high - drawn.low
+        uniform = getattr(difficulty, name)
+        h["drawn"][name] = uniform.low, uniform.high - uniform.low
 
     shared = np.zeros(1, SHARED_DTYPE)
     s = shared[0]
-    s["mission"], s["shuttles"], s["senses"] = CODES[mission.name], mission.shuttles, mission.senses
+    s["mission"] = CODES[mission.name]
+    s["shuttles"] = mission.shuttles
+    s["senses"] = mission.senses
     s["route_is_known"] = difficulty.route_is_known
-    s["shaped"], s["discrete"] = options.shaping == "dmax", options.action_type != "continuous"
+    s["shaped"] = options.shaping == "dmax"
+    s["discrete"] = options.action_type != "continuous"
     s["max_decisions"] = _max_decisions(options, scale, lasts_s, decision_s)
     s["return_decisions"] = max(round(RETURN_SHARE * lasts_s / decision_s), 1)
-    s["decision_s"], s["discount"] = decision_s, options.discount
-    s["min_speed_mps"], s["max_speed_mps"] = robot.min_speed_mps, robot.max_speed_mps
-    s["max_sensing_hz"] = robot.max_sensing_hz
-    s["places"], s["length_m"], s["place_m"], s["reach_m"] = places, length_m, length_m / places, reach_m
-    s["curve"], s["curved"] = tuple(robot.curve), robot.curve.mean_v > 0.0
-    s["usable_j"], s["cruise_mps"] = robot.usable_energy_j, float(optimal_speed(robot))
-    s["cruise_w"] = robot.usable_energy_j * s["cruise_mps"] / d_max(robot)
-    s["saturation_per_m"] = _HALF_INFORMATION * scale.max_sensing_hz / cruise
+    s["decision_s"] = decision_s
+    s["discount"] = options.discount
+    s["places"] = places
+    s["length_m"] = length_m
+    s["place_m"] = length_m / places
+    s["reach_m"] = reach_m
+    _write_robot(robot, s)
+    # What a robot could do with the scaled one's sensors, memory and radio.
+    s["saturation_per_m"] = _HALF_INFORMATION * scale.max_sensing_hz / cruise_mps
     s["backlog_limit"] = _MEMORY * scale.max_sensing_hz * lasts_s
-    s["radio_hz"], s["link_m"] = _RADIO * scale.max_sensing_hz, _LINK * reach_m
+    s["radio_hz"] = _RADIO * scale.max_sensing_hz
+    s["link_m"] = _LINK * reach_m
+    pit_stop_s = mission.pit_stop * length_m / cruise_mps
     s["pit_stop_s"] = pit_stop_s
-    s["drag_j_per_m"] = robot.drag_ns2_per_m2 / robot.traction_efficiency
     # At half of the fastest sensing rate a metre yields two thirds of its information.
     s["information_per_m"] = interest * 2.0 / 3.0
-    duty = length_m / (length_m + cruise * pit_stop_s)
 
-    def mission_range_m(a_robot: Robot) -> float:
-        sensing_hz = 0.5 * a_robot.max_sensing_hz if mission.senses else 0.0
-        return float(d_max(a_robot, float(optimal_speed(a_robot)), duty=duty, sensing_hz=sensing_hz))
-
-    s["energy_per_m"] = robot.usable_energy_j / mission_range_m(robot)
+    duty = length_m / (length_m + cruise_mps * pit_stop_s)
+    s["energy_per_m"] = robot.usable_energy_j / _mission_range_m(robot, mission, duty)
     s["out_and_home_j_per_m"] = s["energy_per_m"] + s["cruise_w"] / s["cruise_mps"]
-    half_m = 0.5 * mission_range_m(scale)
+    half_m = 0.5 * _mission_range_m(scale, mission, duty)
     if mission.senses and interest <= 0.0:
         raise OptionError(
             "route has no interest anywhere, so a survey cannot score; give some place an interest above 0"
@@ -345,8 +366,32 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     except DockError as error:
         raise OptionError(str(error)) from None
     for inverse, name in INVERSES.items():
-        s[inverse] = 1.0 / s[name] if s[name] else 0.0
-    return Known(options.mission, robot, shared, difficulty, instruments), Hidden(truth, hidden)
+        if s[name]:
+            s[inverse] = 1.0 / s[name]
+    known = Known(mission=options.mission, robot=robot, shared=shared, difficulty=difficulty, instruments=instruments)
+    return known, Hidden(robot=truth, record=hidden)
+
+
+def _write_robot(robot: Robot, s: Any) -> None:
+    """Write what the robot of the file can do into the shared record."""
+    cruise_mps = float(optimal_speed(robot))
+    s["min_speed_mps"] = robot.min_speed_mps
+    s["max_speed_mps"] = robot.max_speed_mps
+    s["max_sensing_hz"] = robot.max_sensing_hz
+    s["curve"] = tuple(robot.curve)
+    s["curved"] = robot.curve.mean_v > 0.0
+    s["usable_j"] = robot.usable_energy_j
+    s["cruise_mps"] = cruise_mps
+    s["cruise_w"] = robot.usable_energy_j * s["cruise_mps"] / d_max(robot)
+    s["drag_j_per_m"] = robot.drag_ns2_per_m2 / robot.traction_efficiency
+
+
+def _mission_range_m(robot: Robot, mission: Mission, duty: float) -> float:
+    """Range of a robot on a mission at cruise, m: with its pit stops, and half of the fastest sensing rate."""
+    sensing_hz = 0.0
+    if mission.senses:
+        sensing_hz = 0.5 * robot.max_sensing_hz
+    return float(d_max(robot, float(optimal_speed(robot)), duty=duty, sensing_hz=sensing_hz))
 
 
 def _by_file(
@@ -357,38 +402,41 @@ def _by_file(
     A range is that of a uniform distribution with the file's standard deviation. Instruments are the file's own if the
     time between decisions is given, because a reading is then a mean over it.
     """
-    sure = robot.uncertainty
-    if sure is None or sure.of == "charge" or difficulty.route_is_known:
+    uncertainty = robot.uncertainty
+    if uncertainty is None or uncertainty.of == "charge" or difficulty.route_is_known:
         why = f"{robot.name!r} has no table [uncertainty] of energy or force"
-        why = "nothing is hidden at `known`" if difficulty.route_is_known and sure is not None else why
+        if difficulty.route_is_known and uncertainty is not None:
+            why = "nothing is hidden at `known`"
         raise OptionError(f"randomise = 'file' is not allowed: {why}; give the corrected.toml of a diagnosis")
-    between = sure.between_runs or 0.0
-    one_run = sure.between_runs is None and sure.of == "energy"
 
     def around(middle: float, name: str, otherwise: Uniform, between_runs: float = 0.0) -> Uniform:
-        variance = sure.variance(name)
+        variance = uncertainty.variance(name)
         if variance is None and between_runs == 0.0:
             return otherwise
         half = min(_SQRT_3 * float(np.hypot(np.sqrt(variance or 0.0), between_runs)), _MOST_HALF)
         return Uniform(middle - half, middle + half)
 
+    rolling = difficulty.rolling
+    has_one_run = uncertainty.between_runs is None and uncertainty.of == "energy"
+    if not has_one_run:
+        rolling = around(1.0, "rolling", difficulty.rolling, uncertainty.between_runs or 0.0)
     difficulty = replace(
         difficulty,
         health=around(1.0, "capacity", difficulty.health),
-        rolling=difficulty.rolling if one_run else around(1.0, "rolling", difficulty.rolling, between),
+        rolling=rolling,
         payload=around(0.0, "mass", difficulty.payload),
     )
-    if own_s is not None:
-        read: dict[str, Any] = {
-            name: value if name == "soc_lag_s" else min(value, physics_thresholds.MOST_ERROR)
-            for name, value in sure.instruments
-        }
-        reading_s = dict(sure.instruments).get("reading_s", own_s)
-        read.pop("reading_s", None)
-        if "power_noise" in read:
-            read["power_noise"] *= min(reading_s / own_s, 1.0) ** 0.5
-        instruments = replace(instruments, **read)
-    return difficulty, instruments
+    if own_s is None:
+        return difficulty, instruments
+    sizes: dict[str, Any] = {}
+    for name, size in uncertainty.instruments:
+        sizes[name] = size if name == "soc_lag_s" else min(size, physics_thresholds.MOST_ERROR)
+    sizes.pop("reading_s", None)
+    if "power_noise" in sizes:
+        # A reading over a decision is a mean of several of the robot's own.
+        reading_s = dict(uncertainty.instruments).get("reading_s", own_s)
+        sizes["power_noise"] *= min(reading_s / own_s, 1.0) ** 0.5
+    return difficulty, replace(instruments, **sizes)
 
 
 def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Difficulty, s: Any) -> None:
@@ -397,20 +445,24 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
         s[name] = getattr(instruments, name)
     _write_gauges(instruments, robot, s)
     s["soc_lag_decisions"] = instruments.soc_lag_s / s["decision_s"]
-    s["soc_keeps"] = np.exp(-s["decision_s"] / instruments.soc_lag_s) if instruments.soc_lag_s else 0.0
-    fastest = np.array([robot.max_speed_mps])
-    full_w = robot.usable_energy_j * fastest / d_max(robot, fastest) + float(
-        ancillary_power(robot, robot.max_sensing_hz) - ancillary_power(robot, 0.0)
-    )
+    s["soc_keeps"] = 0.0
+    if instruments.soc_lag_s:
+        s["soc_keeps"] = np.exp(-s["decision_s"] / instruments.soc_lag_s)
+    fastest_mps = np.array([robot.max_speed_mps])
+    driving_w = robot.usable_energy_j * fastest_mps / d_max(robot, fastest_mps)
+    sensing_w = float(ancillary_power(robot, robot.max_sensing_hz) - ancillary_power(robot, 0.0))
+    full_w = driving_w + sensing_w
     s["power_offset_w"] = instruments.power_offset * full_w[0]
     # A metered joule is 1 / (health * gain) of a joule by the file: mean and deviation to first order.
     health = difficulty.health
-    s["soc_per_metered"] = (1.0 + (health.deviation / health.mean) ** 2) / health.mean
-    deviation = float(s["soc_per_metered"]) * np.hypot(health.deviation / health.mean, instruments.power_gain / _SQRT_3)
+    health_sd = health.deviation / health.mean
+    s["soc_per_metered"] = (1.0 + health_sd**2) / health.mean
+    deviation = float(s["soc_per_metered"]) * np.hypot(health_sd, instruments.power_gain / _SQRT_3)
     # Never zero: before anything is metered, only the prior is known.
-    s["soc_prior"] = (
-        max((instruments.soc_variance + s["soc_error"] ** 2) / deviation**2, 1e-12) if deviation > 0.0 else 1e12
-    )
+    s["soc_prior"] = _CERTAIN
+    if deviation > 0.0:
+        variance = instruments.soc_variance + s["soc_error"] ** 2
+        s["soc_prior"] = max(variance / deviation**2, 1.0 / _CERTAIN)
 
 
 def _write_gauges(instruments: Instruments, robot: Robot, s: Any) -> None:
@@ -476,6 +528,8 @@ def _write(route: Route, target: Any) -> None:
         raise OptionError(f"route has {count} places; give at most {MAX_PLACES}")
     places = target["places"][:count]
     places["sin_grade"] = np.sin(route.grade_rad)
-    places["roughness"], places["interest"] = route.roughness, route.interest
+    places["roughness"] = route.roughness
+    places["interest"] = route.interest
     places["curvature_per_m"] = route.curvature_per_m
-    places["east"], places["north"] = np.cos(route.heading_rad), np.sin(route.heading_rad)
+    places["east"] = np.cos(route.heading_rad)
+    places["north"] = np.sin(route.heading_rad)

@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 
 @inline
-def score(m: Any, shared: Any) -> Any:
+def score(mission: Any, shared: Any) -> Any:
     """Furthest distance, m."""
-    return m.furthest_m
+    return mission.furthest_m
 
 
 @inline
-def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
+def attainable(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Metres beyond the furthest so far."""
-    return max(m.position_m + room_m(m, shared, margin_j) - m.furthest_m, 0.0)
+    return max(mission.position_m + room_m(mission, shared, margin_j) - mission.furthest_m, 0.0)
 
 
 def good_score(half_m: float, shared: Any) -> float:

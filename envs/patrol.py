@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 
 @inline
-def score(m: Any, shared: Any) -> Any:
+def score(mission: Any, shared: Any) -> Any:
     """Laps."""
-    return 0.5 * m.legs
+    return 0.5 * mission.legs
 
 
 @inline
-def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
+def attainable(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Laps for which the energy suffices."""
     return 0.5 * max(margin_j, 0.0) * shared.per_energy_per_m / shared.length_m
 

@@ -18,45 +18,54 @@ TERMS = ("score", "shaping")
 """Terms of the reward, which is their sum."""
 
 
-score = by_mission("score", "m, shared")
+score = by_mission("score", "mission, shared")
 """Score of the mission once the robot is home: furthest distance (m), information, or laps."""
-_attainable = by_mission("attainable", "m, route, shared, margin_j")
+_attainable = by_mission("attainable", "mission, route, shared, margin_j")
 
 
 @inline
-def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
+def attainable(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Score that the mission may still add with energy beyond the way home; none once it returns."""
-    if m.returning:
+    if mission.returning:
         return 0.0
-    return _attainable(m, route, shared, margin_j)
+    return _attainable(mission, route, shared, margin_j)
 
 
 @inline
-def potential(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
+def potential(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Potential of a state, from d_max: the score so far and the attainable score, if the way home is still possible.
 
     It falls to zero as the energy falls short of the way home by a fiftieth of the battery (chosen: four decisions at
     cruise): in training, a turn that is too late is penalised at once.
     """
     fits = min(max(1.0 + 50.0 * margin_j * shared.per_usable_j, 0.0), 1.0)
-    return fits * (m.score + attainable(m, route, shared, margin_j)) * shared.per_score
+    return fits * (mission.score + attainable(mission, route, shared, margin_j)) * shared.per_score
 
 
 @inline
-def reward(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
+def reward(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Score a mission after a decision, store the terms of the reward, and return their sum.
 
     Args:
-        m: Mission record.
+        mission: Mission record.
         route: Route record.
         shared: Shared record.
         margin_j: True energy beyond the true way home, J.
     """
-    m.score = 0.0 if m.depleted else score(m, shared)
-    m.cost = 1.0 if m.depleted else 0.0
-    m.score_reward = m.score * shared.per_score if m.home else 0.0
+    if mission.depleted:
+        mission.score = 0.0
+        mission.cost = 1.0
+    else:
+        mission.score = score(mission, shared)
+        mission.cost = 0.0
+    mission.score_reward = 0.0
+    if mission.home:
+        mission.score_reward = mission.score * shared.per_score
     if shared.shaped:
-        after = 0.0 if m.home or m.depleted else potential(m, route, shared, margin_j)
-        m.shaping_reward = shared.discount * after - m.potential
-        m.potential = after
-    return m.score_reward + m.shaping_reward
+        # The end of a mission has no potential, so that the shaping changes no policy.
+        new_potential = 0.0
+        if not (mission.home or mission.depleted):
+            new_potential = potential(mission, route, shared, margin_j)
+        mission.shaping_reward = shared.discount * new_potential - mission.potential
+        mission.potential = new_potential
+    return mission.score_reward + mission.shaping_reward

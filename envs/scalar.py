@@ -43,11 +43,15 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         self.action_space = space_of(self.options.action_type)
         self._flat = self.options.action_type == "flat"
         self.batch = Batch(self.options, 1)
-        self._viewer = None if render_mode is None else Viewer(self.batch, render_mode)
+        self._viewer: Viewer | None = None
+        if render_mode is not None:
+            self._viewer = Viewer(self.batch, render_mode)
         self._live = info_of(self.batch.records)
         self._first = np.ones(1, np.bool_)
         self._observation_shape = (1, *(self.observation_space.shape or ()))
-        self._rewards, self._terminated, self._truncated = np.zeros(1), np.zeros(1, np.bool_), np.zeros(1, np.bool_)
+        self._rewards = np.zeros(1)
+        self._terminated = np.zeros(1, np.bool_)
+        self._truncated = np.zeros(1, np.bool_)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -33,24 +33,24 @@ def fading(distance_m: float, per_half_m: float) -> Any:
 
 
 @inline
-def sense(m: Any, place: Any, shared: Any, samples: float, way_m: float, new_m: float) -> None:
+def sense(mission: Any, place: Any, shared: Any, samples: float, way_m: float, new_m: float) -> None:
     """Take samples along a stretch: their information is stored on board, and what does not fit is lost."""
     gathered = information(place.interest, new_m, samples, way_m, shared.saturation_per_m)
-    if m.backlog + samples > shared.backlog_limit:
-        lost = gathered * (m.backlog + samples - shared.backlog_limit) / samples
-        m.lost += lost
+    if mission.backlog + samples > shared.backlog_limit:
+        lost = gathered * (mission.backlog + samples - shared.backlog_limit) / samples
+        mission.lost += lost
         gathered -= lost
-        samples = shared.backlog_limit - m.backlog
-    m.backlog += samples
-    m.backlog_information += gathered
+        samples = shared.backlog_limit - mission.backlog
+    mission.backlog += samples
+    mission.backlog_information += gathered
 
 
 @inline
-def transmit(m: Any, shared: Any, moving: bool, passed_s: float) -> None:
+def transmit(mission: Any, shared: Any, moving: bool, passed_s: float) -> None:
     """Send samples home for a while: slower far from base and while driving."""
     near_base = shared.radio_hz * passed_s * (DRIVING_LINK if moving else 1.0)
-    share = min(near_base / (fading(m.position_m, shared.per_link_m) * max(m.backlog, _ANY)), 1.0)
-    sent = share * m.backlog_information
-    m.delivered += sent
-    m.backlog_information -= sent
-    m.backlog -= share * m.backlog
+    share = min(near_base / (fading(mission.position_m, shared.per_link_m) * max(mission.backlog, _ANY)), 1.0)
+    sent = share * mission.backlog_information
+    mission.delivered += sent
+    mission.backlog_information -= sent
+    mission.backlog -= share * mission.backlog

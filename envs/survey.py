@@ -14,22 +14,22 @@ if TYPE_CHECKING:
 
 
 @inline
-def score(m: Any, shared: Any) -> Any:
+def score(mission: Any, shared: Any) -> Any:
     """Information sent and on board."""
-    return m.delivered + m.backlog_information
+    return mission.delivered + mission.backlog_information
 
 
 @inline
-def attainable(m: Any, route: Any, shared: Any, margin_j: float) -> Any:
+def attainable(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Information ahead, sensed evenly, and as often as memory and radio allow."""
-    way_m = room_m(m, shared, margin_j)
-    radio_hz = sensing.DRIVING_LINK * shared.radio_hz / sensing.fading(m.position_m, shared.per_link_m)
-    room = shared.backlog_limit - m.backlog + radio_hz * way_m / shared.cruise_mps
+    way_m = room_m(mission, shared, margin_j)
+    radio_hz = sensing.DRIVING_LINK * shared.radio_hz / sensing.fading(mission.position_m, shared.per_link_m)
+    room = shared.backlog_limit - mission.backlog + radio_hz * way_m / shared.cruise_mps
     samples = min(room, shared.max_sensing_hz * way_m / shared.cruise_mps)
-    end_m = m.position_m + way_m
+    end_m = mission.position_m + way_m
     last = route.places[min(int(end_m * shared.per_place_m), shared.places - 1)]
     interest = last.interest_to_here + last.interest * end_m
-    interest -= m.here.interest_to_here + m.here.interest * m.position_m
+    interest -= mission.here.interest_to_here + mission.here.interest * mission.position_m
     return sensing.information(interest, 1.0, samples, way_m, shared.saturation_per_m)
 
 

@@ -47,7 +47,8 @@ class Threads:
             _start_threads()
         self._worth = missions // _MISSIONS_A_THREAD
         self._one_s = 0.0  # a step on one thread
-        self._lost_s, self._payback = 0.0, _PAYBACK  # by several
+        self._lost_s = 0.0  # by several
+        self._payback = _PAYBACK
         self._calibrate(_CALIBRATION_S)
 
     @staticmethod
@@ -75,11 +76,18 @@ class Threads:
 
     def _calibrate(self, least_s: float) -> None:
         self.number = 1
-        self._left_s, self._steps, self._spent_s = least_s, 0, 0.0
+        self._left_s = least_s
+        self._steps = 0
+        self._spent_s = 0.0
 
     def _try_several(self) -> None:
-        self.number = 1 if Threads.forked else max(min(self._worth, numba.get_num_threads()), 1)
-        self._left_s, self._lost_s, self._steps, self._spent_s = _TRUST_S, 0.0, 0, 0.0
+        self.number = max(min(self._worth, numba.get_num_threads()), 1)
+        if Threads.forked:  # threads do not survive a fork
+            self.number = 1
+        self._left_s = _TRUST_S
+        self._lost_s = 0.0
+        self._steps = 0
+        self._spent_s = 0.0
 
     @contextlib.contextmanager
     def at_work(self) -> Iterator[None]:

@@ -45,13 +45,16 @@ class ResidualPolicy(ActorCriticPolicy):
         **keywords: Any,
     ) -> None:
         self._hidden = hidden
-        self._valued = None if valued is None else torch.from_numpy(valued.astype(np.float32))
+        self._valued: torch.Tensor | None = None
+        if valued is not None:
+            self._valued = torch.from_numpy(valued.astype(np.float32))
         super().__init__(*arguments, **keywords)
-        weight, bias = torch.from_numpy(first[0]), torch.from_numpy(first[1])
+        first_weight, first_bias = first
         head = self.action_net
         assert isinstance(head, nn.Linear)
         with torch.no_grad():
-            head.weight[:, hidden:], head.bias[:] = weight, bias
+            head.weight[:, hidden:] = torch.from_numpy(first_weight)
+            head.bias[:] = torch.from_numpy(first_bias)
             if hasattr(self, "log_std"):
                 self.log_std[:] = torch.tensor(_LOG_DEVIATIONS)
 
@@ -74,8 +77,10 @@ class _Layers(nn.Module):
     def __init__(self, inputs: int, hidden: int, valued: torch.Tensor | None) -> None:
         super().__init__()
         self._valued = valued
-        self.policy_net, self.value_net = _two_layers(inputs, hidden), _two_layers(inputs, hidden)
-        self.latent_dim_pi, self.latent_dim_vf = hidden + inputs, hidden
+        self.policy_net = _two_layers(inputs, hidden)
+        self.value_net = _two_layers(inputs, hidden)
+        self.latent_dim_pi = hidden + inputs
+        self.latent_dim_vf = hidden
 
     def forward(self, inputs: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         return self.forward_actor(inputs), self.forward_critic(inputs)

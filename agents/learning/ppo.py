@@ -117,15 +117,15 @@ def train(
         written_after = {settings.rollout * (updates * part // checkpoints) for part in range(1, checkpoints)}
         begin_anew()
         callback = TrainingCallback(
-            folder,
-            total,
-            written_after,
-            console,
-            math.ceil(total / curve),
-            measured,
-            lambda: layers_of(model),
-            best,
-            begin_anew,
+            folder=folder,
+            steps=total,
+            checkpoints=written_after,
+            console=console,
+            every=math.ceil(total / curve),
+            measure=measured,
+            layers=lambda: layers_of(model),
+            best=best,
+            begin_anew=begin_anew,
         )
         if wandb is not None:
             model.logger.output_formats.append(WandbOutput(wandb, folder, details["training"]))
@@ -151,13 +151,15 @@ def train(
 
 def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
     """An untrained learner with its missions, on the CPU, which is fastest for so small a network."""
-    by_start, keywords = settings.by_start, vars(options) | {"discount": settings.discount}
+    by_start = settings.by_start
+    keywords = vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
     known = missions.batch.known
     inputs = inputs_of(settings, known)
     env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True, senses_on_the_go=True)
-    start = first_policy(known, inputs)
-    network = {"hidden": settings.hidden, "first": start, "valued": valued(known) if settings.start == DMAX else None}
+    network = {"hidden": settings.hidden, "first": first_policy(known, inputs), "valued": None}
+    if settings.start == DMAX:
+        network["valued"] = valued(known)
     model = PPO(
         ResidualPolicy,
         env,
@@ -179,7 +181,9 @@ def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
 
 def inputs_of(settings: PPOSettings, known: Known) -> BeliefInputs | None:
     """Inputs of a policy beside the observation; None from scratch."""
-    return make_inputs(known) if settings.start == DMAX else None
+    if settings.start != DMAX:
+        return None
+    return make_inputs(known)
 
 
 def draw_anew(model: PPO, seed: int) -> None:
@@ -197,12 +201,14 @@ def stagger(model: PPO) -> None:
     ended = np.zeros(env.num_envs, np.bool_)
     seen = env.reset()
     for decision in range(_STAGGERED):
-        seen, _, ended, _ = env.step(model.predict(seen)[0])  # type: ignore[assignment]
+        actions, _ = model.predict(seen)
+        seen, _, ended, _ = env.step(actions)  # type: ignore[assignment]
         begins_now = begins == decision
         if begins_now.any():
             seen = env.begin(begins_now)
             ended |= begins_now
-    model._last_obs, model._last_episode_starts = seen, ended
+    model._last_obs = seen
+    model._last_episode_starts = ended
 
 
 def deployed(model: PPO, inputs: BeliefInputs | None) -> NetworkPolicy:
@@ -216,7 +222,8 @@ def one_thread() -> Iterator[None]:
 
     Batches are too small to gain from more, and idle threads of one library slow the others on a busy machine.
     """
-    torch_threads, numba_threads = torch.get_num_threads(), numba.get_num_threads()
+    torch_threads = torch.get_num_threads()
+    numba_threads = numba.get_num_threads()
     torch.set_num_threads(1)
     numba.set_num_threads(1)
     try:

@@ -73,7 +73,8 @@ class SB3Adapter(VecEnv):
         for key in info_keys:
             if key not in INFO_KEYS:
                 raise ValueError(f"info_keys has {key!r}; choose from {', '.join(INFO_KEYS)}")
-        self.env, self.missions = env, missions
+        self.env = env
+        self.missions = missions
         space = env.single_observation_space
         if inputs is not None:
             features = len(names_of(bool(missions.options.docks)))
@@ -82,7 +83,8 @@ class SB3Adapter(VecEnv):
         self._stranding_cost = stranding_cost
         self._inputs = inputs
         self._late_is_lost = late_is_lost
-        self._senses_on_the_go, self._info_keys = senses_on_the_go, tuple(info_keys)
+        self._senses_on_the_go = senses_on_the_go
+        self._info_keys = tuple(info_keys)
         self._returns = np.zeros(env.num_envs)
         self._lengths = np.zeros(env.num_envs, np.int64)
         self._start_s = time.time()
@@ -101,60 +103,68 @@ class SB3Adapter(VecEnv):
             batch.generators = [seeding.np_random(seed)[0] for seed in self._seeds]
         self._reset_seeds()
         observations, _ = self.env.reset()
-        self._returns[:], self._lengths[:] = 0.0, 0
+        self._returns[:] = 0.0
+        self._lengths[:] = 0
         return self._seen(observations, np.ones(self.num_envs, np.bool_))
 
     def begin(self, which: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Restart the missions of a mask of shape (num_envs,), whatever their state; the others wait."""
         observations, _ = self.env.reset(options={"reset_mask": which})
-        self._returns[which], self._lengths[which] = 0.0, 0
+        self._returns[which] = 0.0
+        self._lengths[which] = 0
         return self._seen(observations, which)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Store the actions of the next step."""
-        self._actions = sensing_on_the_go(np.asarray(actions)) if self._senses_on_the_go else actions
+        if self._senses_on_the_go:
+            actions = sensing_on_the_go(np.asarray(actions))
+        self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step all missions."""
         potentials = self.missions.batch.records["potential"].copy()
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
-        after = info.get("final_info", info)  # after the decision, before missions restart
+        step_info = info.get("final_info", info)  # after the decision, before missions restart
         last_observations = info.get("final_obs", observations)
         if ended.any():
-            rewards = rewards - self._stranding_cost * (after["stranded"] & ended)
+            rewards = rewards - self._stranding_cost * (step_info["stranded"] & ended)
             if self._late_is_lost:
                 late = truncated & ~terminated
-                rewards = np.where(late, rewards - after["reward_terms"]["shaping"] - potentials, rewards)
+                rewards = np.where(late, rewards - step_info["reward_terms"]["shaping"] - potentials, rewards)
                 truncated = terminated
         self._returns += rewards
         self._lengths += 1
-        infos = self._infos(after)
+        infos = self._infos(step_info)
         for i in np.flatnonzero(ended).tolist():
             cut_off = bool(truncated[i] and not terminated[i])
-            infos[i] = self._final_info(after, last_observations, i) | {"TimeLimit.truncated": cut_off}
-        self._returns[ended], self._lengths[ended] = 0.0, 0
+            infos[i] = self._final_info(step_info, last_observations, i) | {"TimeLimit.truncated": cut_off}
+        self._returns[ended] = 0.0
+        self._lengths[ended] = 0
         if ended.any() and self.missions.autoreset_mode is AutoresetMode.DISABLED:
             observations, _ = self.env.reset(options={"reset_mask": ended})
         return self._seen(observations, ended), rewards.astype(np.float32), ended, infos
 
     def _seen(self, observations: NDArray[np.float32], begun: NDArray[np.bool_]) -> NDArray[np.float32]:
-        return observations if self._inputs is None else self._inputs(observations, begun)
+        """Observations as the policy gets them."""
+        if self._inputs is None:
+            return observations
+        return self._inputs(observations, begun)
 
-    def _infos(self, after: dict[str, Any]) -> list[dict[str, Any]]:
+    def _infos(self, step_info: dict[str, Any]) -> list[dict[str, Any]]:
         """The chosen keys of `info`, for each mission."""
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for key in self._info_keys:
-            for info, value in zip(infos, _of_each(after[key]), strict=True):
+            for info, value in zip(infos, _of_each(step_info[key]), strict=True):
                 info[key] = value
         return infos
 
-    def _final_info(self, after: dict[str, Any], last_observations: Any, i: int) -> dict[str, Any]:
+    def _final_info(self, step_info: dict[str, Any], last_observations: Any, i: int) -> dict[str, Any]:
         elapsed_s = round(time.time() - self._start_s, 6)
         return {
-            **{key: _of_one(after[key], i) for key in INFO_KEYS},
+            **{key: _of_one(step_info[key], i) for key in INFO_KEYS},
             "terminal_observation": last_observations[i],
-            "is_success": bool(after["home"][i]),
+            "is_success": bool(step_info["home"][i]),
             "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": elapsed_s},
         }
 
@@ -189,7 +199,9 @@ class SB3Adapter(VecEnv):
 
 def _of_one(values: Any, i: int) -> Any:
     """The values of one mission, from arrays or dictionaries of them."""
-    return {name: column[i].item() for name, column in values.items()} if isinstance(values, dict) else values[i].item()
+    if isinstance(values, dict):
+        return {name: column[i].item() for name, column in values.items()}
+    return values[i].item()
 
 
 def _of_each(values: Any) -> list[Any]:

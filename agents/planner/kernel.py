@@ -8,10 +8,10 @@ that of memory (information per sample). The Lagrangian of a metre is
 
 Arguments that functions share:
 
-    b: Record of `BELIEF_DTYPE`.
-    v: `homeward.estimation.drive.Vehicle`.
+    belief: Record of `BELIEF_DTYPE`.
+    vehicle: `homeward.estimation.drive.Vehicle`.
     model: Record of `MODEL_DTYPE`.
-    s: Record of `SHARED_DTYPE`.
+    shared: Record of `SHARED_DTYPE`.
     drive: Energy of a metre out at each speed level and, last, of a metre home, shape (LEVELS + 1,).
 """
 
@@ -97,18 +97,18 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
         constants: `SHARED_DTYPE`, shape (1,).
         commands: Written: speed (m/s), sensing rate (Hz) and 1 to stop for the radio, shape (n, 3).
     """
-    s, model = constants[0], models[0]
+    shared, model = constants[0], models[0]
     drives = np.empty((1 + len(AHEAD), LEVELS + 1))
     for n in range(len(beliefs)):
-        b = beliefs[n]
-        _drive(b, vehicle, model, s, b.sine_here, drives[0])
+        belief = beliefs[n]
+        _drive(belief, vehicle, model, shared, belief.sine_here, drives[0])
         for stretch in range(len(AHEAD)):
-            _drive(b, vehicle, model, s, b.sine_ahead[stretch], drives[1 + stretch])
+            _drive(belief, vehicle, model, shared, belief.sine_ahead[stretch], drives[1 + stretch])
         information = model.interest * model.found[LEVELS - 1, LEVELS // 2]
         cost = (
             drives[1, LEVELS - 1]
             + drives[1, LEVELS]
-            + b.gain * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
+            + belief.gain * model.sensing[LEVELS // 2] / model.speeds_mps[LEVELS - 1]
         )
         most_information = -1.0
         best_energy = information / cost
@@ -118,13 +118,15 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
                 energy_multiplier = eagerness * information / cost
                 sample_multiplier = 0.0
                 if stop >= 0.0:
-                    sample_multiplier = energy_multiplier * b.gain * model.standing / _radio(s, stop * s.link_m, False)
-                information_found = _follow(b, model, s, drives, energy_multiplier, sample_multiplier)
+                    sample_multiplier = (
+                        energy_multiplier * belief.gain * model.standing / _radio(shared, stop * shared.link_m, False)
+                    )
+                information_found = _follow(belief, model, shared, drives, energy_multiplier, sample_multiplier)
                 if information_found > most_information:
                     most_information = information_found
                     best_energy = energy_multiplier
                     best_sample = sample_multiplier
-        _command(b, model, s, drives[0], best_energy, best_sample, commands[n])
+        _command(belief, model, shared, drives[0], best_energy, best_sample, commands[n])
 
 
 @compiled
@@ -139,40 +141,53 @@ def efficient_speeds(beliefs: Any, vehicle: Any, models: Any, constants: Any, ah
         ahead: 1 for robots driving out and -1 for those driving home, shape (n,).
         speeds_mps: Written, m/s, shape (n,).
     """
-    s, model = constants[0], models[0]
+    shared, model = constants[0], models[0]
     for n in range(len(beliefs)):
         least_cost = np.inf
         drive = np.zeros(LEVELS + 1)
-        b = beliefs[n]
-        _drive(b, vehicle, model, s, b.sine_here, drive)
+        belief = beliefs[n]
+        _drive(belief, vehicle, model, shared, belief.sine_here, drive)
         for speed in range(LEVELS):
-            home = ahead[n] < 0.0
-            cost = _cost(b, vehicle, model, s, speed, b.sine_here, -1.0) if home else drive[speed]
-            if cost < least_cost and (home or _fits(b, model, s, drive, speed)):
-                least_cost, speeds_mps[n] = cost, model.speeds_mps[speed]
+            if ahead[n] < 0.0:
+                cost = _cost(belief, vehicle, model, shared, speed, belief.sine_here, -1.0)
+                is_allowed = True
+            else:
+                cost = drive[speed]
+                is_allowed = _fits(belief, model, shared, drive, speed)
+            if cost < least_cost and is_allowed:
+                least_cost = cost
+                speeds_mps[n] = model.speeds_mps[speed]
 
 
 @called
-def _radio(s: Any, position_m: float, moving: bool) -> float:
+def _radio(shared: Any, position_m: float, moving: bool) -> float:
     """Samples that the radio sends per second at a distance from home."""
-    share = sensing.DRIVING_LINK if moving else 1.0
-    return float(share * s.radio_hz / sensing.fading(position_m, s.per_link_m))
+    share = 1.0
+    if moving:
+        share = sensing.DRIVING_LINK
+    return float(share * shared.radio_hz / sensing.fading(position_m, shared.per_link_m))
 
 
 @called
 def _metre(model: Any, speed: int, sine: float) -> float:
     """Energy of a metre by the model at a speed level, interpolated linearly in the sine of the slope."""
     last_sine = model.per_m.shape[1] - 1
-    entry = (min(max(sine / model.steepest, -1.0), 1.0) + 1.0) * 0.5 * last_sine
+    steepness = min(max(sine / model.steepest, -1.0), 1.0)
+    entry = (steepness + 1.0) * 0.5 * last_sine
     low = min(int(entry), last_sine - 1)
-    return float(model.per_m[speed, low] + (entry - low) * (model.per_m[speed, low + 1] - model.per_m[speed, low]))
+    low_energy = model.per_m[speed, low]
+    high_energy = model.per_m[speed, low + 1]
+    return float(low_energy + (entry - low) * (high_energy - low_energy))
 
 
 @called
 def _best_way(
     energy_gain: float, model: Any, drive: Any, interest: float, energy_multiplier: float, sample_multiplier: float
 ) -> tuple[int, int]:
-    """Levels of speed and sensing rate that maximise the Lagrangian of a metre out; `energy_gain` is `gain` of `b`."""
+    """Levels of speed and sensing rate that maximise the Lagrangian of a metre out.
+
+    `energy_gain` is `gain` of the belief.
+    """
     best_value = -1e300
     best_speed = LEVELS - 1
     best_rate = 0
@@ -182,12 +197,16 @@ def _best_way(
             value = interest * model.found[speed, rate] - sample_multiplier * model.rates_hz[rate] * s_per_m
             value -= energy_multiplier * (drive[speed] + energy_gain * model.sensing[rate] * s_per_m)
             if value > best_value:
-                best_value, best_speed, best_rate = value, speed, rate
+                best_value = value
+                best_speed = speed
+                best_rate = rate
     return best_speed, best_rate
 
 
 @called
-def _follow(b: Any, model: Any, s: Any, drives: Any, energy_multiplier: float, sample_multiplier: float) -> float:
+def _follow(
+    belief: Any, model: Any, shared: Any, drives: Any, energy_multiplier: float, sample_multiplier: float
+) -> float:
     """Simulate the way out, place by place, and return the information found.
 
     In each place the robot first stops until the backlog is sent, if that has a positive Lagrangian, and then drives as
@@ -197,43 +216,48 @@ def _follow(b: Any, model: Any, s: Any, drives: Any, energy_multiplier: float, s
     Args:
         drives: `drive` here and in each stretch ahead, shape (1 + stretches, LEVELS + 1).
     """
-    place = min(int(b.position_m * s.per_place_m), s.places - 1)
-    position_m, margin, backlog = b.position_m, b.margin, b.backlog
-    left_s = b.left_s - position_m / s.cruise_mps
-    information, stretch = 0.0, -1
-    way = _way(model, b.gain, drives[0], b.interest_here, model.spread[0], energy_multiplier, sample_multiplier)
-    for k in range(place, s.places):
+    place = min(int(belief.position_m * shared.per_place_m), shared.places - 1)
+    position_m = belief.position_m
+    margin = belief.margin
+    backlog = belief.backlog
+    left_s = belief.left_s - position_m / shared.cruise_mps
+    information = 0.0
+    stretch = -1
+    way = _way(
+        model, belief.gain, drives[0], belief.interest_here, model.spread[0], energy_multiplier, sample_multiplier
+    )
+    for k in range(place, shared.places):
         if stretch + 1 < len(AHEAD) and k - place == AHEAD[stretch + 1][0]:
             stretch += 1
             way = _way(
-                model, b.gain, drives[1 + stretch], b.interest_ahead[stretch], model.spread[stretch],
+                model, belief.gain, drives[1 + stretch], belief.interest_ahead[stretch], model.spread[stretch],
                 energy_multiplier, sample_multiplier,
             )  # fmt: skip
         gain, energy, samples, time_s = way
-        radio_hz = _radio(s, position_m, False)
-        if sample_multiplier * radio_hz > energy_multiplier * b.gain * model.standing:
+        radio_hz = _radio(shared, position_m, False)
+        if sample_multiplier * radio_hz > energy_multiplier * belief.gain * model.standing:
             stop_s = min(backlog / radio_hz, max(left_s, 0.0))
-            margin -= stop_s * b.gain * model.standing
+            margin -= stop_s * belief.gain * model.standing
             left_s -= stop_s
             backlog -= stop_s * radio_hz
         if margin <= 0.0 or left_s <= 0.0:
             break
-        room_m = (k + 1) * s.place_m - position_m
-        way_m = min(room_m, margin / energy, left_s / (time_s + 1.0 / s.cruise_mps))
+        room_m = (k + 1) * shared.place_m - position_m
+        way_m = min(room_m, margin / energy, left_s / (time_s + 1.0 / shared.cruise_mps))
         position_m += way_m
         margin -= way_m * energy
-        left_s -= way_m * (time_s + 1.0 / s.cruise_mps)
-        sent = way_m * time_s * _radio(s, position_m, True)
+        left_s -= way_m * (time_s + 1.0 / shared.cruise_mps)
+        sent = way_m * time_s * _radio(shared, position_m, True)
         samples_taken = way_m * samples
         backlog = max(backlog + samples_taken - sent, 0.0)
         information += way_m * gain
-        if backlog > s.backlog_limit:
+        if backlog > shared.backlog_limit:
             # It stops until there is room, or loses what does not fit if energy or time do not suffice.
-            excess, radio_hz = backlog - s.backlog_limit, _radio(s, position_m, False)
-            stop_s = excess / radio_hz
-            backlog = s.backlog_limit
-            if stop_s * b.gain * model.standing <= margin and stop_s <= left_s:
-                margin -= stop_s * b.gain * model.standing
+            excess = backlog - shared.backlog_limit
+            stop_s = excess / _radio(shared, position_m, False)
+            backlog = shared.backlog_limit
+            if stop_s * belief.gain * model.standing <= margin and stop_s <= left_s:
+                margin -= stop_s * belief.gain * model.standing
                 left_s -= stop_s
             else:
                 information -= way_m * gain * min(excess / max(samples_taken, 1e-9), 1.0)
@@ -267,60 +291,65 @@ def _way(
         energy += drive[speed] + energy_gain * model.sensing[rate] * s_per_m
         samples += model.rates_hz[rate] * s_per_m
         time_s += s_per_m
-    return gain / _KINDS, energy / _KINDS + drive[LEVELS], samples / _KINDS, time_s / _KINDS
+    return (
+        gain / _KINDS,
+        energy / _KINDS + drive[LEVELS],
+        samples / _KINDS,
+        time_s / _KINDS,
+    )
 
 
 @called
-def _drive(b: Any, v: Any, model: Any, s: Any, sine: float, drive: Any) -> None:
+def _drive(belief: Any, vehicle: Any, model: Any, shared: Any, sine: float, drive: Any) -> None:
     """Write `drive` on a slope: a metre out at each speed and, last, home at the fastest, with the reserve."""
     for speed in range(LEVELS):
-        drive[speed] = _cost(b, v, model, s, speed, sine, 1.0)
-    drive[LEVELS] = (1.0 + b.reserve) * _cost(b, v, model, s, LEVELS - 1, sine, -1.0)
+        drive[speed] = _cost(belief, vehicle, model, shared, speed, sine, 1.0)
+    drive[LEVELS] = (1.0 + belief.reserve) * _cost(belief, vehicle, model, shared, LEVELS - 1, sine, -1.0)
 
 
 @called
-def _cost(b: Any, v: Any, model: Any, s: Any, speed: int, sine: float, ahead: float) -> float:
+def _cost(belief: Any, vehicle: Any, model: Any, shared: Any, speed: int, sine: float, ahead: float) -> float:
     """Energy of a metre out (`ahead` 1) or home (-1) on a slope of the way out, by the posterior mean.
 
     The model's energy times `gain`, with its driving replaced by that with the estimated rolling, weight and wind.
     """
     speed_mps = model.speeds_mps[speed]
-    against_mps = ahead * headwind(b.wind_east_mps, b.wind_north_mps, b.east, b.north)
-    more_j = b.rolling * rolling(v, sine) + b.weight * climbing(v, ahead * sine)
-    more_j = max(more_j + b.gain * drag(v, speed_mps, against_mps), 0.0)
-    more_j -= b.gain * modelled_driving(v, ahead * sine, speed_mps)
+    against_mps = ahead * headwind(belief.wind_east_mps, belief.wind_north_mps, belief.east, belief.north)
+    more_j = belief.rolling * rolling(vehicle, sine) + belief.weight * climbing(vehicle, ahead * sine)
+    more_j = max(more_j + belief.gain * drag(vehicle, speed_mps, against_mps), 0.0)
+    more_j -= belief.gain * modelled_driving(vehicle, ahead * sine, speed_mps)
     modelled = _metre(model, speed, ahead * sine)
-    return float(max(b.gain * modelled + more_j / s.usable_j, _LEAST_RATIO * modelled))
+    return float(max(belief.gain * modelled + more_j / shared.usable_j, _LEAST_RATIO * modelled))
 
 
 @called
-def _fits(b: Any, model: Any, s: Any, drive: Any, speed: int) -> bool:
+def _fits(belief: Any, model: Any, shared: Any, drive: Any, speed: int) -> bool:
     """Whether the margin suffices for a decision at a speed, out and home; at the lowest it always does."""
-    more_m = (model.speeds_mps[speed] - model.speeds_mps[0]) * s.decision_s
-    return bool(more_m * (drive[speed] + drive[LEVELS]) <= max(b.margin, 0.0))
+    more_m = (model.speeds_mps[speed] - model.speeds_mps[0]) * shared.decision_s
+    return bool(more_m * (drive[speed] + drive[LEVELS]) <= max(belief.margin, 0.0))
 
 
 @called
 def _command(
-    b: Any, model: Any, s: Any, drive: Any, energy_multiplier: float, sample_multiplier: float, command: Any
+    belief: Any, model: Any, shared: Any, drive: Any, energy_multiplier: float, sample_multiplier: float, command: Any
 ) -> None:
     """Write the command of the next decision, which maximises the Lagrangian: see `plan`."""
-    radio_hz = _radio(s, b.position_m, False)
-    standing = energy_multiplier * b.gain * model.standing
-    stops = sample_multiplier * radio_hz > standing and b.backlog >= radio_hz * s.decision_s
+    radio_hz = _radio(shared, belief.position_m, False)
+    standing = energy_multiplier * belief.gain * model.standing
+    stops = sample_multiplier * radio_hz > standing and belief.backlog >= radio_hz * shared.decision_s
     # Part of the next decision may be in the next place.
-    step_m = s.max_speed_mps * s.decision_s
-    beyond = b.position_m + step_m - (np.floor(b.position_m * s.per_place_m) + 1.0) * s.place_m
+    step_m = shared.max_speed_mps * shared.decision_s
+    beyond = belief.position_m + step_m - (np.floor(belief.position_m * shared.per_place_m) + 1.0) * shared.place_m
     share = min(max(beyond / step_m, 0.0), 1.0)
-    interest = (1.0 - share) * b.interest_here + share * b.interest_ahead[0]
-    speed, rate = _best_way(b.gain, model, drive, interest, energy_multiplier, sample_multiplier)
-    if b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit:
+    interest = (1.0 - share) * belief.interest_here + share * belief.interest_ahead[0]
+    speed, rate = _best_way(belief.gain, model, drive, interest, energy_multiplier, sample_multiplier)
+    if belief.backlog + model.rates_hz[rate] * shared.decision_s > shared.backlog_limit:
         # The memory is full: samples taken now must be sent from here.
         speed, rate = _best_way(
-            b.gain, model, drive, interest, energy_multiplier, max(sample_multiplier, standing / radio_hz)
+            belief.gain, model, drive, interest, energy_multiplier, max(sample_multiplier, standing / radio_hz)
         )
-        stops = stops or b.backlog + model.rates_hz[rate] * s.decision_s > s.backlog_limit
-    while not _fits(b, model, s, drive, speed):
+        stops = stops or belief.backlog + model.rates_hz[rate] * shared.decision_s > shared.backlog_limit
+    while not _fits(belief, model, shared, drive, speed):
         speed -= 1
     command[0] = model.speeds_mps[speed]
     command[1] = model.rates_hz[rate]

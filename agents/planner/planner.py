@@ -63,17 +63,21 @@ class Planner(Policy):
 
     def __init__(self, known: Known, deviations: float) -> None:
         self._known = known
-        s, robot = known.shared[0], known.robot
+        s = known.shared[0]
+        robot = known.robot
         self._senses = bool(s["senses"])
         pace = Pace(float(self._senses), 0.0, 1.0)
         self.rule: BelievingRule
         self._belief: Belief | None = None
         self._vehicle = vehicle_of(known)
-        if s["shuttles"]:
-            self.rule = (LapRule if sees_posts(known) else AdaptiveDmaxRule)(known, pace, deviations)
-        else:
-            self.rule = rule = BeliefDmaxRule(known, pace, deviations, float(s["min_speed_mps"]))
+        if not s["shuttles"]:
+            rule = BeliefDmaxRule(known, pace, deviations, float(s["min_speed_mps"]))
+            self.rule = rule
             self._belief = rule.belief
+        elif sees_posts(known):
+            self.rule = LapRule(known, pace, deviations)
+        else:
+            self.rule = AdaptiveDmaxRule(known, pace, deviations)
         self._model = np.zeros(1, kernel.MODEL_DTYPE)
         model = self._model[0]
         speed_limits, rate_limits = limits(known)
@@ -102,39 +106,56 @@ class Planner(Policy):
 
         `rule.turns` must have been called with the same observations before: it updates the belief.
         """
-        s, beliefs = self._known.shared[0], self._beliefs(observations)
-        outwards = feature(observations, "outbound") if s["shuttles"] else 1.0
-        speed_mps, sensing_hz, stops = np.zeros((3, len(observations)))
-        numbers = self._vehicle, self._model, self._known.shared
-        kernel.efficient_speeds(beliefs, *numbers, np.where(homebound, -1.0, outwards), speed_mps)
+        s = self._known.shared[0]
+        count = len(observations)
+        beliefs = self._beliefs(observations)
+        outwards = np.ones(count)
+        if s["shuttles"]:
+            outwards = feature(observations, "outbound")
+        ahead = np.where(homebound, -1.0, outwards)
+        speed_mps = np.zeros(count)
+        sensing_hz = np.zeros(count)
+        stops = np.zeros(count)
+        kernel.efficient_speeds(beliefs, self._vehicle, self._model, self._known.shared, ahead, speed_mps)
         if self._senses:
-            out = ~homebound
-            commands = np.empty((out.sum(), 3))
-            kernel.plan(beliefs[out], *numbers, commands)
-            speed_mps[out], sensing_hz[out], stops[out] = commands.T
+            goes_on = ~homebound
+            commands = np.empty((goes_on.sum(), 3))
+            kernel.plan(beliefs[goes_on], self._vehicle, self._model, self._known.shared, commands)
+            speed_mps[goes_on] = commands[:, 0]
+            sensing_hz[goes_on] = commands[:, 1]
+            stops[goes_on] = commands[:, 2]
         charges = self.rule.charges
-        speed_mps, sensing_hz = np.where(charges, s["cruise_mps"], speed_mps), np.where(charges, 0.0, sensing_hz)
+        speed_mps = np.where(charges, s["cruise_mps"], speed_mps)
+        sensing_hz = np.where(charges, 0.0, sensing_hz)
         mode = np.where(charges | (stops > 0.0), STOP, np.where(homebound, RETURN, GO))
         actions = encode_actions(self._known, speed_mps, sensing_hz, mode)
         if self._belief:
-            actions[self._belief.looks_back(observations) & ~homebound & ~charges] = self._belief.back_action
+            looks_back = self._belief.looks_back(observations) & ~homebound & ~charges
+            actions[looks_back] = self._belief.back_action
         return actions
 
     def _beliefs(self, observations: Observations) -> NDArray[np.void]:
-        s, outlook = self._known.shared[0], self.rule.outlook
+        s = self._known.shared[0]
+        outlook = self.rule.outlook
         beliefs = np.zeros(len(observations), kernel.BELIEF_DTYPE)
         if self._belief:
-            believed = self._belief.estimator.mean()
-            for name, state in (("gain", GAIN), ("rolling", ROLLING), ("weight", WEIGHT)):
-                beliefs[name] = believed[:, state] * believed[:, PER_CAPACITY]
-            beliefs["wind_east_mps"] = believed[:, EAST] + believed[:, GUST_EAST]
-            beliefs["wind_north_mps"] = believed[:, NORTH] + believed[:, GUST_NORTH]
+            # As shares of the estimated battery, which is smaller than the file's.
+            mean = self._belief.estimator.mean()
+            beliefs["gain"] = mean[:, GAIN] * mean[:, PER_CAPACITY]
+            beliefs["rolling"] = mean[:, ROLLING] * mean[:, PER_CAPACITY]
+            beliefs["weight"] = mean[:, WEIGHT] * mean[:, PER_CAPACITY]
+            beliefs["wind_east_mps"] = mean[:, EAST] + mean[:, GUST_EAST]
+            beliefs["wind_north_mps"] = mean[:, NORTH] + mean[:, GUST_NORTH]
         else:
-            beliefs["gain"] = beliefs["rolling"] = beliefs["weight"] = 1.0
+            beliefs["gain"] = 1.0
+            beliefs["rolling"] = 1.0
+            beliefs["weight"] = 1.0
         reserve = self.rule.deviations * outlook.deviation
         beliefs["reserve"] = reserve / np.maximum(outlook.home + outlook.onwards, 1e-9)
         # On patrols the rule plans whole laps.
-        beliefs["margin"] = self.rule.margin if self._belief else np.inf
+        beliefs["margin"] = np.inf
+        if self._belief:
+            beliefs["margin"] = self.rule.margin
         beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
@@ -160,7 +181,8 @@ def _spread(places: int) -> NDArray[np.float64]:
     correlation = float(np.exp(-lags / (INTEREST_LENGTH * GENERATED_PLACES)).mean())
     deviation = INTEREST_DEVIATION * (1.0 - correlation) ** 0.5
     normal = NormalDist()
-    borders = [-np.inf, *(normal.inv_cdf(k / count) for k in range(1, count)), np.inf]
-    # Mean of a log-normal variable between two quantiles.
-    shares = np.diff([0.0 if z == -np.inf else 1.0 if z == np.inf else normal.cdf(z - deviation) for z in borders])
-    return np.asarray(count * shares)
+    quantiles = [normal.inv_cdf(k / count) for k in range(1, count)]
+    # Share of a log-normal variable's mean that its part below a quantile contributes: the probability of a normal
+    # variable below that quantile less a deviation.
+    shares_below = [0.0, *(normal.cdf(z - deviation) for z in quantiles), 1.0]
+    return np.asarray(count * np.diff(shares_below))

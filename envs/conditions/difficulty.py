@@ -92,15 +92,15 @@ DRAWN = ("health", "rolling", "payload", "surface")
 
 
 @inline
-def draw(rng: Any, p: Any, base: Any, m: Any, hidden: Any) -> None:
+def draw(rng: Any, p: Any, base: Any, mission: Any, hidden: Any) -> None:
     """Draw the true robot of a mission around a base, by default the robot of the file.
 
     At every difficulty the same random numbers are drawn, so that a seed gives the same conditions.
     """
     drawn = hidden.drawn
     health, rolling, payload, surface = rng.random(), rng.random(), rng.random(), rng.random()
-    m.capacity_j = hidden.full_j * (drawn.health.low + drawn.health.span * health)
-    m.energy_j = m.capacity_j
+    mission.capacity_j = hidden.full_j * (drawn.health.low + drawn.health.span * health)
+    mission.energy_j = mission.capacity_j
     p.effects = base.effects
     p.rolling_resistance = base.rolling_resistance * (drawn.rolling.low + drawn.rolling.span * rolling)
     p.payload_mass_kg = base.payload_mass_kg + (drawn.payload.low + drawn.payload.span * payload) * base.mass_kg

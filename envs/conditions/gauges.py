@@ -166,17 +166,25 @@ def write_gauge(gauge: Gauge, robot: Robot, step: float, lag_s: float, decision_
     """
     lag_s = gauge.lag_s or lag_s
     record["step"] = gauge.step or step
-    record["per_step"] = 1.0 / record["step"] if record["step"] else 0.0
+    record["per_step"] = 0.0
+    if record["step"]:
+        record["per_step"] = 1.0 / record["step"]
     record["lag_decisions"] = lag_s / decision_s
-    record["keeps"] = np.exp(-decision_s / lag_s) if lag_s else 0.0
+    record["keeps"] = 0.0
+    if lag_s:
+        record["keeps"] = np.exp(-decision_s / lag_s)
     low, high = gauge.reset_left
-    record["reset_low"], record["reset_span"], record["resets"] = low, high - low, high > 0.0
+    record["reset_low"] = low
+    record["reset_span"] = high - low
+    record["resets"] = high > 0.0
     record["maps"] = bool(gauge.map)
     if gauge.map:
         volts, shares = np.transpose(pack_map(gauge, robot))
-        beyond = MOST_POINTS - len(volts)
-        record["map_v"] = np.pad(volts, (0, beyond), mode="edge") + np.pad(np.arange(beyond) + 1.0, (len(volts), 0))
-        record["map_share"] = np.pad(shares, (0, beyond), mode="edge")
+        # Unused points follow the last one: a volt apart, with its share.
+        unused = MOST_POINTS - len(volts)
+        rising_v = np.pad(np.arange(unused) + 1.0, (len(volts), 0))
+        record["map_v"] = np.pad(volts, (0, unused), mode="edge") + rising_v
+        record["map_share"] = np.pad(shares, (0, unused), mode="edge")
 
 
 def rms_error(gauge: Gauge, robot: Robot, lasts_s: float, most_reset: float = np.inf) -> float:
@@ -201,8 +209,10 @@ def rms_error(gauge: Gauge, robot: Robot, lasts_s: float, most_reset: float = np
     if high > 0.0:  # the error at the reset lasts for the charge that was left
         at_reset = np.linspace(low, high, 201)
         mean_square = float(np.mean(at_reset * np.interp(at_reset, charge, squares)))
+    elif gauge.map:
+        mean_square = float(squares.mean())
     else:
-        mean_square = float(squares.mean()) if gauge.map else 0.0
+        mean_square = 0.0
     return float(np.sqrt(mean_square + gauge.step**2 / 12.0 + (gauge.lag_s / lasts_s) ** 2))
 
 
@@ -219,49 +229,52 @@ def lowest_believed(lowest: Any, soc: Any) -> Any:
 
 
 @inline
-def expect_rise(m: Any) -> None:
+def expect_rise(mission: Any) -> None:
     """Let a robot at a charger believe a gauge that rises."""
-    if m.soc_lowest != LOST:
-        m.soc_lowest = 1.0
+    if mission.soc_lowest != LOST:
+        mission.soc_lowest = 1.0
 
 
 @inline
-def choose(m: Any, shared: Any) -> None:
+def choose(mission: Any, shared: Any) -> None:
     """Draw the gauge of a mission, and when it is set anew, by the mission's key."""
-    m.gauge = np.int64(uniform(m.key, 0, GAUGE) * shared.gauge_count)
-    g = shared.gauges[m.gauge]
-    m.gauge_reset_left = g.reset_low + g.reset_span * uniform(m.key, 0, RESET)
-    m.gauge_shift = 0.0
+    mission.gauge = np.int64(uniform(mission.key, 0, GAUGE) * shared.gauge_count)
+    gauge = shared.gauges[mission.gauge]
+    mission.gauge_reset_left = gauge.reset_low + gauge.reset_span * uniform(mission.key, 0, RESET)
+    mission.gauge_shift = 0.0
 
 
 @inline
-def shown_by(m: Any, shared: Any, counted: float, charge: float, power_w: float) -> Any:
+def shown_by(mission: Any, shared: Any, counted: float, charge: float, power_w: float) -> Any:
     """State of charge that a gauge shows beyond steps, noise and lag.
 
     Args:
-        m: Mission record.
+        mission: Mission record.
         shared: Shared record.
         counted: What a counter shows.
         charge: True share of charge.
         power_w: Power out of the battery.
     """
-    g = shared.gauges[m.gauge]
-    if g.resets and charge >= m.gauge_reset_left:
-        return counted + m.gauge_shift
+    gauge = shared.gauges[mission.gauge]
+    if gauge.resets and charge >= mission.gauge_reset_left:
+        return counted + mission.gauge_shift
     target = 1.0
-    if g.maps:
+    if gauge.maps:
         rest_v = battery.open_circuit_v(shared.curve, charge)
-        target = _mapped(g, rest_v - shared.resistance_ohm * power_w / rest_v)
-    if g.resets:
-        m.gauge_shift, m.gauge_reset_left = target - counted, 0.0
+        target = _mapped(gauge, rest_v - shared.resistance_ohm * power_w / rest_v)
+    if gauge.resets:
+        mission.gauge_shift = target - counted
+        mission.gauge_reset_left = 0.0
     return target
 
 
 @inline
-def _mapped(g: Any, volts: float) -> Any:
+def _mapped(gauge: Any, volts: float) -> Any:
     """Share that a map shows; as `np.interp`, which takes ten times as long of one number."""
     k = 1
-    while k < MOST_POINTS - 1 and volts > g.map_v[k]:
+    while k < MOST_POINTS - 1 and volts > gauge.map_v[k]:
         k += 1
-    beyond = (volts - g.map_v[k - 1]) / (g.map_v[k] - g.map_v[k - 1])
-    return g.map_share[k - 1] + (g.map_share[k] - g.map_share[k - 1]) * min(max(beyond, 0.0), 1.0)
+    low_v = gauge.map_v[k - 1]
+    low_share = gauge.map_share[k - 1]
+    weight = (volts - low_v) / (gauge.map_v[k] - low_v)
+    return low_share + (gauge.map_share[k] - low_share) * min(max(weight, 0.0), 1.0)

@@ -140,61 +140,67 @@ def load_instruments(given: str | Path | Instruments) -> Instruments:
 
 
 @inline
-def begin(m: Any, shared: Any, gain: float, offset: float) -> None:
+def begin(mission: Any, shared: Any, gain: float, offset: float) -> None:
     """Reset the readings: no energy is metered yet, and the state of charge is 1.
 
     Args:
-        m: Mission record.
+        mission: Mission record.
         shared: Shared record.
         gain: Position of the meter's gain in its range, from 0 to 1.
         offset: The same of its offset.
     """
-    m.meter_gain = 1.0 + shared.power_gain * (2.0 * gain - 1.0)
-    m.meter_offset_w = shared.power_offset_w * (2.0 * offset - 1.0)
-    m.soc = m.soc_followed = m.soc_lowest = m.metered = 1.0
-    m.metered_j = m.metered_followed = m.read_w = m.read_mps = 0.0
-    m.sum_used_metered = m.sum_metered_squared = 0.0
-    m.supplied_j = m.charged = 0.0
-    gauges.choose(m, shared)
+    mission.meter_gain = 1.0 + shared.power_gain * (2.0 * gain - 1.0)
+    mission.meter_offset_w = shared.power_offset_w * (2.0 * offset - 1.0)
+    mission.soc = mission.soc_followed = mission.soc_lowest = mission.metered = 1.0
+    mission.metered_j = mission.metered_followed = mission.read_w = mission.read_mps = 0.0
+    mission.sum_used_metered = mission.sum_metered_squared = 0.0
+    mission.supplied_j = mission.charged = 0.0
+    gauges.choose(mission, shared)
 
 
 @inline
-def read(m: Any, shared: Any, used_j: float) -> None:
+def read(mission: Any, shared: Any, used_j: float) -> None:
     """Read the instruments after a decision that consumed a given energy."""
-    soc, power_w = m.energy_j / m.capacity_j, used_j * shared.per_decision
+    soc = mission.energy_j / mission.capacity_j
+    power_w = used_j * shared.per_decision
     if not shared.inexact:
-        m.soc, m.read_w, m.read_mps = soc, power_w, m.speed_mps
-        meter(m, shared)
+        mission.soc = soc
+        mission.read_w = power_w
+        mission.read_mps = mission.speed_mps
+        meter(mission, shared)
         return
-    m.read_mps = m.speed_mps * (1.0 + shared.speed_noise * normal(m.key, m.decisions, SPEED))
-    noise = shared.power_noise * normal(m.key, m.decisions, POWER)
-    m.read_w = power_w * (m.meter_gain + noise) + m.meter_offset_w
+    mission.read_mps = mission.speed_mps * (1.0 + shared.speed_noise * normal(mission.key, mission.decisions, SPEED))
+    noise = shared.power_noise * normal(mission.key, mission.decisions, POWER)
+    mission.read_w = power_w * (mission.meter_gain + noise) + mission.meter_offset_w
     # A gauge shows a share of charge, and lags by a first order behind one that falls evenly over the decision.
-    share_before = (m.energy_j + used_j) / m.capacity_j
+    share_before = (mission.energy_j + used_j) / mission.capacity_j
     if shared.curved:
-        soc, share_before = battery.charge_share(shared.curve, soc), battery.charge_share(shared.curve, share_before)
-    g = shared.gauges[m.gauge]
-    lag_share = (share_before - soc) * g.lag_decisions
-    m.soc_followed = soc + lag_share + (m.soc_followed - share_before - lag_share) * g.keeps
-    shown = m.soc_followed
-    if g.maps or g.resets:
-        shown = gauges.shown_by(m, shared, shown, soc, power_w)
+        soc = battery.charge_share(shared.curve, soc)
+        share_before = battery.charge_share(shared.curve, share_before)
+    gauge = shared.gauges[mission.gauge]
+    lag_share = (share_before - soc) * gauge.lag_decisions
+    mission.soc_followed = soc + lag_share + (mission.soc_followed - share_before - lag_share) * gauge.keeps
+    shown = mission.soc_followed
+    if gauge.maps or gauge.resets:
+        shown = gauges.shown_by(mission, shared, shown, soc, power_w)
     if shared.soc_noise > 0.0:
-        shown += shared.soc_noise * normal(m.key, m.decisions, SOC)
-    if g.step > 0.0:
-        shown = g.step * np.floor(shown * g.per_step + 0.5)
-    m.soc = in_energy(shared, min(max(shown, 0.0), 1.0))
-    meter(m, shared)
+        shown += shared.soc_noise * normal(mission.key, mission.decisions, SOC)
+    if gauge.step > 0.0:
+        shown = gauge.step * np.floor(shown * gauge.per_step + 0.5)
+    mission.soc = in_energy(shared, min(max(shown, 0.0), 1.0))
+    meter(mission, shared)
 
 
 @inline
 def in_energy(shared: Any, soc: Any) -> Any:
     """Share of the usable energy that a state of charge is, by the robot's file."""
-    return battery.energy_share(shared.curve, soc) if shared.curved else soc
+    if shared.curved:
+        return battery.energy_share(shared.curve, soc)
+    return soc
 
 
 @inline
-def meter(m: Any, shared: Any) -> None:
+def meter(mission: Any, shared: Any) -> None:
     """Estimate the state of charge by the power meter, from its readings and those of the state of charge.
 
     This estimate also changes between the steps of the state-of-charge reading. It is the metered energy over the
@@ -202,24 +208,25 @@ def meter(m: Any, shared: Any) -> None:
     with the robot's file as the prior. Each is compared with the metered energy at the same lag. A gauge that has risen
     (`gauges.RISE`) counts no more.
     """
-    m.metered_j += m.read_w * shared.decision_s
-    charged_j = -m.ledger_j[CHARGER] - m.supplied_j
-    m.supplied_j = -m.ledger_j[CHARGER]
+    mission.metered_j += mission.read_w * shared.decision_s
+    charged_j = -mission.ledger_j[CHARGER] - mission.supplied_j
+    mission.supplied_j = -mission.ledger_j[CHARGER]
     if not shared.inexact:
-        m.metered = m.soc
-        m.charged += charged_j / m.capacity_j
+        mission.metered = mission.soc
+        mission.charged += charged_j / mission.capacity_j
         return
-    metered, step = m.metered_j * shared.per_usable_j, m.read_w * shared.decision_s * shared.per_usable_j
-    lag_metered = step * shared.soc_lag_decisions
-    m.metered_followed = metered - lag_metered + (m.metered_followed - metered + step + lag_metered) * shared.soc_keeps
-    m.soc_lowest = gauges.lowest_believed(m.soc_lowest, m.soc)
-    if m.soc_lowest != gauges.LOST:
-        m.sum_used_metered += (1.0 - m.soc) * m.metered_followed
-        m.sum_metered_squared += m.metered_followed * m.metered_followed
-    per_metered = shared.soc_prior * shared.soc_per_metered + m.sum_used_metered
-    per_metered /= shared.soc_prior + m.sum_metered_squared
-    m.metered = min(max(1.0 - metered * per_metered, 0.0), 1.0)
-    m.charged += charged_j * shared.per_usable_j * per_metered
+    metered = mission.metered_j * shared.per_usable_j
+    step = mission.read_w * shared.decision_s * shared.per_usable_j
+    lag = step * shared.soc_lag_decisions
+    mission.metered_followed = metered - lag + (mission.metered_followed - metered + step + lag) * shared.soc_keeps
+    mission.soc_lowest = gauges.lowest_believed(mission.soc_lowest, mission.soc)
+    if mission.soc_lowest != gauges.LOST:
+        mission.sum_used_metered += (1.0 - mission.soc) * mission.metered_followed
+        mission.sum_metered_squared += mission.metered_followed * mission.metered_followed
+    per_metered = shared.soc_prior * shared.soc_per_metered + mission.sum_used_metered
+    per_metered /= shared.soc_prior + mission.sum_metered_squared
+    mission.metered = min(max(1.0 - metered * per_metered, 0.0), 1.0)
+    mission.charged += charged_j * shared.per_usable_j * per_metered
 
 
 @inline

@@ -27,45 +27,57 @@ _COLDEST_C, _HOTTEST_C, _ = LIMITS["temperature_c"]
 
 
 @inline
-def begin(m: Any, rng: Any, shared: Any, hidden: Any) -> None:
+def begin(mission: Any, rng: Any, shared: Any, hidden: Any) -> None:
     """Begin the weather of a mission whose mean wind and temperature are in its record.
 
     With any options the same random numbers are drawn, so that a seed gives the same conditions.
     """
-    wanders, warms = rng.random(), rng.random()
-    gust_east, gust_north = rng.standard_normal(), rng.standard_normal()
-    error_east, error_north = rng.standard_normal(), rng.standard_normal()
-    m.mean_east_mps, m.mean_north_mps = m.wind_mps * np.cos(m.wind_from_rad), m.wind_mps * np.sin(m.wind_from_rad)
-    m.gust_keeps, m.gust_kick, m.warming_k = 1.0, 0.0, 0.0
-    m.gust_east_mps = m.gust_north_mps = 0.0
+    wanders = rng.random()
+    warms = rng.random()
+    gust_east = rng.standard_normal()
+    gust_north = rng.standard_normal()
+    error_east = rng.standard_normal()
+    error_north = rng.standard_normal()
+    mission.mean_east_mps = mission.wind_mps * np.cos(mission.wind_from_rad)
+    mission.mean_north_mps = mission.wind_mps * np.sin(mission.wind_from_rad)
+    mission.gust_keeps = 1.0
+    mission.gust_kick = 0.0
+    mission.gust_east_mps = 0.0
+    mission.gust_north_mps = 0.0
+    mission.warming_k = 0.0
     if hidden.weather_changes:
+        gust_sd_mps = GUSTINESS * mission.wind_mps
         lasts_s = WANDERS_S[0] * (WANDERS_S[1] / WANDERS_S[0]) ** wanders
-        m.gust_keeps = np.exp(-shared.decision_s / lasts_s)
-        m.gust_kick = GUSTINESS * m.wind_mps * np.sqrt(1.0 - m.gust_keeps * m.gust_keeps)
-        m.warming_k = WARMING_K_PER_H * (2.0 * warms - 1.0) * shared.decision_s / 3600.0
-        m.gust_east_mps, m.gust_north_mps = GUSTINESS * m.wind_mps * gust_east, GUSTINESS * m.wind_mps * gust_north
-    m.forecast_east_mps, m.forecast_north_mps = m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps
+        mission.gust_keeps = np.exp(-shared.decision_s / lasts_s)
+        mission.gust_kick = gust_sd_mps * np.sqrt(1.0 - mission.gust_keeps * mission.gust_keeps)
+        mission.gust_east_mps = gust_sd_mps * gust_east
+        mission.gust_north_mps = gust_sd_mps * gust_north
+        mission.warming_k = WARMING_K_PER_H * (2.0 * warms - 1.0) * shared.decision_s / 3600.0
+    mission.forecast_east_mps = mission.mean_east_mps + mission.gust_east_mps
+    mission.forecast_north_mps = mission.mean_north_mps + mission.gust_north_mps
     if hidden.forecast_errs:
-        m.forecast_east_mps += FORECAST_ERROR_MPS * error_east
-        m.forecast_north_mps += FORECAST_ERROR_MPS * error_north
+        mission.forecast_east_mps += FORECAST_ERROR_MPS * error_east
+        mission.forecast_north_mps += FORECAST_ERROR_MPS * error_north
         if hidden.hidden_wind:  # the forecast is of another wind
-            spread_mps = np.sqrt(WIND_SCALE_MPS**2 + FORECAST_ERROR_MPS**2)
-            m.forecast_east_mps, m.forecast_north_mps = spread_mps * error_east, spread_mps * error_north
+            forecast_sd_mps = np.sqrt(WIND_SCALE_MPS**2 + FORECAST_ERROR_MPS**2)
+            mission.forecast_east_mps = forecast_sd_mps * error_east
+            mission.forecast_north_mps = forecast_sd_mps * error_north
 
 
 @inline
-def change(m: Any) -> None:
+def change(mission: Any) -> None:
     """Change the weather from one decision to the next."""
-    if m.gust_kick > 0.0:
-        m.gust_east_mps *= m.gust_keeps
-        m.gust_north_mps *= m.gust_keeps
-        m.gust_east_mps += m.gust_kick * normal(m.key, m.decisions, GUST_EAST)
-        m.gust_north_mps += m.gust_kick * normal(m.key, m.decisions, GUST_NORTH)
-    m.temperature_c = min(max(m.temperature_c + m.warming_k, _COLDEST_C), _HOTTEST_C)
+    if mission.gust_kick > 0.0:
+        mission.gust_east_mps *= mission.gust_keeps
+        mission.gust_north_mps *= mission.gust_keeps
+        mission.gust_east_mps += mission.gust_kick * normal(mission.key, mission.decisions, GUST_EAST)
+        mission.gust_north_mps += mission.gust_kick * normal(mission.key, mission.decisions, GUST_NORTH)
+    mission.temperature_c = min(max(mission.temperature_c + mission.warming_k, _COLDEST_C), _HOTTEST_C)
 
 
 @inline
-def headwind(m: Any, place: Any) -> Any:
+def headwind(mission: Any, place: Any) -> Any:
     """Wind against the way out at a place, m/s."""
-    east_mps, north_mps = m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps
+    east_mps = mission.mean_east_mps + mission.gust_east_mps
+    north_mps = mission.mean_north_mps + mission.gust_north_mps
     return model.headwind(east_mps, north_mps, place.east, place.north)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 from importlib.resources import files
 from pathlib import Path
@@ -76,9 +77,12 @@ def load_route(route: str | Path, place_m: float) -> Route:
     Raises:
         RouteError: The file is unreadable, or has invalid columns or values.
     """
+    path: Path | None = None
+    if isinstance(route, str | Path):
+        path = Path(route)
     shipped = _folder() / f"{route}.csv"
-    named = isinstance(route, str) and "/" not in route and shipped.is_file()
-    path = shipped if named else Path(route) if isinstance(route, str | Path) else None
+    if isinstance(route, str) and "/" not in route and shipped.is_file():
+        path = shipped
     slope_rad = None
     if path is not None and not path.is_file():
         path, slope_rad = _with_slope(path)
@@ -88,7 +92,8 @@ def load_route(route: str | Path, place_m: float) -> Route:
         from homeward.envs.routes import tracks  # only now: it needs further packages
 
         return _cut(path, tracks.profile(tracks.read_track(path), str(path), slope_rad).columns(), place_m)
-    if remedy := why_no_route(path):
+    remedy = why_no_route(path)
+    if remedy:
         raise RouteError(f"{path}: {remedy}")
     columns, lines = _read_table(path, heights=slope_rad is None)
     if POSITIONS[0] in columns:
@@ -109,20 +114,19 @@ def _with_slope(route: Path) -> tuple[Path, float | None]:
     Raises:
         RouteError: What is behind the name is no slope.
     """
-    name, _, given = str(route).rpartition("@")
+    name, _, slope = str(route).rpartition("@")
     if not Path(name).is_file() or not name:
         return route, None
-    if given == "flat":
+    if slope == "flat":
         return Path(name), 0.0
-    text = given.removeprefix("grade_rad=")
     steepest_rad = float(np.arcsin(thresholds.STEEPEST_OF_TRACK))
-    try:
-        slope_rad = float(text) if text != given else np.nan
-    except ValueError:
-        slope_rad = np.nan
+    slope_rad = np.nan
+    if slope.startswith("grade_rad="):
+        with contextlib.suppress(ValueError):
+            slope_rad = float(slope.removeprefix("grade_rad="))
     if not abs(slope_rad) <= steepest_rad:  # not NaN either
         raise RouteError(
-            f"{route}: @{given} is no slope; say @flat, or @grade_rad=SLOPE of at most {steepest_rad:.2f} rad, "
+            f"{route}: @{slope} is no slope; say @flat, or @grade_rad=SLOPE of at most {steepest_rad:.2f} rad, "
             "positive uphill"
         )
     return Path(name), slope_rad
@@ -200,12 +204,13 @@ def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]], lines: li
         values = columns.get(name, np.empty(0))
         wrong = np.flatnonzero((values < low) | (values > high))
         if len(wrong):
-            value, line = values[wrong[0]], lines[wrong[0]]
+            value = values[wrong[0]]
+            line = lines[wrong[0]]
             raise RouteError(f"{path}: line {line}: {name} = {value:g} is not in [{low:g}, {high:g}] ({hint})")
     distance = columns["distance_m"]
-    good = np.append(distance[0] == 0.0, np.diff(distance) > 0.0)
-    if not good.all():
-        row = int(np.flatnonzero(~good)[0])
+    increases = np.append(distance[0] == 0.0, np.diff(distance) > 0.0)
+    if not increases.all():
+        row = int(np.flatnonzero(~increases)[0])
         raise RouteError(
             f"{path}: line {lines[row]}: distance_m = {distance[row]:g}; give metres, from 0 and increasing"
         )
@@ -235,5 +240,12 @@ def _cut(path: Any, columns: dict[str, NDArray[np.float64]], place_m: float) -> 
                 f"{path}: elevation_m changes by {rise[steepest]:g} m in {length:g} m of way, which is too steep; feet?"
             )
         grade = np.arcsin(rise / length)
-    shared = {name: float(columns[name][0]) for name in WHOLE_ROUTE if name in columns}
-    return Route(length, grade, mean("roughness", 0.0), mean("interest", 1.0), mean("heading_rad", 0.0), **shared)
+    of_whole_route = {name: float(columns[name][0]) for name in WHOLE_ROUTE if name in columns}
+    return Route(
+        place_m=length,
+        grade_rad=grade,
+        roughness=mean("roughness", 0.0),
+        interest=mean("interest", 1.0),
+        heading_rad=mean("heading_rad", 0.0),
+        **of_whole_route,
+    )

@@ -120,7 +120,7 @@ MEAN_INTEREST, INTEREST_DEVIATION = 1.23, 1.0
 
 
 @inline
-def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind_out: bool) -> None:
+def generate(rng: Any, route: Any, mission: Any, count: int, length_m: float, tailwind_out: bool) -> None:
     """Draw a route of a given number of places and its weather, into the records of a mission.
 
     Distributions, all chosen, with lengths as shares of the route so that any robot meets the same variety. At each of
@@ -140,12 +140,18 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
 
     With `hidden_wind` a wind of U(3, 6) m/s blows along the way out: the robot drives home against it.
     """
-    mean_grade, heading = 0.02 * rng.standard_normal(), 2.0 * np.pi * rng.random()
-    slope, turn, roughness = rng.standard_normal(), rng.standard_normal(), 0.0
+    mean_grade = 0.02 * rng.standard_normal()
+    heading = 2.0 * np.pi * rng.random()
+    slope = rng.standard_normal()
+    turn = rng.standard_normal()
+    roughness = 0.0
     sine = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
-    keeps = np.exp(-1.0 / (INTEREST_LENGTH * count))
-    new, weight = np.sqrt(1.0 - keeps * keeps), rng.standard_normal()
-    first, east, north = 0, np.cos(heading), np.sin(heading)
+    interest_keeps = np.exp(-1.0 / (INTEREST_LENGTH * count))
+    interest_new = np.sqrt(1.0 - interest_keeps * interest_keeps)
+    log_interest = rng.standard_normal()  # of mean 0 and deviation 1
+    east = np.cos(heading)
+    north = np.sin(heading)
+    start = 0
     for knot in range(KNOTS):
         # The new part of an autoregressive step that keeps half: sqrt(1 - 0.5^2).
         slope = 0.5 * slope + 0.8660254 * rng.standard_normal()
@@ -153,32 +159,39 @@ def generate(rng: Any, route: Any, m: Any, count: int, length_m: float, tailwind
         patch = rng.random()
         if patch < NEW_PATCH:
             roughness = max(0.0, 2.0 * patch / NEW_PATCH - 1.0)
-        after = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
-        last = (knot + 1) * count // KNOTS
-        step = (after - sine) / max(last - first, 1)
+        next_sine = min(max(mean_grade + 0.04 * slope, -0.2), 0.2)
+        end = (knot + 1) * count // KNOTS
+        sine_step = (next_sine - sine) / max(end - start, 1)
         curvature = 3.0 * turn / length_m
         bend = curvature * length_m / count
-        cos_bend, sin_bend = np.cos(bend), np.sin(bend)
-        for k in range(first, last):
+        cos_bend = np.cos(bend)
+        sin_bend = np.sin(bend)
+        for k in range(start, end):
             place = route.places[k]
-            sine += 0.5 * step
-            place.sin_grade = sine
-            sine += 0.5 * step
+            sine += 0.5 * sine_step
+            place.sin_grade = sine  # in the middle of the place
+            sine += 0.5 * sine_step
             place.roughness = roughness
             place.curvature_per_m = curvature
-            place.east, place.north = east, north
-            place.interest = MEAN_INTEREST * np.exp(INTEREST_DEVIATION * (weight - 0.5 * INTEREST_DEVIATION))
-            weight = keeps * weight + new * rng.standard_normal()
-            east, north = east * cos_bend - north * sin_bend, north * cos_bend + east * sin_bend
-        sine, first = after, last
-    m.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
-    strength, direction = rng.random(), rng.random()
-    m.wind_mps = WIND_SCALE_MPS * np.sqrt(-2.0 * np.log(1.0 - strength))
-    m.wind_from_rad = 2.0 * np.pi * direction
+            place.east = east
+            place.north = north
+            place.interest = MEAN_INTEREST * np.exp(INTEREST_DEVIATION * (log_interest - 0.5 * INTEREST_DEVIATION))
+            log_interest = interest_keeps * log_interest + interest_new * rng.standard_normal()
+            next_east = east * cos_bend - north * sin_bend
+            north = north * cos_bend + east * sin_bend
+            east = next_east
+        sine = next_sine
+        start = end
+    mission.temperature_c = min(max(12.0 + 8.0 * rng.standard_normal(), -10.0), 35.0)
+    strength = rng.random()
+    direction = rng.random()
+    mission.wind_mps = WIND_SCALE_MPS * np.sqrt(-2.0 * np.log(1.0 - strength))
+    mission.wind_from_rad = 2.0 * np.pi * direction
     if tailwind_out:
-        east, north = 0.0, 0.0
+        east = 0.0
+        north = 0.0
         for k in range(count):
             east += route.places[k].east
             north += route.places[k].north
-        m.wind_mps = HIDDEN_WIND_MPS[0] + (HIDDEN_WIND_MPS[1] - HIDDEN_WIND_MPS[0]) * strength
-        m.wind_from_rad = np.arctan2(-north, -east)
+        mission.wind_mps = HIDDEN_WIND_MPS[0] + (HIDDEN_WIND_MPS[1] - HIDDEN_WIND_MPS[0]) * strength
+        mission.wind_from_rad = np.arctan2(-north, -east)

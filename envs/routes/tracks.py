@@ -21,10 +21,11 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,14 +109,17 @@ def _read_gpx(path: Path) -> Track:
         gpx = gpxpy.parse(read_text(path, MOST_ROUTE_BYTES))
     except (gpxpy.gpx.GPXException, ValueError, OSError) as error:
         raise RouteError(f"{path}: is not a whole GPX file: {_first_line(error)}") from None
-    segments = [segment.points for track in gpx.tracks for segment in track.segments]
-    ways = segments if any(segments) else [route.points for route in gpx.routes]
-    tables = [
-        np.array([(p.latitude, p.longitude, _number(p.elevation)) for p in way], dtype=np.float64).reshape(-1, 3)
-        for way in ways
-    ]
+    tables = [_table_of(segment.points) for track in gpx.tracks for segment in track.segments]
+    if not any(map(len, tables)):  # planned, not recorded
+        tables = [_table_of(route.points) for route in gpx.routes]
     latitude, longitude, elevation = _driven(tables, str(path)).T
     return Track(elevation, latitude, longitude)
+
+
+def _table_of(points: Sequence[Any]) -> Array:
+    """Latitude, longitude and elevation of the points of a GPX file, shape (points, 3)."""
+    rows = [(point.latitude, point.longitude, _number(point.elevation)) for point in points]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
 def _driven(segments: list[Array], name: str) -> Array:
@@ -125,34 +129,36 @@ def _driven(segments: list[Array], name: str) -> Array:
     recorded: the longest way without such a gap is used.
     """
     steps_seen: set[tuple[float, ...]] = set()
-    new: list[bool] = [False] * len(segments)
-    for number in sorted(range(len(segments)), key=lambda number: -len(segments[number])):
+    is_new = [False] * len(segments)
+    by_length = sorted(range(len(segments)), key=lambda number: -len(segments[number]))
+    for number in by_length:
         # Steps from point to point, so that the way back over the same points is none.
-        steps = set(map(tuple, np.hstack((segments[number][:-1, :2], segments[number][1:, :2])).tolist()))
-        new[number] = len(segments[number]) > 1 and not steps <= steps_seen
+        places = segments[number][:, :2]
+        steps = set(map(tuple, np.hstack((places[:-1], places[1:])).tolist()))
+        is_new[number] = len(places) > 1 and not steps <= steps_seen
         steps_seen |= steps
-    kept = [segment for segment, is_new in zip(segments, new, strict=True) if is_new]
-    repeated = sum(len(segment) > 1 for segment in segments) - len(kept)
+    new_segments = [segment for segment, new in zip(segments, is_new, strict=True) if new]
+    repeated = sum(len(segment) > 1 for segment in segments) - len(new_segments)
     if repeated:
         warnings.warn(f"{name}: {repeated} segments repeat points of others: left out", stacklevel=2)
     lone = sum(len(segment) == 1 for segment in segments)
     if lone:
         warnings.warn(f"{name}: {lone} segments of one point: left out", stacklevel=2)
     joined: list[list[Array]] = []
-    for segment in kept:
+    for segment in new_segments:
         near = bool(joined) and _apart_m(joined[-1][-1][-1], segment[0]) <= thresholds.SEGMENT_GAP_M
         if near:
             joined[-1].append(segment)
         else:
             joined.append([segment])
-    whole = [np.concatenate(parts) for parts in joined]
-    if not whole:
+    ways = [np.concatenate(parts) for parts in joined]
+    if not ways:
         return np.empty((0, 3))
-    longest = max(whole, key=len)
-    if len(whole) > 1:
-        counts = ", ".join(str(len(way)) for way in whole)
+    longest = max(ways, key=len)
+    if len(ways) > 1:
+        counts = ", ".join(str(len(way)) for way in ways)
         warnings.warn(
-            f"{name}: {len(whole)} parts with gaps of more than {thresholds.SEGMENT_GAP_M:.0f} m between them "
+            f"{name}: {len(ways)} parts with gaps of more than {thresholds.SEGMENT_GAP_M:.0f} m between them "
             f"({counts} points): the longest is used; what was not recorded was not driven",
             stacklevel=2,
         )
@@ -176,24 +182,36 @@ def _read_fit(path: Path) -> Track:
             for frame in reader:
                 if frame.frame_type == fitdecode.FIT_FRAME_DATA and frame.name == "record":
                     height = frame.get_value("enhanced_altitude", fallback=None)
-                    height = frame.get_value("altitude", fallback=None) if height is None else height
-                    others = ("position_lat", "position_long", "distance")
-                    rows.append([_number(v) for v in (height, *(frame.get_value(n, fallback=None) for n in others))])
+                    if height is None:
+                        height = frame.get_value("altitude", fallback=None)
+                    latitude = frame.get_value("position_lat", fallback=None)
+                    longitude = frame.get_value("position_long", fallback=None)
+                    distance = frame.get_value("distance", fallback=None)
+                    rows.append([_number(value) for value in (height, latitude, longitude, distance)])
     except OSError as error:
         raise RouteError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception as error:  # a damaged file raises anything, from FitError to AssertionError
         raise RouteError(f"{path}: is not a whole FIT file: {_first_line(error)}") from None
-    elevation, latitude, longitude, distance = np.array(rows, dtype=np.float64).reshape(-1, 4).T
-    has_position, along = np.isfinite(latitude) & np.isfinite(longitude), np.isfinite(distance)
-    if has_position.sum() < 2 and along.sum() < 2:
+    elevation_m, latitudes, longitudes, distances_m = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+    has_position = np.isfinite(latitudes) & np.isfinite(longitudes)
+    has_distance = np.isfinite(distances_m)
+    if has_position.sum() < 2 and has_distance.sum() < 2:
         raise RouteError(
             f"{path}: its records hold neither positions nor distances; give one that was recorded outdoors"
         )
-    in_use = along if along.sum() >= 2 else has_position
-    way_m = distance[in_use] if along.sum() >= 2 else None
+    in_use = has_position
+    way_m = None
+    if has_distance.sum() >= 2:
+        in_use = has_distance
+        way_m = distances_m[in_use]
     if not has_position[in_use].all():
-        return Track(elevation[in_use], distance_m=way_m)
-    return Track(elevation[in_use], latitude[in_use] * _TO_DEGREES, longitude[in_use] * _TO_DEGREES, way_m)
+        return Track(elevation_m[in_use], distance_m=way_m)
+    return Track(
+        elevation_m=elevation_m[in_use],
+        latitude_deg=latitudes[in_use] * _TO_DEGREES,
+        longitude_deg=longitudes[in_use] * _TO_DEGREES,
+        distance_m=way_m,
+    )
 
 
 READERS: dict[str, Callable[[Path], Track]] = {".gpx": _read_gpx, ".fit": _read_fit}
@@ -213,7 +231,9 @@ def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
             steep for robots on more than a few per cent of the way.
     """
     track = _without_null_island(track, name)
-    elevation = _filled(track.elevation_m, name) if slope_rad is None else np.zeros(len(track.elevation_m))
+    elevation = np.zeros(len(track.elevation_m))
+    if slope_rad is None:
+        elevation = _filled(track.elevation_m, name)
     distance, elevation, east_m, north_m = _way(track, elevation, name)
     length_m = float(distance[-1])
     if not length_m <= thresholds.LONGEST_M:
@@ -227,7 +247,8 @@ def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
             "distance_m and grade_rad for a shorter way: heights of a track are too coarse for it"
         )
     count = max(int(np.ceil(length_m / GRID_M)), 1) + 1
-    grid, step_m = np.linspace(0.0, length_m, count), length_m / (count - 1)
+    grid = np.linspace(0.0, length_m, count)
+    step_m = length_m / (count - 1)
     if slope_rad is not None:
         if np.isfinite(track.elevation_m).any():
             warnings.warn(f"{name}: its heights are not used: a slope is given for the whole way", stacklevel=2)
@@ -243,8 +264,8 @@ def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
             f"{name}: {steep.mean():.0%} of the way is steeper than {steepest_deg:.0f} degrees; no "
             "ground robot climbs that: feet, or an elevation that jumps?"
         )
-    most = step_m * np.tan(np.arcsin(thresholds.STEEPEST_OF_TRACK))
-    rise = np.clip(rise, -most, most)
+    most_rise_m = step_m * np.tan(np.arcsin(thresholds.STEEPEST_OF_TRACK))
+    rise = np.clip(rise, -most_rise_m, most_rise_m)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(step_m, rise))))
     height = level[0] + np.concatenate(([0.0], np.cumsum(rise)))
     return Profile(along, height, _heading(grid, distance, east_m, north_m))
@@ -291,29 +312,34 @@ def _filled(elevation: Array, name: str) -> Array:
 
 def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array | None, Array | None]:
     """Distance, elevation and, if known, position east and north of the start, at points that are apart."""
-    east_m = north_m = None
+    east_m = None
+    north_m = None
     if track.latitude_deg is not None and track.longitude_deg is not None:
         _check_positions(track.latitude_deg, track.longitude_deg, name)
-        latitude, longitude = np.radians(track.latitude_deg), np.unwrap(np.radians(track.longitude_deg))
+        latitude = np.radians(track.latitude_deg)
+        longitude = np.unwrap(np.radians(track.longitude_deg))
         east_m = _EARTH_M * np.concatenate(([0.0], np.cumsum(np.diff(longitude) * np.cos(latitude[1:]))))
         north_m = _EARTH_M * (latitude - latitude[0])
         _refuse_jump(np.hypot(np.diff(east_m), np.diff(north_m)), name)
-    if track.distance_m is not None:
-        further = np.concatenate(([True], track.distance_m[1:] > np.maximum.accumulate(track.distance_m)[:-1]))
-        points = np.flatnonzero(further)
-        distance = track.distance_m[points] - track.distance_m[points[0]]
-    else:
+    if track.distance_m is None:
         assert east_m is not None and north_m is not None
         points = _apart(east_m, north_m)
-        # Each kept point represents those near it.
-        size = np.diff(np.append(points, len(elevation)))
-        elevation = np.add.reduceat(elevation, points) / size
-        east_m, north_m = np.add.reduceat(east_m, points) / size, np.add.reduceat(north_m, points) / size
-        steps = np.hypot(np.diff(east_m), np.diff(north_m))
-        return np.concatenate(([0.0], np.cumsum(steps))), elevation, east_m, north_m
+        # Each of these points represents those near it, by their mean.
+        sizes = np.diff(np.append(points, len(elevation)))
+        elevation = np.add.reduceat(elevation, points) / sizes
+        east_m = np.add.reduceat(east_m, points) / sizes
+        north_m = np.add.reduceat(north_m, points) / sizes
+        steps_m = np.hypot(np.diff(east_m), np.diff(north_m))
+        distance_m = np.concatenate(([0.0], np.cumsum(steps_m)))
+        return distance_m, elevation, east_m, north_m
+    reached_m = np.maximum.accumulate(track.distance_m)
+    is_further = np.concatenate(([True], track.distance_m[1:] > reached_m[:-1]))
+    points = np.flatnonzero(is_further)
+    distance_m = track.distance_m[points] - track.distance_m[points[0]]
     if east_m is not None and north_m is not None:
-        east_m, north_m = east_m[points], north_m[points]
-    return distance, elevation[points], east_m, north_m
+        east_m = east_m[points]
+        north_m = north_m[points]
+    return distance_m, elevation[points], east_m, north_m
 
 
 def _check_positions(latitude_deg: Array, longitude_deg: Array, name: str) -> None:
@@ -328,11 +354,14 @@ def _check_positions(latitude_deg: Array, longitude_deg: Array, name: str) -> No
 
 def _apart(east_m: Array, north_m: Array) -> NDArray[np.intp]:
     """Indices of points at least `SPACING_M` from the last one."""
-    indices, last_east, last_north = [0], east_m[0], north_m[0]
+    indices = [0]
+    last_east_m = east_m[0]
+    last_north_m = north_m[0]
     for index, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
-        if (east - last_east) ** 2 + (north - last_north) ** 2 >= thresholds.SPACING_M**2:
+        if (east - last_east_m) ** 2 + (north - last_north_m) ** 2 >= thresholds.SPACING_M**2:
             indices.append(index)
-            last_east, last_north = east, north
+            last_east_m = east
+            last_north_m = north
     return np.array(indices, dtype=np.intp)
 
 
@@ -358,24 +387,35 @@ def _without_wiggles(elevation: Array, threshold_m: float) -> Array:
 
     turns = _turning_points(elevation, threshold_m)
     level = elevation.copy()
-    for first, last in pairwise(turns):
-        part = slice(first, last + 1)
-        level[part] = isotonic_regression(elevation[part], increasing=bool(elevation[last] >= elevation[first])).x
+    for start, end in pairwise(turns):
+        part = slice(start, end + 1)
+        rises = bool(elevation[end] >= elevation[start])
+        level[part] = isotonic_regression(elevation[part], increasing=rises).x
     return level
 
 
 def _turning_points(elevation: Array, threshold_m: float) -> list[int]:
     """Indices of the ends and of the extremes from which the profile turns back by the threshold or more."""
-    turns, low, high, rising = [0], 0, 0, None
+    turns = [0]
+    low = 0  # index of the lowest point since the last turn
+    high = 0
+    may_rise = True  # at first both: it is not known yet which way it goes
+    may_fall = True
     for index, height in enumerate(elevation):
-        low = index if height < elevation[low] else low
-        high = index if height > elevation[high] else high
-        if rising is not False and elevation[high] - height >= threshold_m:
+        if height < elevation[low]:
+            low = index
+        if height > elevation[high]:
+            high = index
+        if may_rise and elevation[high] - height >= threshold_m:
             turns.append(high)
-            rising, low = False, index
-        elif rising is not True and height - elevation[low] >= threshold_m:
+            low = index
+            may_rise = False
+            may_fall = True
+        elif may_fall and height - elevation[low] >= threshold_m:
             turns.append(low)
-            rising, high = True, index
+            high = index
+            may_rise = True
+            may_fall = False
     return sorted({*turns, len(elevation) - 1})
 
 
@@ -383,7 +423,8 @@ def _heading(grid: Array, distance: Array, east_m: Array | None, north_m: Array 
     if east_m is None or north_m is None:
         return np.zeros(len(grid))
     # Over a stretch as long as the smoothing of the heights, so that jitter makes no bends.
-    behind_m, ahead_m = grid - SIGMA_M, grid + SIGMA_M
+    behind_m = grid - SIGMA_M
+    ahead_m = grid + SIGMA_M
     east = np.interp(ahead_m, distance, east_m) - np.interp(behind_m, distance, east_m)
     north = np.interp(ahead_m, distance, north_m) - np.interp(behind_m, distance, north_m)
     heading: Array = np.unwrap(np.arctan2(north, east))
@@ -391,8 +432,14 @@ def _heading(grid: Array, distance: Array, east_m: Array | None, north_m: Array 
 
 
 def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else np.nan
+    """A number of a file, NaN where there is none."""
+    if isinstance(value, int | float):
+        return float(value)
+    return np.nan
 
 
 def _first_line(error: Exception) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+    lines = str(error).strip().splitlines()
+    if not lines:
+        return type(error).__name__
+    return lines[0]

@@ -60,9 +60,11 @@ def _draw_column(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]
     positive = {name: used for name, used in shown.items() if used > 0.0}
     used_j = scene.full_j - scene.worn_j - scene.left_j
     # If a descent returned energy, the others share the rest.
-    per_j = used_j / sum(positive.values()) if positive else 0.0
+    scale = 0.0
+    if positive:
+        scale = used_j / sum(positive.values())
     for name, used in positive.items():
-        part = height_of(used * per_j)
+        part = height_of(used * scale)
         canvas.box((left, level - part, width, part), COLOURS[name])
         level -= part
     if scene.worn_j > _WORTH_SHOWING * scene.full_j:
@@ -107,6 +109,7 @@ def _draw_legend(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]
     canvas.text((left, y), "by the robot's own model:", 11, palette.FAINT)
     y += step - 1.0
     row("way home", scene.home_j, palette.DARK_GREEN, hatched=_HATCHED_GREEN)
-    margin_j = scene.margin_j
-    name, colour = ("to spare", palette.GREEN) if margin_j >= 0.0 else ("short of home", palette.RED)
-    row(name, margin_j, colour)
+    if scene.margin_j >= 0.0:
+        row("to spare", scene.margin_j, palette.GREEN)
+    else:
+        row("short of home", scene.margin_j, palette.RED)

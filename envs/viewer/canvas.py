@@ -59,7 +59,8 @@ class Canvas:
 
     def line(self, points: Sequence[Point], colour: Colour, width: float = 1.0) -> None:
         """A line through points, round at its corners."""
-        fine, thick = [self._fine(point) for point in points], max(round(_FINE * width), 1)
+        fine = [self._fine(point) for point in points]
+        thick = max(round(_FINE * width), 1)
         pygame.draw.lines(self._surface, colour, False, fine, thick)
         if thick > _FINE:
             for point in fine:
@@ -67,12 +68,15 @@ class Canvas:
 
     def dashes(self, start: Point, end: Point, colour: Colour, width: float = 1.5, dash: float = 5.0) -> None:
         """A dashed line."""
-        (x0, y0), (x1, y1) = start, end
+        x0, y0 = start
+        x1, y1 = end
         length = float(np.hypot(x1 - x0, y1 - y0))
         for dash_start in np.arange(0.0, length, 2.0 * dash):
-            a, b = dash_start / length, min((dash_start + dash) / length, 1.0)
-            self.line([(x0 + a * (x1 - x0), y0 + a * (y1 - y0)), (x0 + b * (x1 - x0), y0 + b * (y1 - y0))],
-                      colour, width)  # fmt: skip
+            from_share = dash_start / length
+            to_share = min((dash_start + dash) / length, 1.0)
+            dash_from = (x0 + from_share * (x1 - x0), y0 + from_share * (y1 - y0))
+            dash_to = (x0 + to_share * (x1 - x0), y0 + to_share * (y1 - y0))
+            self.line([dash_from, dash_to], colour, width)
 
     def circle(self, centre: Point, radius: float, fill: Colour) -> None:
         """A filled circle."""

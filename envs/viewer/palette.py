@@ -13,7 +13,11 @@ BLUE, GREEN, DARK_GREEN, AMBER, RED, VIOLET = (
 )  # fmt: skip
 
 
-def mix(colour: Colour, other: Colour, share: float) -> Colour:
-    """A colour between two."""
-    red, green, blue = (round(a + (b - a) * share) for a, b in zip(colour, other, strict=True))
+def mix(colour: Colour, second_colour: Colour, share: float) -> Colour:
+    """A colour between two, with a share of the second."""
+
+    def between(start: int, end: int) -> int:
+        return round(start + (end - start) * share)
+
+    red, green, blue = map(between, colour, second_colour)
     return red, green, blue

@@ -40,12 +40,16 @@ def draw(canvas: Canvas, scene: Scene) -> None:
     canvas.clear()
     _heading(canvas, scene)
     senses = MISSIONS[scene.mission].senses
-    left, right = _SPLIT - _GAP - _MARGIN, WIDTH - _MARGIN - _SPLIT
+    left_width = _SPLIT - _GAP - _MARGIN
+    right_width = WIDTH - _MARGIN - _SPLIT
     foot = _INTEREST_TOP if senses else _MIDDLE
-    draw_profile(canvas, _panel(canvas, (_MARGIN, _TOP, left, foot - _GAP - _TOP)), scene, STATE_COLOURS[scene.state])
+    profile = _panel(canvas, (_MARGIN, _TOP, left_width, foot - _GAP - _TOP))
+    draw_profile(canvas, profile, scene, STATE_COLOURS[scene.state])
     if senses:
-        draw_interest(canvas, _panel(canvas, (_MARGIN, foot, left, _MIDDLE - _GAP - foot)), scene)
-    draw_battery(canvas, _panel(canvas, (_SPLIT, _TOP, right, _MIDDLE - _GAP - _TOP)), scene)
+        interest = _panel(canvas, (_MARGIN, foot, left_width, _MIDDLE - _GAP - foot))
+        draw_interest(canvas, interest, scene)
+    battery = _panel(canvas, (_SPLIT, _TOP, right_width, _MIDDLE - _GAP - _TOP))
+    draw_battery(canvas, battery, scene)
     dials = dials_of(scene)
     width = (WIDTH - 2.0 * _MARGIN - (len(dials) - 1) * _GAP) / len(dials)
     for index, dial in enumerate(dials):
@@ -62,7 +66,8 @@ def _heading(canvas: Canvas, scene: Scene) -> None:
     title = MISSIONS[scene.mission].title
     width = canvas.text((_MARGIN + 2.0, 27.0), title, 20, bold=True)
     canvas.text((_MARGIN + 14.0 + width, 29.0), scene.heading, 13, palette.MUTED)
-    label, colour = scene.state.upper(), STATE_COLOURS[scene.state]
+    label = scene.state.upper()
+    colour = STATE_COLOURS[scene.state]
     pill = canvas.width_of(label, 13, bold=True) + 26.0
     canvas.box((WIDTH - _MARGIN - pill, 13.0, pill, 28.0), colour, radius=14.0)
     canvas.text((WIDTH - _MARGIN - pill / 2.0, 27.0), label, 13, palette.PANEL, bold=True, align="centre")

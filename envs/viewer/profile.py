@@ -13,11 +13,13 @@ from homeward.envs.viewer.canvas import Box, Canvas, Point
 from homeward.envs.viewer.palette import Colour, mix
 from homeward.envs.viewer.scene import Scene
 
-_LEFT, _RIGHT = 54.0, 20.0  # margins inside the panels, so that both share their horizontal axis; these by eye
+_LEFT = 54.0  # margins inside the panels, so that both share their horizontal axis; these by eye
+_RIGHT = 20.0
 _LIGHT_VIOLET = mix(palette.VIOLET, palette.PANEL, 0.72)
 _APRON = 26.0
 """Flat ground before home and behind the end of the route, so that a robot there is fully visible."""
 _LOWLANDS = 0.68  # of the height of the picture for the hills; above them is room for text
+_LEAST_WIND_MPS = 0.05  # a weaker wind is shown as none: it would round to 0.0
 _FLATTEST = 0.02  # least height of the picture over its length, so that flat ground looks flat
 
 
@@ -53,7 +55,8 @@ def draw_interest(canvas: Canvas, box: Box, scene: Scene) -> None:
     bottom = plot[1] + plot[3]
     scale = plot[3] / max(float(scene.interest.max()), 1e-9)
     for k, interest in enumerate(scene.interest):
-        start, end = to_x(scene.edges_m[k]), to_x(scene.edges_m[k + 1])
+        start = to_x(scene.edges_m[k])
+        end = to_x(scene.edges_m[k + 1])
         canvas.box((start, bottom - scale * interest, end - start + 0.5, scale * interest), _LIGHT_VIOLET)
     for start_m, end_m, share in scene.sensed:
         for k in range(*_places(scene, start_m, end_m)):
@@ -73,27 +76,39 @@ def draw_interest(canvas: Canvas, box: Box, scene: Scene) -> None:
 
 
 def _places(scene: Scene, start_m: float, end_m: float) -> tuple[int, int]:
+    """Number of the first place of a stretch, and of the place after its last."""
     place_m = scene.edges_m[1]
-    return int(start_m / place_m), min(int(np.ceil(end_m / place_m)), len(scene.interest))
+    start = int(start_m / place_m)
+    end = min(int(np.ceil(end_m / place_m)), len(scene.interest))
+    return start, end
 
 
 def _weather(scene: Scene) -> str:
-    wind = scene.headwind_mps
-    blowing = "no wind" if abs(wind) < 0.05 else f"{'headwind' if wind > 0.0 else 'tailwind'} {abs(wind):.1f} m/s"
-    return f"{blowing}, {scene.temperature_c:.0f} °C".replace("-", "−")
+    wind = "no wind"
+    if scene.headwind_mps >= _LEAST_WIND_MPS:
+        wind = f"headwind {scene.headwind_mps:.1f} m/s"
+    elif scene.headwind_mps <= -_LEAST_WIND_MPS:
+        wind = f"tailwind {-scene.headwind_mps:.1f} m/s"
+    return f"{wind}, {scene.temperature_c:.0f} °C".replace("-", "−")
 
 
 def _scales(plot: Box, scene: Scene) -> tuple[Callable[[float], float], Callable[[float], float]]:
+    """Horizontal place of a position on the route, and vertical place of an elevation, in the picture."""
     left, top, width, height = plot
-    low, high = float(scene.elevation_m.min()), float(scene.elevation_m.max())
-    spread = max(high - low, _FLATTEST * scene.length_m)
-    middle, bottom = 0.5 * (low + high), top + 0.88 * height
-    per_m = (_LOWLANDS - 0.12) * height / spread
-    ground = bottom if high - low < spread else top + 0.88 * height
-    return (
-        lambda metres: left + _APRON + (width - 2.0 * _APRON) * metres / scene.length_m,
-        lambda metres: ground - per_m * (metres - middle + 0.5 * spread),
-    )
+    low_m = float(scene.elevation_m.min())
+    high_m = float(scene.elevation_m.max())
+    spread_m = max(high_m - low_m, _FLATTEST * scene.length_m)
+    middle_m = 0.5 * (low_m + high_m)
+    bottom = top + 0.88 * height
+    per_m = (_LOWLANDS - 0.12) * height / spread_m
+
+    def to_x(position_m: float) -> float:
+        return left + _APRON + (width - 2.0 * _APRON) * position_m / scene.length_m
+
+    def to_y(elevation_m: float) -> float:
+        return bottom - per_m * (elevation_m - middle_m + 0.5 * spread_m)
+
+    return to_x, to_y
 
 
 def _elevation(scene: Scene, position_m: float) -> float:
@@ -115,22 +130,27 @@ def _draw_axes(
     for metres in _ticks(0.0, scene.length_m, 7):
         x = to_x(metres)
         canvas.line([(x, top), (x, bottom)], palette.GRID)
-        label = "home" if metres == 0.0 else f"{metres:g} m" if scene.length_m < 2000.0 else f"{metres / 1000.0:g} km"
+        if metres == 0.0:
+            label = "home"
+        elif scene.length_m < 2000.0:
+            label = f"{metres:g} m"
+        else:
+            label = f"{metres / 1000.0:g} km"
         canvas.text((x, bottom + 13.0), label, 11, palette.MUTED, align="centre")
-    low, high = float(scene.elevation_m.min()), float(scene.elevation_m.max())
-    for metres in _ticks(low, high, 3):
+    for metres in _ticks(float(scene.elevation_m.min()), float(scene.elevation_m.max()), 3):
         y = to_y(metres)
         canvas.line([(left, y), (left + width, y)], palette.GRID)
         canvas.text((left - 8.0, y), f"{metres:g} m".replace("-", "−"), 11, palette.MUTED, align="right")
 
 
-def _ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers between two."""
-    raw = max(high - low, 1e-9) / most
-    size = 10.0 ** np.floor(np.log10(raw))
-    step = next(size * factor for factor in (1.0, 2.0, 5.0, 10.0) if size * factor >= raw)
-    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
-    return [float(f"{k * step:.6g}") for k in range(first, last + 1)]
+def _ticks(low: float, high: float, count: int) -> list[float]:
+    """Round numbers between two, about so many."""
+    least_step = max(high - low, 1e-9) / count
+    power = 10.0 ** np.floor(np.log10(least_step))
+    step = next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= least_step)
+    lowest = int(np.ceil(low / step - 1e-9))
+    highest = int(np.floor(high / step + 1e-9))
+    return [float(f"{k * step:.6g}") for k in range(lowest, highest + 1)]
 
 
 def _draw_ground(
@@ -139,15 +159,22 @@ def _draw_ground(
     bottom = plot[1] + plot[3]
 
     def surface(start_m: float, end_m: float) -> list[Point]:
-        inner = scene.edges_m[(scene.edges_m > start_m) & (scene.edges_m < end_m)]
-        return [(to_x(metres), to_y(_elevation(scene, metres))) for metres in (start_m, *inner.tolist(), end_m)]
+        inner_m = scene.edges_m[(scene.edges_m > start_m) & (scene.edges_m < end_m)]
+        corners_m = (start_m, *inner_m.tolist(), end_m)
+        return [(to_x(corner_m), to_y(_elevation(scene, corner_m))) for corner_m in corners_m]
+
+    def fill_below(outline: list[Point], fill: Colour) -> None:
+        left_x, _ = outline[0]
+        right_x, _ = outline[-1]
+        canvas.polygon([(left_x, bottom), *outline, (right_x, bottom)], fill)
 
     ground = surface(0.0, scene.length_m)
-    ground = [(plot[0], ground[0][1]), *ground, (plot[0] + plot[2], ground[-1][1])]
-    driven = surface(0.0, scene.furthest_m) if scene.furthest_m > 0.0 else []
-    for outline, fill in ((ground, palette.GROUND), (driven, palette.DRIVEN)):
-        if outline:
-            canvas.polygon([(outline[0][0], bottom), *outline, (outline[-1][0], bottom)], fill)
+    _, home_y = ground[0]
+    _, end_y = ground[-1]
+    ground = [(plot[0], home_y), *ground, (plot[0] + plot[2], end_y)]
+    fill_below(ground, palette.GROUND)
+    if scene.furthest_m > 0.0:
+        fill_below(surface(0.0, scene.furthest_m), palette.DRIVEN)
     canvas.line(ground, mix(palette.GROUND, palette.INK, 0.35), 1.5)
     for k in np.flatnonzero(scene.rough > 0.01):
         shade = mix(palette.GROUND, palette.ROUGH, min(0.3 + float(scene.rough[k]), 1.0))
@@ -169,12 +196,15 @@ def _draw_limit(
 ) -> None:
     """Mark the point of no return, or on the way home where the battery will be empty."""
     if scene.runs_out_m is not None:
-        limit_m, words = scene.runs_out_m, "battery empty here, by its own model"
+        limit_m = scene.runs_out_m
+        words = "battery empty here, by its own model"
     elif scene.no_return_m is not None:
-        limit_m, words = scene.no_return_m, "point of no return"
+        limit_m = scene.no_return_m
+        words = "point of no return"
     else:
         return
-    x, label = to_x(limit_m), f"{words} {quantities.distance(limit_m)}"
+    x = to_x(limit_m)
+    label = f"{words} {quantities.distance(limit_m)}"
     width = canvas.width_of(label, 12, bold=True) + 14.0
     left = min(max(x - 0.5 * width, plot[0] + 4.0), plot[0] + plot[2] - width - 4.0)
     canvas.dashes((x, plot[1] + 26.0), (x, to_y(_elevation(scene, limit_m))), palette.RED, 2.0)
@@ -183,7 +213,8 @@ def _draw_limit(
 
 
 def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour: Colour) -> None:
-    cosine, sine = float(np.cos(slope)), float(np.sin(slope))
+    cosine = float(np.cos(slope))
+    sine = float(np.sin(slope))
     facing = 1.0 if scene.direction >= 0.0 else -1.0
 
     def at(along: float, above: float) -> Point:
@@ -199,7 +230,9 @@ def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour:
         canvas.circle(at(along, 5.0), 2.0, palette.PANEL)
     if scene.sensing_hz > 0.0 and not scene.over:
         strength = scene.sensing_hz / scene.max_sensing_hz
-        middle = np.degrees(slope) if facing > 0.0 else 180.0 + np.degrees(slope)
+        middle = np.degrees(slope)
+        if facing < 0.0:
+            middle = 180.0 + middle
         for ring in range(1 + round(3.0 * strength)):
             canvas.arc(at(12.0, 12.0), 8.0 + 5.0 * ring, middle - 38.0, middle + 38.0, palette.VIOLET, 1.8)
     if scene.sending and not scene.over:
@@ -212,8 +245,11 @@ def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour:
 
 def _draw_ending(canvas: Canvas, plot: Box, scene: Scene, colour: Colour) -> None:
     unit = MISSIONS[scene.mission].unit
-    where = "" if scene.state == "home" else f", {quantities.distance(scene.position_m)} from home"
-    score = scene.score if scene.state == "home" else 0.0
+    where = ""
+    score = scene.score
+    if scene.state != "home":
+        where = f", {quantities.distance(scene.position_m)} from home"
+        score = 0.0
     words = f"{scene.state.capitalize()}{where}: score {quantities.count(score)} {unit}".rstrip()
     width = canvas.width_of(words, 17, bold=True) + 40.0
     left = plot[0] + 0.5 * (plot[2] - width)

@@ -144,19 +144,35 @@ def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, ind
         index: Index of the mission.
     """
     # As records with attributes, which the formulas of the environment take.
-    m, s = batch.records.view(np.recarray)[index], batch.known.shared.view(np.recarray)[0]
+    m = batch.records.view(np.recarray)[index]
+    s = batch.known.shared.view(np.recarray)[0]
     places = batch.routes["places"][index, : int(s.places)]
-    known, hidden = batch.known, batch.hidden
-    robot = batch.robots[index] if hidden.record["own_robots"][0] else known.robot.record()[0]
-    gauge_j, home_j = float(m.soc * s.usable_j), float(home_cost(m, s))
+    robot = batch.known.robot.record()[0]
+    if batch.hidden.record["own_robots"][0]:
+        robot = batch.robots[index]
+    home_j = float(home_cost(m, s))
     margin_j = float(m.metered * s.usable_j) - home_j
-    state = _state(m)
-    direction = -1.0 if m.asked > 0 else float(m.direction)  # a return heads home before it is final
-    going = not m.over and not s.shuttles
+    direction = float(m.direction)
+    if m.asked > 0:  # a return heads home before it is final
+        direction = -1.0
+    no_return_m = None
+    runs_out_m = None
+    laps_left = None
+    if s.shuttles:
+        laps_left = limit.laps_left(m, places, margin_j)
+    elif not m.over and m.returning:
+        runs_out_m = limit.runs_out_m(m, places, margin_j)
+    elif not m.over:
+        no_return_m = limit.no_return_m(m, places, margin_j)
+    speed_mps = float(m.speed_mps)
+    sensing_hz = float(m.sensing_hz)
+    if m.over:
+        speed_mps = 0.0
+        sensing_hz = 0.0
     return Scene(
-        heading=f"{batch.options.difficulty}, {known.robot.name}",
+        heading=f"{batch.options.difficulty}, {batch.known.robot.name}",
         mission=batch.options.mission,
-        state=state,
+        state=_state(m),
         over=bool(m.over),
         decision=int(m.decisions),
         max_decisions=int(s.max_decisions),
@@ -170,21 +186,21 @@ def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, ind
         position_m=float(m.position_m),
         furthest_m=float(m.furthest_m),
         direction=direction,
-        no_return_m=limit.no_return_m(m, places, margin_j) if going and not m.returning else None,
-        runs_out_m=limit.runs_out_m(m, places, margin_j) if going and m.returning else None,
-        laps_left=limit.laps_left(m, places, margin_j) if s.shuttles else None,
+        no_return_m=no_return_m,
+        runs_out_m=runs_out_m,
+        laps_left=laps_left,
         full_j=float(s.usable_j),
         worn_j=max(float(s.usable_j - m.capacity_j), 0.0),
         left_j=float(m.energy_j),
-        gauge_j=gauge_j,
+        gauge_j=float(m.soc * s.usable_j),
         home_j=home_j,
         margin_j=margin_j,
         used_j={name: float(m.ledger_j[columns].sum()) for name, columns in _COLUMNS.items()},
         read_w=float(m.read_w),
         power_w=_power(states),
-        speed_mps=0.0 if m.over else float(m.speed_mps),
+        speed_mps=speed_mps,
         max_speed_mps=float(s.max_speed_mps),
-        sensing_hz=0.0 if m.over else float(m.sensing_hz),
+        sensing_hz=sensing_hz,
         max_sensing_hz=float(s.max_sensing_hz),
         memory=float(m.backlog / s.backlog_limit),
         on_board=float(m.backlog_information),
@@ -215,17 +231,22 @@ def _state(m: Any) -> str:
 
 
 def _sensed(states: NDArray[np.void], half_per_m: float, slowest_mps: float) -> NDArray[np.float64]:
-    before, after = states["furthest_m"][:-1], states["furthest_m"][1:]
-    reached = np.flatnonzero(after > before)
+    starts_m = states["furthest_m"][:-1]
+    ends_m = states["furthest_m"][1:]
+    reached = np.flatnonzero(ends_m > starts_m)
     # At the end of the route a decision ends standing.
-    per_m = states["sensing_hz"][1:][reached] / np.maximum(states["speed_mps"][1:][reached], slowest_mps)
-    shares = [information(1.0, 1.0, samples, 1.0, half_per_m) for samples in per_m]
-    return np.stack((before[reached], after[reached], np.array(shares)), axis=-1)
+    speeds_mps = np.maximum(states["speed_mps"][1:][reached], slowest_mps)
+    samples_per_m = states["sensing_hz"][1:][reached] / speeds_mps
+    shares = [information(1.0, 1.0, samples, 1.0, half_per_m) for samples in samples_per_m]
+    return np.stack((starts_m[reached], ends_m[reached], np.array(shares)), axis=-1)
 
 
 def _power(states: NDArray[np.void]) -> float:
     if len(states) < 2:
         return 0.0
-    before, after = states[-2], states[-1]
-    passed_s = float(after["time_s"] - before["time_s"])
-    return float(before["energy_j"] - after["energy_j"]) / passed_s if passed_s > 0.0 else 0.0
+    start = states[-2]
+    end = states[-1]
+    passed_s = float(end["time_s"] - start["time_s"])
+    if passed_s <= 0.0:
+        return 0.0
+    return float(start["energy_j"] - end["energy_j"]) / passed_s

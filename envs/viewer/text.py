@@ -19,8 +19,12 @@ def describe(scene: Scene) -> str:
 
 
 def _where(scene: Scene) -> str:
-    doing = f"{scene.speed_mps:.2g} m/s, sensing {scene.sensing_hz:.0f} Hz, " if not scene.over else ""
-    memory = f"memory {scene.memory:.0%} full, " if MISSIONS[scene.mission].senses else ""
+    doing = ""
+    if not scene.over:
+        doing = f"{scene.speed_mps:.2g} m/s, sensing {scene.sensing_hz:.0f} Hz, "
+    memory = ""
+    if MISSIONS[scene.mission].senses:
+        memory = f"memory {scene.memory:.0%} full, "
     return (
         f"{scene.state}: {quantities.distance(scene.position_m)} from home after {quantities.duration(scene.time_s)}, "
         f"{doing}{memory}score {quantities.count(scene.score)}"
@@ -29,27 +33,48 @@ def _where(scene: Scene) -> str:
 
 def _route(scene: Scene) -> str:
     line = ["#" if _metres(scene, column) < scene.furthest_m else "." for column in range(_WIDTH)]
-    turn = scene.no_return_m if scene.runs_out_m is None else scene.runs_out_m
     note = ""
-    if turn is not None:
-        line[_column(scene, turn)] = "!"
-        note = "; ! point of no return" if scene.runs_out_m is None else "; ! battery empty"
-        note += f" {quantities.distance(turn)}"
-    line[_column(scene, scene.position_m)] = "X" if scene.state == "stranded" else ">" if scene.direction > 0 else "<"
-    laps = "" if scene.laps_left is None else f"; {scene.laps_left:.1f} laps to spare"
+    if scene.runs_out_m is not None:
+        line[_column(scene, scene.runs_out_m)] = "!"
+        note = f"; ! battery empty {quantities.distance(scene.runs_out_m)}"
+    elif scene.no_return_m is not None:
+        line[_column(scene, scene.no_return_m)] = "!"
+        note = f"; ! point of no return {quantities.distance(scene.no_return_m)}"
+    line[_column(scene, scene.position_m)] = _robot_mark(scene)
+    laps = ""
+    if scene.laps_left is not None:
+        laps = f"; {scene.laps_left:.1f} laps to spare"
     return f"home    |{''.join(line)}| {quantities.distance(scene.length_m)}{note}{laps}"
 
 
+def _robot_mark(scene: Scene) -> str:
+    """The robot: its direction, or that it is stranded."""
+    if scene.state == "stranded":
+        return "X"
+    if scene.direction > 0:
+        return ">"
+    return "<"
+
+
 def _battery(scene: Scene) -> str:
-    left, home = scene.left_j / scene.full_j, scene.home_j / scene.full_j
-    marks = [
-        "=" if share < min(home, left) else "#" if share < left else "!" if share < home else "."
-        for share in ((column + 0.5) / _WIDTH for column in range(_WIDTH))
-    ]
+    left_share = scene.left_j / scene.full_j
+    home_share = scene.home_j / scene.full_j
+    marks = [_battery_mark((column + 0.5) / _WIDTH, left_share, home_share) for column in range(_WIDTH)]
     return (
-        f"battery |{''.join(marks)}| {left:.0%} left, gauge {scene.gauge_j / scene.full_j:.0%}, "
-        f"way home {home:.0%} by its own model"
+        f"battery |{''.join(marks)}| {left_share:.0%} left, gauge {scene.gauge_j / scene.full_j:.0%}, "
+        f"way home {home_share:.0%} by its own model"
     )
+
+
+def _battery_mark(share: float, left_share: float, home_share: float) -> str:
+    """One column of the battery: = energy for the way home, # more than that, ! what the way home lacks."""
+    if share < min(home_share, left_share):
+        return "="
+    if share < left_share:
+        return "#"
+    if share < home_share:
+        return "!"
+    return "."
 
 
 def _metres(scene: Scene, column: int) -> float:

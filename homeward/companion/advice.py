@@ -144,34 +144,48 @@ class Advice:
         """Numbers, texts and lists for JSON; a spread includes its 90 % interval."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         values = {name: _for_json(value) for name, value in values.items()}
-        values["others"] = [
-            {name: _for_json(value) for name, value in other._asdict().items()} for other in self.others
-        ]
+        values["others"] = [_option_for_json(option) for option in self.others]
         return values
 
     def __str__(self) -> str:
-        left, home = (
-            f"{quantities.energy(value.mean)} ({quantities.energy(value.low)} to {quantities.energy(value.high)})"
-            for value in (self.energy_left_j, self.energy_home_j)
-        )
-        turn = "turn now" if self.turn_now else (
-            f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"
-        )  # fmt: skip
+        left = _with_interval(self.energy_left_j)
+        consumption = _with_interval(self.energy_home_j)
         way = quantities.distance(self.way_home_m)
-        asked = "" if self.action is None else f"; action of the policy: {self.action}"
-        where = "home" if self.home == HOME else f"to {self.home}"
-        others = "".join(
-            f"; {other.name}: {quantities.distance(other.way_m)}, {other.chance:.2%}" for other in self.others
+        if self.home == HOME:
+            where = "home"
+            there = "home"
+        else:
+            where = f"to {self.home}"
+            there = "there"
+        if self.turn_now:
+            turn = "turn now"
+        else:
+            turn = f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"
+        text = (
+            f"{left} left; the way {where}, {way}, consumes {consumption}; "
+            f"probability of getting {there} {self.chance_home:.2%}; {turn}"
         )
-        return (
-            f"{left} left; the way {where}, {way}, consumes {home}; "
-            f"probability of getting {'home' if self.home == HOME else 'there'} {self.chance_home:.2%}; "
-            f"{turn}{others}{asked}"
-        )
+        for option in self.others:
+            text += f"; {option.name}: {quantities.distance(option.way_m)}, {option.chance:.2%}"
+        if self.action is not None:
+            text += f"; action of the policy: {self.action}"
+        return text
+
+
+def _with_interval(value: UncertainValue) -> str:
+    """An energy with its 90 % interval, in words."""
+    return f"{quantities.energy(value.mean)} ({quantities.energy(value.low)} to {quantities.energy(value.high)})"
+
+
+def _option_for_json(option: HomeOption) -> dict[str, Any]:
+    """A home or dock for JSON."""
+    return {name: _for_json(value) for name, value in option._asdict().items()}
 
 
 def _for_json(value: Any) -> Any:
     """A field's value for JSON."""
     if isinstance(value, UncertainValue):
         return {"mean": value.mean, "sd": value.sd, "low": value.low, "high": value.high}
-    return value._asdict() if isinstance(value, Action) else value
+    if isinstance(value, Action):
+        return value._asdict()
+    return value

@@ -45,6 +45,7 @@ _OFFSET, _FAST, _SLOW = range(3)
 _S_PER_H = 3600.0
 _FACTOR_STEPS = 41
 _LEAST_LIKELIHOOD = 1e-12
+_LEAST_RISE = 1e-12  # of a relative voltage; above 0, because it divides
 _IMPOSSIBLE = 1e-300  # added to weights before they are divided by their sum, which may be zero
 
 
@@ -82,7 +83,9 @@ class Conditions(NamedTuple):
     @property
     def cells_c(self) -> float:
         """Temperature by which the cells give less, C: what the robot's own model counts does not count twice."""
-        return math.nan if self.models_cold else self.temperature_c
+        if self.models_cold:
+            return math.nan
+        return self.temperature_c
 
 
 class Witnesses(NamedTuple):
@@ -132,8 +135,12 @@ class BatteryBelief:
     )  # fmt: skip
 
     def __init__(self, cells: Cells, prior: Prior, capacity_is_fitted: bool, cutoff_v: float | None) -> None:
-        self._cells, self._prior, self._capacity_is_fitted = cells, prior, capacity_is_fitted
-        self._cutoff_v = -math.inf if cutoff_v is None else cutoff_v
+        self._cells = cells
+        self._prior = prior
+        self._capacity_is_fitted = capacity_is_fitted
+        self._cutoff_v = -math.inf
+        if cutoff_v is not None:
+            self._cutoff_v = cutoff_v
         self._usual_cutoff, self._cutoff_sd = cells.cutoff(cutoff_v)
         self.begin(Start(), Conditions())
 
@@ -142,7 +149,8 @@ class BatteryBelief:
         derating = self._cells.derating(conditions.cells_c, conditions.rate_per_h)
         capacity, capacity_weight = self._capacities(derating, conditions)
         charge, charge_weight = _starts(start)
-        self._start_charge, self._told = start.charge, start.told
+        self._start_charge = start.charge
+        self._told = start.told
         self._capacity = np.repeat(capacity, STARTS)
         starts = np.tile(charge, CAPACITIES)
         weights = np.outer(capacity_weight, charge_weight).ravel()
@@ -150,17 +158,35 @@ class BatteryBelief:
         self.trust = GaugeTrust(weights, self._prior, starts, *self._counted(derating), rate_per_h)
         self._holds = np.ones(CAPACITIES * STARTS)
         self._cutoff = self._usual_cutoff
-        self._rate, self._planned_rate = rate_per_h, rate_per_h
-        self._slow_rate, self._most_slow_rate, self._time_s = 0.0, rate_per_h, 0.0
-        self._most, self._drawn, self._used = math.inf, 0.0, 0.0
+        self._rate = rate_per_h
+        self._planned_rate = rate_per_h
+        self._slow_rate = 0.0
+        self._most_slow_rate = rate_per_h
+        self._time_s = 0.0
+        self._most = math.inf
+        self._drawn = 0.0
+        self._used = 0.0
         self._charge = starts.copy()
         self._cold = cold_resistance(conditions.temperature_c)
         self._most_cold = cold_resistance(conditions.temperature_c, MOST_COLD_TIMES)
         self._volts = np.zeros((CAPACITIES * STARTS, 3))
-        self._volts[:, _FAST] = self._volts[:, _SLOW] = self._cold * thresholds.RESISTANCE
+        self._volts[:, _FAST] = self._cold * thresholds.RESISTANCE
+        self._volts[:, _SLOW] = self._cold * thresholds.RESISTANCE
         self._volts_covariance = np.diag([self._curve_variance, self._resistance_variance, self._resistance_variance])
-        shown = math.nan if start.told else start.charge
-        self.see(Witnesses(0.0, 0.0, math.nan, math.nan, -math.inf, shown, 0.0))
+        gauge = start.charge
+        if start.told:  # nothing was shown yet
+            gauge = math.nan
+        self.see(
+            Witnesses(
+                used=0.0,
+                used_sd=0.0,
+                voltage_v=math.nan,
+                current_a=math.nan,
+                peak_a=-math.inf,
+                gauge=gauge,
+                time_s=0.0,
+            )
+        )
 
     def recharge(self, charge: float) -> None:
         """Go on with the same battery at another charge, which somebody tells.
@@ -187,17 +213,24 @@ class BatteryBelief:
 
         gain, gain_variance = self.trust.gain
         gain_mean, gain_apart = merged(gain)
-        gain_variance = merged(gain_variance + gain_apart**2)[0]
-        self._volts, apart = merged(self._volts)
-        self._volts_covariance = self._volts_covariance + apart.T @ (self.trust.weights[:, None] * apart)
+        gain_variance, _ = merged(gain_variance + gain_apart**2)
+        self._volts, volts_apart = merged(self._volts)
+        between = volts_apart.T @ (self.trust.weights[:, None] * volts_apart)
+        self._volts_covariance = self._volts_covariance + between
         self._volts_covariance = self._fade_curve(moved)
         starts = np.tile(charges, CAPACITIES)
         new_joint = (joint[:, :, None] * charge_weight).reshape(len(joint), -1)
         self.trust.recharge(new_joint, starts, gain_mean, gain_variance)
-        self._start_charge, self._told = charge, True
-        self._charge, self._holds, self._most = starts.copy(), np.ones_like(starts), math.inf
+        self._start_charge = charge
+        self._told = True
+        self._charge = starts.copy()
+        self._holds = np.ones_like(starts)
+        self._most = math.inf
         # At the charger the cells have rested, and the way from here is a new one.
-        self._slow_rate = self._drawn = self._used = self._time_s = 0.0
+        self._slow_rate = 0.0
+        self._drawn = 0.0
+        self._used = 0.0
+        self._time_s = 0.0
         self._tell()
 
     def _fade_curve(self, moved: float) -> Floats:
@@ -236,12 +269,14 @@ class BatteryBelief:
         A counter has learned the charge of a warm battery that is drawn slowly. Whether it knows the cold and the rate
         is unknown, so that the ratio is between what these leave of the capacity and 1.
         """
-        least_aged, most_aged = self._aged[[0, -1]]
+        oldest, newest = self._aged[[0, -1]]
         # A capacity that is low for its age is so by the cold or the rate.
-        least = np.clip(self._capacity / most_aged, *derating)
-        most = np.clip(self._capacity / least_aged, *derating)
-        leaves = 0.5 * (least + most)
-        return 0.5 * (1.0 + leaves), np.hypot(1.0 - leaves, 0.5 * (most - least)) / math.sqrt(12.0)
+        low = np.clip(self._capacity / newest, *derating)
+        high = np.clip(self._capacity / oldest, *derating)
+        left = 0.5 * (low + high)
+        # Two uniform distributions: between what is left and 1, and of what is left.
+        sd = np.hypot(1.0 - left, 0.5 * (high - low)) / math.sqrt(12.0)
+        return 0.5 * (1.0 + left), sd
 
     @property
     def _curve_variance(self) -> float:
@@ -253,20 +288,21 @@ class BatteryBelief:
 
     def see(self, read: Witnesses) -> None:
         """Weigh the possible batteries by what was read in a window."""
-        charge_before, self._used = self._charge, read.used
+        charge_before = self._charge
+        self._used = read.used
         energy = energy_share(self._cells.curve, self.trust.start) - read.used / self._capacity
         self._charge = charge_share(self._cells.curve, np.clip(energy, 0.0, 1.0))
         likelihood = self._drives(energy, read) * self._fits_voltage(charge_before, read)
-        unsure = np.full_like(self._charge, read.used_sd / self._capacity.mean())
+        charge_sd = np.full_like(self._charge, read.used_sd / self._capacity.mean())
         if read.voltage_v <= self._cutoff_v:
             self._most = read.used  # it is cut off: nothing is left
-        self.trust.see(read.gauge, self.trust.start - self._charge, unsure**2, likelihood)
+        self.trust.see(read.gauge, self.trust.start - self._charge, charge_sd**2, likelihood)
         self._tell()
 
     def _drives(self, energy: Floats, read: Witnesses) -> Floats:
         """Likelihood of driving still, given that it did before."""
-        unsure = np.hypot(read.used_sd / self._capacity, thresholds.EMPTY_SD)
-        holds = np.minimum(ndtr(energy / unsure), self._holds)
+        energy_sd = np.hypot(read.used_sd / self._capacity, thresholds.EMPTY_SD)
+        holds = np.minimum(ndtr(energy / energy_sd), self._holds)
         likelihood = np.maximum(holds / self._holds, _LEAST_LIKELIHOOD)
         self._holds = np.maximum(holds, _LEAST_LIKELIHOOD)
         return np.asarray(likelihood)
@@ -274,7 +310,8 @@ class BatteryBelief:
     def _fits_voltage(self, charge_before: Floats, read: Witnesses) -> Floats:
         """Likelihood of the voltage, and update of resistance and curve."""
         cells = self._cells
-        self._time_s += read.time_s if math.isfinite(read.time_s) else 0.0
+        if math.isfinite(read.time_s):
+            self._time_s += read.time_s
         if not math.isfinite(read.voltage_v + read.current_a):
             self._polarise(self._planned_rate, read.time_s)
             return np.ones_like(self._charge)
@@ -285,30 +322,34 @@ class BatteryBelief:
         moved = abs(float(self.trust.weights @ (self._charge - charge_before)))
         self._drawn += moved
         covariance = self._fade_curve(moved)
-        row = np.array([1.0, -rate, -slow_rate])
-        surprise = read.voltage_v / cells.mean_v - (self._at_rest() + self._volts @ row)
+        jacobian = np.array([1.0, -rate, -slow_rate])
+        predicted = self._at_rest() + self._volts @ jacobian
+        innovation = read.voltage_v / cells.mean_v - predicted
         noise = math.hypot(thresholds.VOLTAGE_NOISE, thresholds.SAG_ERROR * rate * self.resistance)
-        variance = float(row @ covariance @ row) + noise**2
-        density = np.exp(-0.5 * surprise**2 / variance)
-        inlier = (1.0 - thresholds.VOLTAGE_OUTLIERS) * density
+        variance = float(jacobian @ covariance @ jacobian) + noise**2
+        # Relative densities: that of an outlier is the same over the whole range of voltages.
+        inlier = (1.0 - thresholds.VOLTAGE_OUTLIERS) * np.exp(-0.5 * innovation**2 / variance)
         outlier = thresholds.VOLTAGE_OUTLIERS * math.sqrt(2.0 * math.pi * variance) / thresholds.VOLTAGE_RANGE
-        gain = covariance @ row / variance
-        self._volts += (surprise * inlier / (inlier + outlier))[:, None] * gain
+        gain = covariance @ jacobian / variance
+        self._volts += (innovation * inlier / (inlier + outlier))[:, None] * gain
         self._volts_covariance = covariance - np.outer(gain, gain) * variance
         if not math.isfinite(self._cutoff_v):
             # Nobody said where it is cut off: not there, for it drives.
             self._cutoff = min(self._cutoff, read.voltage_v / cells.mean_v)
-        # The voltage of cells of unknown chemistry does not tell their charge.
-        return np.asarray(inlier + outlier) if cells.has_curve else np.ones_like(self._charge)
+        if not cells.has_curve:  # the voltage of cells of unknown chemistry does not tell their charge
+            return np.ones_like(self._charge)
+        return np.asarray(inlier + outlier)
 
     def _polarise(self, rate: float, time_s: float) -> float:
         """Mean rate that the slow half of the resistance feels in a window."""
-        before = self._slow_rate
-        lags = math.exp(-time_s / thresholds.POLARISES_S)
-        self._slow_rate = rate + (before - rate) * lags
-        mean_lag = (1.0 - lags) * thresholds.POLARISES_S / time_s if 0.0 < time_s < math.inf else lags
+        rate_before = self._slow_rate
+        lag_at_end = math.exp(-time_s / thresholds.POLARISES_S)
+        mean_lag = lag_at_end
+        if 0.0 < time_s < math.inf:
+            mean_lag = (1.0 - lag_at_end) * thresholds.POLARISES_S / time_s
+        self._slow_rate = rate + (rate_before - rate) * lag_at_end
         self._most_slow_rate = max(self._most_slow_rate, self._slow_rate)
-        return rate + (before - rate) * mean_lag
+        return rate + (rate_before - rate) * mean_lag
 
     def _predicted(self, moved: float) -> tuple[float, Floats]:
         """What stays of the curve's error when a share of the charge was drawn, and the covariance of the voltage then.
@@ -324,26 +365,30 @@ class BatteryBelief:
     def _at_rest(self) -> Floats:
         """Open-circuit voltage by the curve, or by the mean of all chemistries, relative."""
         cells = self._cells
-        return open_circuit_v(cells.curve, self._charge) / cells.mean_v if cells.has_curve else any_cell(self._charge)
+        if not cells.has_curve:
+            return any_cell(self._charge)
+        return np.asarray(open_circuit_v(cells.curve, self._charge) / cells.mean_v)
 
     def _tell(self) -> None:
         """Tell the energy from the start until empty by parts of the probability."""
-        kept, lasts_s, sag_weights = self._under_load()
-        until_empty = energy_share(self._cells.curve, self.trust.start) - kept
-        knows_pace = self._used > 0.0 and self._time_s > 0.0
-        draws_per_s = self._used / self._time_s if knows_pace else self._planned_rate / _S_PER_H
-        ends = np.isfinite(lasts_s)
-        until_cut_off = np.where(ends, self._used + draws_per_s * np.where(ends, lasts_s, 0.0), math.inf)
+        unusable, lasts_s, sag_weights = self._under_load()
+        until_empty = energy_share(self._cells.curve, self.trust.start) - unusable
+        drawn_per_s = self._planned_rate / _S_PER_H
+        if self._used > 0.0 and self._time_s > 0.0:
+            drawn_per_s = self._used / self._time_s
+        is_cut_off = np.isfinite(lasts_s)
+        until_cut_off = np.where(is_cut_off, self._used + drawn_per_s * np.where(is_cut_off, lasts_s, 0.0), math.inf)
         totals = np.minimum(np.maximum(until_empty * self._capacity, self._used), until_cut_off)
         totals = np.minimum(totals, self._most).ravel()
         weights = (sag_weights[:, None] * self.trust.weights).ravel()
         order = np.argsort(totals, kind="stable")
-        ordered, weights = totals[order], weights[order]
-        reached = np.concatenate([[0.0], np.cumsum(weights)])
-        reached /= reached[-1]
+        totals = totals[order]
+        weights = weights[order]
+        probabilities = np.concatenate([[0.0], np.cumsum(weights)])
+        probabilities /= probabilities[-1]
         # Mass and moment up to each end, so that a possible battery may be in two parts.
-        moments = np.concatenate([[0.0], np.cumsum(weights * ordered)])
-        moment_at_end = np.interp(_PARTS, reached, moments / weights.sum())
+        moments = np.concatenate([[0.0], np.cumsum(weights * totals)])
+        moment_at_end = np.interp(_PARTS, probabilities, moments / weights.sum())
         self.weights = np.diff(_PARTS)
         self.totals = np.diff(moment_at_end) / self.weights
 
@@ -355,25 +400,31 @@ class BatteryBelief:
             takes the voltage to the cut-off although it is not empty, s, infinite if that does not happen, of the same
             shape; and the probability of each deviation.
         """
-        cells, n = self._cells, len(self._charge)
+        cells = self._cells
+        count = len(self._charge)
         knows_voltage = self._volts_covariance[_FAST, _FAST] < self._resistance_variance
         self.fails = 0.0
-        if not (cells.has_curve or knows_voltage):
-            return np.zeros((1, n)), np.full((1, n), math.inf), np.ones(1)
+        if not (cells.has_curve or knows_voltage):  # neither its curve nor its resistance: it ends when it is empty
+            return np.zeros((1, count)), np.full((1, count), math.inf), np.ones(1)
         at_rest = self._at_rest()
         if not cells.has_curve:
             # Where on its curve a battery of unknown chemistry is, nobody knows.
             at_rest = at_rest - most_fall(self._charge, self._drawn)
-        now, settled = self._needs(self._slow_rate), self._needs(max(self._most_slow_rate, self._slow_rate))
-        rise = settled - now
-        share = np.where(rise > 0.0, (at_rest - now) / np.maximum(rise, 1e-12), np.where(at_rest > now, 1.0, 0.0))
-        with np.errstate(divide="ignore"):
+        needs_now = self._needs(self._slow_rate)
+        needs_settled = self._needs(max(self._most_slow_rate, self._slow_rate))
+        rise = needs_settled - needs_now
+        # Share of its rise that the need has made when it reaches the voltage at rest; without a rise all or nothing.
+        without_rise = np.where(at_rest > needs_now, 1.0, 0.0)
+        share = np.where(rise > 0.0, (at_rest - needs_now) / np.maximum(rise, _LEAST_RISE), without_rise)
+        with np.errstate(divide="ignore"):  # it settles without reaching it
             lasts_s = -thresholds.POLARISES_S * np.log(1.0 - np.clip(share, 0.0, 1.0))
         self.fails = float(_SAG_WEIGHTS @ (lasts_s < self._time_s) @ self.trust.weights)
         if not cells.has_curve:
-            return np.zeros_like(now), lasts_s, _SAG_WEIGHTS
-        needs = np.where(settled > at_rest, -math.inf, settled)
-        return np.asarray(energy_share(cells.curve, charge_at(cells.curve, needs))), lasts_s, _SAG_WEIGHTS
+            return np.zeros_like(needs_now), lasts_s, _SAG_WEIGHTS
+        # What is cut off before it settles counts by its time, not by its charge.
+        needs = np.where(needs_settled > at_rest, -math.inf, needs_settled)
+        unusable = energy_share(cells.curve, charge_at(cells.curve, needs))
+        return np.asarray(unusable), lasts_s, _SAG_WEIGHTS
 
     def _needs(self, slow_rate: float) -> Floats:
         """Open-circuit voltage at which the battery is cut off, by deviation and battery, shape (deviations, n).
@@ -383,20 +434,26 @@ class BatteryBelief:
         Args:
             slow_rate: Rate that the slow half of the resistance feels then.
         """
-        row = np.array([1.0, -max(self._rate, 0.0), -max(slow_rate, 0.0)])
-        stays, covariance = self._predicted(self._drawn if self._cells.has_curve else 0.0)
-        above = stays * self._volts[:, _OFFSET]
-        sags = -self._volts[:, _FAST:] @ row[_FAST:]
+        moved = 0.0
+        if self._cells.has_curve:
+            moved = self._drawn
+        jacobian = np.array([1.0, -max(self._rate, 0.0), -max(slow_rate, 0.0)])
+        stays, covariance = self._predicted(moved)
+        above_curve = stays * self._volts[:, _OFFSET]
+        sags = -self._volts[:, _FAST:] @ jacobian[_FAST:]
         sag_error = thresholds.SAG_ERROR * float(self.trust.weights @ sags)
-        of_voltage = math.hypot(math.sqrt(float(row @ covariance @ row)), sag_error)
-        of_curve = math.sqrt(covariance[_OFFSET, _OFFSET])
+        voltage_sd = math.hypot(math.sqrt(float(jacobian @ covariance @ jacobian)), sag_error)
+        curve_sd = math.sqrt(covariance[_OFFSET, _OFFSET])
         # Cut-offs and resistances have limits, which the tails of a normal distribution have not.
-        most_cutoff = math.sqrt(3.0) * self._cutoff_sd
+        half_cutoff_range = math.sqrt(3.0) * self._cutoff_sd
         half_ohms = self._most_cold * (thresholds.RESISTANCE + math.sqrt(1.5) * thresholds.RESISTANCE_SD)
-        most_sags = np.maximum(sags, -half_ohms * float(row[_FAST:].sum()))
-        beyond = np.minimum(_SAGS * math.hypot(of_voltage, self._cutoff_sd), most_cutoff + _SAGS * of_voltage)
-        needs = np.minimum(sags + beyond[:, None], most_sags + (most_cutoff + _SAGS * of_curve)[:, None])
-        return np.asarray(self._cutoff - above + needs)
+        most_sags = np.maximum(sags, -half_ohms * float(jacobian[_FAST:].sum()))
+        beyond_sags = np.minimum(
+            _SAGS * math.hypot(voltage_sd, self._cutoff_sd), half_cutoff_range + _SAGS * voltage_sd
+        )
+        beyond_most_sags = half_cutoff_range + _SAGS * curve_sd
+        needs = np.minimum(sags + beyond_sags[:, None], most_sags + beyond_most_sags[:, None])
+        return np.asarray(self._cutoff - above_curve + needs)
 
     @property
     def start(self) -> Start:

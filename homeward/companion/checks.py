@@ -33,7 +33,8 @@ def check_route(route: Any, most_m: float) -> None:
     if not all(hasattr(route, name) for name in ("place_m", "grade_rad", "heading_rad")):
         raise CompanionError(f"route = {route!r} is not a route; give what homeward.envs.routes.load_route returns")
     try:
-        grades, headings = (np.asarray(values, dtype=np.float64) for values in (route.grade_rad, route.heading_rad))
+        grades = np.asarray(route.grade_rad, dtype=np.float64)
+        headings = np.asarray(route.heading_rad, dtype=np.float64)
         length_m = as_float(route.place_m) * len(grades)
     except (TypeError, ValueError):
         raise CompanionError("the places of the route are no numbers; give what load_route returns") from None
@@ -46,13 +47,14 @@ def check_route(route: Any, most_m: float) -> None:
         raise CompanionError(
             f"the route has {len(grades)} slopes and {len(headings)} headings; give one of each a place"
         )
-    steepest_rad, farthest_rad = (float(np.abs(values).max()) for values in (grades, headings))
+    steepest_rad = float(np.abs(grades).max())
+    largest_heading_rad = float(np.abs(headings).max())
     if not steepest_rad <= shared.STEEPEST_RAD:
         raise CompanionError(
             f"the route has slopes up to {steepest_rad:.3g} rad; up to {shared.STEEPEST_RAD:g} are allowed"
         )
-    if not farthest_rad <= shared.MOST_HEADING_RAD:
-        raise CompanionError(f"the route has headings up to {farthest_rad:.3g}; give radians")
+    if not largest_heading_rad <= shared.MOST_HEADING_RAD:
+        raise CompanionError(f"the route has headings up to {largest_heading_rad:.3g}; give radians")
 
 
 def check_home(home: Any) -> None:
@@ -81,7 +83,11 @@ def docks_of(texts: Sequence[str]) -> dict[str, Position]:
             raise CompanionError(f"--docks {text!r} is not allowed; give NAME=EAST,NORTH or NAME=METRES")
         if name in docks:
             raise CompanionError(f"--docks names {name!r} twice; give each dock another name")
-        docks[name] = numbers_m[0] if len(numbers_m) == 1 else (numbers_m[0], numbers_m[1])
+        if len(numbers_m) == 1:
+            docks[name] = numbers_m[0]
+        else:
+            east_m, north_m = numbers_m
+            docks[name] = (east_m, north_m)
     return docks
 
 
@@ -105,8 +111,11 @@ def _checked_dock(name: Any, place: Any, home: Any, route_m: float | None, most_
     if not isinstance(name, str) or not name.strip() or name == HOME:
         raise CompanionError(f"a dock named {name!r} is not allowed; give it another name than '', and than {HOME!r}")
     dock = checked_position(f"dock {name!r}", place)
-    takes_metres, takes_coordinates = home is None or route_m is not None, home is not None
-    farthest_m = most_m if route_m is None else route_m
+    takes_metres = home is None or route_m is not None
+    takes_coordinates = home is not None
+    farthest_m = most_m
+    if route_m is not None:
+        farthest_m = route_m
     if isinstance(dock, float):
         possible = takes_metres and 0.0 <= dock <= farthest_m
     elif dock is None or not takes_coordinates:
@@ -116,10 +125,12 @@ def _checked_dock(name: Any, place: Any, home: Any, route_m: float | None, most_
     else:
         possible = math.hypot(*dock) <= thresholds.EARTH_M
     if not possible:
-        metres = f"metres from home along the way, 0 to {farthest_m:.4g}"
-        coordinates = f"(east, north) in the frame of home, within {most_m:.4g} m of it"
-        give = " or ".join([metres] * takes_metres + [coordinates] * takes_coordinates)
-        raise CompanionError(f"dock {name!r} = {place!r} is not allowed; give {give}")
+        allowed = []
+        if takes_metres:
+            allowed.append(f"metres from home along the way, 0 to {farthest_m:.4g}")
+        if takes_coordinates:
+            allowed.append(f"(east, north) in the frame of home, within {most_m:.4g} m of it")
+        raise CompanionError(f"dock {name!r} = {place!r} is not allowed; give {' or '.join(allowed)}")
     assert dock is not None
     return dock
 

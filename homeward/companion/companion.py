@@ -38,7 +38,8 @@ from homeward.physics import Robot, d_max, load_robot, optimal_speed
 WINDOWS = 200.0
 """Number of updates of the estimator while the battery lasts at cruise, as of decisions in the environments
 (`homeward.envs.options`)."""
-_LONGEST_PLACES, _PLACES = 160.0, 128
+_LONGEST_PLACES = 160.0
+_PLACES = 128
 """Places per d_max, and how many are kept: the way home of a robot that can come home is shorter than 0.8 d_max.
 Chosen: a place is then 0.6 % of d_max."""
 _CRUMBS = 8.0
@@ -114,28 +115,34 @@ class Companion:
         docks: Mapping[str, Position] | None = None,
     ) -> None:
         self.robot = load_robot(robot)
-        range_m = self._range_m = float(d_max(self.robot))
+        range_m = float(d_max(self.robot))
         if not math.isfinite(range_m):
             raise CompanionError(f"robot {self.robot.name!r} never runs empty on level ground; check its effects")
+        self._range_m = range_m
         full_j = self.robot.usable_energy_j
         most_v = thresholds.MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)
-        for name, value, low, high in (
-            ("risk", risk, *thresholds.RISKS), ("soc", soc, 0.0, 1.0),
-            ("cutoff_v", cutoff_v, thresholds.LEAST_VOLTAGE_V, most_v),
-            ("capacity_j", capacity_j, thresholds.LEAST_CAPACITY * full_j, full_j),
-            ("cruise_mps", cruise_mps, thresholds.SLOWEST_MPS, self.robot.max_speed_mps),
-            ("window_s", window_s, *thresholds.WINDOWS_S),
-            ("place_m", place_m, thresholds.SHORTEST_PLACE * range_m, range_m),
-            ("reaction_s", reaction_s, 0.0, thresholds.LONGEST_REACTION_S),
-            ("arrived_m", arrived_m, 0.0, thresholds.LARGEST_HOME_M),
-        ):  # fmt: skip
+        # Each with its lowest and its highest value.
+        arguments = {
+            "risk": (risk, *thresholds.RISKS),
+            "soc": (soc, 0.0, 1.0),
+            "cutoff_v": (cutoff_v, thresholds.LEAST_VOLTAGE_V, most_v),
+            "capacity_j": (capacity_j, thresholds.LEAST_CAPACITY * full_j, full_j),
+            "cruise_mps": (cruise_mps, thresholds.SLOWEST_MPS, self.robot.max_speed_mps),
+            "window_s": (window_s, *thresholds.WINDOWS_S),
+            "place_m": (place_m, thresholds.SHORTEST_PLACE * range_m, range_m),
+            "reaction_s": (reaction_s, 0.0, thresholds.LONGEST_REACTION_S),
+            "arrived_m": (arrived_m, 0.0, thresholds.LARGEST_HOME_M),
+        }
+        for name, (value, low, high) in arguments.items():
             if value is not None:
                 check_number(name, value, low, high)
         self._limits = limits_of(self.robot, range_m)
         check_home(home)
         check_wind(forecast_mps)
         check_route(route, self._limits.way_m)
-        route_m = None if route is None else float(route.place_m) * len(route.grade_rad)
+        route_m = None
+        if route is not None:
+            route_m = float(route.place_m) * len(route.grade_rad)
         self._docks = checked_docks(docks, home, route_m, self._limits.way_m)
         if policy is not None and policy.robot != self.robot:
             raise CompanionError(
@@ -144,37 +151,70 @@ class Companion:
             )
         self._policy = policy
         self.risk = risk
-        cruise = float(optimal_speed(self.robot)) if cruise_mps is None else cruise_mps
-        self._window_s = range_m / cruise / WINDOWS if window_s is None else window_s
-        self._reaction_s = self._window_s if reaction_s is None else reaction_s
+        if cruise_mps is None:
+            cruise_mps = float(optimal_speed(self.robot))
+        if window_s is None:
+            window_s = range_m / cruise_mps / WINDOWS
+        if reaction_s is None:
+            reaction_s = window_s
+        self._window_s = window_s
+        self._reaction_s = reaction_s
         self._arrived_m = arrived_m
-        places = _PLACES
-        place_m = range_m / _LONGEST_PLACES if place_m is None else place_m
         if route is not None:
-            places, place_m = len(route.grade_rad), float(route.place_m)
-        self._start_soc, self._route, self._cutoff_v = soc, route, cutoff_v
-        known = known_of(self.robot, forecast_mps is not None)
+            places = len(route.grade_rad)
+            place_m = float(route.place_m)
+        else:
+            places = _PLACES
+            if place_m is None:
+                place_m = range_m / _LONGEST_PLACES
+        self._start_soc = soc
+        self._route = route
+        self._cutoff_v = cutoff_v
+        knowledge = known_of(self.robot, forecast_mps is not None)
         if prior is not None:
-            known = PriorKnowledge(prior, (), meter_sd=prior.gain_sd)
+            knowledge = PriorKnowledge(prior, (), meter_sd=prior.gain_sd)
         if capacity_j is not None:
-            known = known.with_capacity(capacity_j / full_j)
+            knowledge = knowledge.with_capacity(capacity_j / full_j)
         self._estimator = HomeEstimator(
-            self.robot, known,
-            places=places, place_m=place_m, cruise_mps=cruise, risk=risk, route=route, forecast_mps=forecast_mps,
+            self.robot,
+            knowledge,
+            places=places,
+            place_m=place_m,
+            cruise_mps=cruise_mps,
+            risk=risk,
+            route=route,
+            forecast_mps=forecast_mps,
             cutoff_v=cutoff_v,
-        )  # fmt: skip
-        self._made_for = digest(repr((
-            self.robot, places, place_m, cruise, self._window_s, home, cutoff_v, self._estimator.known.prior,
-            policy is None, self._estimator.estimates.dtype.descr, self._estimator.places.tobytes(), self._docks,
-        )))  # fmt: skip
+        )
+        # What a saved state depends on: one that was made for something else is refused.
+        made_for = (
+            self.robot,
+            places,
+            place_m,
+            cruise_mps,
+            window_s,
+            home,
+            cutoff_v,
+            self._estimator.known.prior,
+            policy is None,
+            self._estimator.estimates.dtype.descr,
+            self._estimator.places.tobytes(),
+            self._docks,
+        )
+        self._made_for = digest(repr(made_for))
         self._way = Way(home, route, max(place_m / _CRUMBS, 1.0), self._limits.way_m)
         self._readings = Readings(self._limits, self._way.is_possible, self._way.noise_m)
         self._window = Window()
         self._other_way: RouteLike | None = None
         self._other_way_m: float | None = None
-        self._turned, self._charged, self._mismatched, self._stands = False, False, 0, 0
-        self._since_stop, self._may_be_swapped = math.inf, False
-        self._left_j, self._used_j = math.inf, 0.0
+        self._turned = False
+        self._charged = False
+        self._mismatched = 0
+        self._stands = 0
+        self._since_stop = math.inf
+        self._may_be_swapped = False
+        self._left_j = math.inf
+        self._used_j = 0.0
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
         self._action: tuple[float, float, str] | None = None
         if self._policy is not None:
@@ -215,14 +255,20 @@ class Companion:
         Raises:
             CompanionError: A value is not a number, home was not set, or the position cannot be determined.
         """
-        reading = self._readings.take(
-            time_s,
-            {
-                "speed_mps": speed_mps, "power_w": power_w, "voltage_v": voltage_v, "current_a": current_a, "soc": soc,
-                "grade_rad": grade_rad, "heading_rad": heading_rad, "position": position, "sensing_hz": sensing_hz,
-                "temperature_c": temperature_c, "interest": interest,
-            },
-        )  # fmt: skip
+        given = {
+            "speed_mps": speed_mps,
+            "power_w": power_w,
+            "voltage_v": voltage_v,
+            "current_a": current_a,
+            "soc": soc,
+            "grade_rad": grade_rad,
+            "heading_rad": heading_rad,
+            "position": position,
+            "sensing_hz": sensing_hz,
+            "temperature_c": temperature_c,
+            "interest": interest,
+        }
+        reading = self._readings.take(time_s, given)
         if power_w is None and None not in (voltage_v, current_a):
             self._estimator.see_terminals()
         if reading is not None:
@@ -238,7 +284,8 @@ class Companion:
         step = self._way.follow(reading)
         self._note(reading, step)
         self._ask_policy(reading, step)
-        self._window.add(reading, step, *self._estimator.model(reading, step))
+        modelled_w, drive_w, steady_w = self._estimator.model(reading, step)
+        self._window.add(reading, step, modelled_w, drive_w, steady_w)
         # The first voltage under load says at once whether the battery holds it.
         is_first = self._estimator.windows == 0 and self._window.time_s > 0.0 and math.isfinite(reading.voltage_v)
         if is_first or self._window.time_s >= self._window_s * (1.0 - 1e-6):
@@ -247,12 +294,22 @@ class Companion:
     def _ask_policy(self, reading: Reading, step: Step) -> None:
         if self._policy is None:
             return
-        asked = self._policy.update(
-            self._readings.clock_s, self._way.position_m, speed_mps=abs(reading.speed_mps), power_w=reading.power_w,
-            soc=reading.soc, grade_rad=reading.grade_rad, heading_rad=step.heading_rad,
-            temperature_c=reading.temperature_c, interest=reading.interest,
-        )  # fmt: skip
-        self._action = None if asked is None or not all(map(math.isfinite, asked[:2])) else asked
+        action = self._policy.update(
+            self._readings.clock_s,
+            self._way.position_m,
+            speed_mps=abs(reading.speed_mps),
+            power_w=reading.power_w,
+            soc=reading.soc,
+            grade_rad=reading.grade_rad,
+            heading_rad=step.heading_rad,
+            temperature_c=reading.temperature_c,
+            interest=reading.interest,
+        )
+        if action is not None:
+            speed_mps, sensing_hz, _ = action
+            if not (math.isfinite(speed_mps) and math.isfinite(sensing_hz)):
+                action = None
+        self._action = action
 
     def charged(self, soc: float) -> None:
         """Tell the companion that the battery was charged on the way, and that the mission goes on.
@@ -272,12 +329,15 @@ class Companion:
         self._estimator.recharge(soc)
         self._readings.charge()
         # From here on the energy left may rise by no more than is recovered, as before.
-        self._left_j, self._used_j = self._estimator.left_j, self._estimator.used_j
+        self._left_j = self._estimator.left_j
+        self._used_j = self._estimator.used_j
         self._begin_charge()
 
     def _begin_charge(self) -> None:
         """Begin a charge that was told, whatever the first readings and the argument `soc` say."""
-        self._charged, self._turned, self._mismatched = True, False, 0
+        self._charged = True
+        self._turned = False
+        self._mismatched = 0
         if self._policy is not None:
             self._policy.begin()
 
@@ -311,8 +371,10 @@ class Companion:
                 f"home = {home!r} is not allowed; give (east, north) in metres, or metres along the way, within "
                 f"{self._limits.way_m:.4g} m of where it was"
             )
-        self._way.moved_home, self._turned = checked, False
-        self._other_way = self._other_way_m = None
+        self._way.moved_home = checked
+        self._turned = False
+        self._other_way = None
+        self._other_way_m = None
 
     def take_home(self, route: RouteLike | None) -> None:
         """Tell the companion to go home by another way than the way out; None: by the way out again.
@@ -324,8 +386,12 @@ class Companion:
             CompanionError: It is not a route.
         """
         check_route(route, self._limits.way_m)
-        self._other_way, self._other_way_m = route, None if route is None else 0.0
-        self._way.moved_home, self._turned = None, False
+        self._other_way = route
+        self._other_way_m = None
+        if route is not None:
+            self._other_way_m = 0.0
+        self._way.moved_home = None
+        self._turned = False
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """Energy that a way from here consumes, by the present estimates, J as metered.
@@ -360,11 +426,14 @@ class Companion:
     def _check_charge(self, window: Window) -> None:
         """Say which reading is not believed. A lower one after a stop is accepted, as of another battery: that is
         safe."""
-        soc, believed = window.soc, self._estimator.gauge.believed
-        differs = soc - self._estimator.charge
+        believed = self._estimator.gauge.believed
+        differs = window.soc - self._estimator.charge
         # Nobody changes a battery while the robot drives; while it is off, readings are missing.
         stops = window.stood_s > 0.0 or window.time_s > thresholds.GAP_INTERVALS * self._window_s
-        self._since_stop = 0.0 if stops else self._since_stop + 1.0
+        if stops:
+            self._since_stop = 0.0
+        else:
+            self._since_stop += 1.0
         if believed == FOLLOWS:
             self._mismatched = 0
             self._may_be_swapped = self._since_stop < thresholds.SOC_MISMATCH_WINDOWS
@@ -377,45 +446,55 @@ class Companion:
             return
         text = f"{kind} has jumped or stays: it reads {less_or_more} than the energy drawn implies"
         lower = self._may_be_swapped and differs < -thresholds.SOC_MISMATCH
-        self._mismatched = self._mismatched + 1 if lower else 0
+        if lower:
+            self._mismatched += 1
+        else:
+            self._mismatched = 0
         if self._mismatched < thresholds.SOC_MISMATCH_WINDOWS:
             self._readings.say(f"{text}; power alone is used", kind)
             return
         self._readings.say(f"{text}: another battery? Estimates of the old one are dropped", kind)
-        self._estimator.begin_battery(Start(soc, told=False))
+        self._estimator.begin_battery(Start(window.soc, told=False))
         self._mismatched = 0
 
     def _check_speed(self, window: Window) -> None:
         """Warn if the robot stands by its speed and drives by its power; which is wrong cannot be known."""
         stands = window.stood_s >= window.time_s and window.power_w > self._estimator.driving_w
-        self._stands = self._stands + 1 if stands else 0
-        if self._stands >= thresholds.STANDS_WINDOWS:
-            kind = "the speed reads 0 while"
-            text = (
-                f"{kind} {window.power_w:.3g} W are drawn, as in driving: is it stuck, or a load that its file lacks?"
-            )
-            self._readings.say(text if self._has["position"] else f"{text} Home may be farther than estimated", kind)
+        if not stands:
+            self._stands = 0
+            return
+        self._stands += 1
+        if self._stands < thresholds.STANDS_WINDOWS:
+            return
+        kind = "the speed reads 0 while"
+        text = f"{kind} {window.power_w:.3g} W are drawn, as in driving: is it stuck, or a load that its file lacks?"
+        if not self._has["position"]:
+            text = f"{text} Home may be farther than estimated"
+        self._readings.say(text, kind)
 
     def _charge_first(self, reading: Reading) -> None:
         """Begin with the battery as it is told, or as the first readings show it, which may come one by one."""
-        estimator, start = self._estimator, self._estimator.battery.start
+        estimator = self._estimator
+        start = estimator.battery.start
         begins = estimator.windows == 0 and estimator.see_temperature(reading.temperature_c)
         if not self._charged and self._start_soc is not None:
             start = Start(self._start_soc)
-            self._charged = begins = True
+            self._charged = True
+            begins = True
         elif not self._charged and math.isfinite(reading.soc):
             start = Start(reading.soc, told=False)
-            self._charged = begins = True
+            self._charged = True
+            begins = True
         if begins:
             estimator.begin_battery(start)
 
     def _note(self, reading: Reading, step: Step) -> None:
         """Record which readings there have been."""
-        for name, value in (
-            ("power", reading.power_w), ("soc", reading.soc), ("grade", reading.grade_rad),
-            ("heading", step.heading_rad), ("position", math.nan if reading.position is None else 0.0),
-        ):  # fmt: skip
-            self._has[name] |= math.isfinite(value)
+        self._has["power"] |= math.isfinite(reading.power_w)
+        self._has["soc"] |= math.isfinite(reading.soc)
+        self._has["grade"] |= math.isfinite(reading.grade_rad)
+        self._has["heading"] |= math.isfinite(step.heading_rad)
+        self._has["position"] |= reading.position is not None
         if self._other_way_m is not None:
             self._other_way_m += step.way_m
 
@@ -443,16 +522,21 @@ class Companion:
             place: `(east, north)` in metres, or metres from home along the way.
             from_m: With a route: position on it to start from, m from home; by default the robot's.
         """
-        here_m = self._way.position_m if from_m is None else from_m
+        here_m = self._way.position_m
+        if from_m is not None:
+            here_m = from_m
         leave_m, leg_m = self._way.beyond(place, from_m)
         return along_and_off(self._estimator.places, self.vehicle, here_m, leave_m, thresholds.DETOUR * leg_m)
 
     def _advise(self) -> Advice:
         estimator = self._estimator
-        ways = {HOME: self._way_home()} | {name: self._way_to_dock(dock) for name, dock in self._docks.items()}
-        reached = {name: estimator.leaves(way) for name, way in ways.items()}
-        names = best_first(reached)
-        home, now = ways[names[0]], reached[names[0]]
+        ways = {HOME: self._way_home()}
+        for name, dock in self._docks.items():
+            ways[name] = self._way_to_dock(dock)
+        outcomes = {name: estimator.leaves(way) for name, way in ways.items()}
+        advised, *others = best_first(outcomes)
+        home = ways[advised]
+        now = outcomes[advised]
         self._check_rise(now.left.mean)
         self._check_cutoff()
 
@@ -470,7 +554,16 @@ class Companion:
         if self._way.route_m is not None and ways[HOME].ways is None:
             onwards_m = max(self._way.route_m - ways[HOME].way_m, 0.0)
             chance_there = estimator.leaves(ways[HOME], onwards_m).chance_home
-        of_battery = estimator.of_cells, self._cutoff_words()
+        advises_to_look_back = not self._turned and looks_back(
+            estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s
+        )
+        if self._turned:
+            turn_in_m = 0.0
+            turn_in_s = 0.0
+        action = None
+        if self._action is not None:
+            action = Action(*self._action)
+        of_battery = (estimator.of_cells, self._cutoff_words())
         return Advice(
             time_s=self._readings.clock_s,
             way_home_m=home.way_m,
@@ -479,17 +572,16 @@ class Companion:
             margin_j=now.margin,
             chance_home=now.chance_home,
             risk=self.risk,
-            turn_in_m=0.0 if self._turned else turn_in_m,
-            turn_in_s=0.0 if self._turned else turn_in_s,
+            turn_in_m=turn_in_m,
+            turn_in_s=turn_in_s,
             turn_now=self._turned,
             chance_there_and_back=chance_there,
-            looks_back=not self._turned
-            and looks_back(estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s),
-            rests_on=rests_on(self._has, estimator.known, self._what_home(names[0]), of_battery),
+            looks_back=advises_to_look_back,
+            rests_on=rests_on(self._has, estimator.known, self._what_home(advised), of_battery),
             warnings=(*self._readings.warnings(), *self._off_route()),
-            action=None if self._action is None else Action(*self._action),
-            home=names[0],
-            others=tuple(reached[name].option(name, ways[name].way_m) for name in names[1:]),
+            action=action,
+            home=advised,
+            others=tuple(outcomes[name].option(name, ways[name].way_m) for name in others),
         )
 
     def _check_rise(self, left_j: float) -> None:
@@ -497,7 +589,8 @@ class Companion:
         used_j = self._estimator.used_j
         recovered_j = max(self._used_j - used_j, 0.0)
         rises_j = left_j - self._left_j - recovered_j
-        self._left_j, self._used_j = left_j, used_j
+        self._left_j = left_j
+        self._used_j = used_j
         if rises_j > thresholds.LEAST_RISE * self.vehicle.full_j:
             kind = "the energy left rises"
             share = rises_j / self.vehicle.full_j
@@ -509,7 +602,9 @@ class Companion:
             return
         kind = "the voltage under load"
         text = f"{kind} may fall to the cut-off on the way home, however full the battery is: drive slower"
-        self._readings.say(text if self._cutoff_v is not None else f"{text}, or give cutoff_v= if it is lower", kind)
+        if self._cutoff_v is None:
+            text = f"{text}, or give cutoff_v= if it is lower"
+        self._readings.say(text, kind)
 
     def _cutoff_words(self) -> str:
         """Down to which voltage the battery is used."""
@@ -522,10 +617,14 @@ class Companion:
         return f"the battery is usable down to its cut-off voltage under load (none was given: {usual})"
 
     def _off_route(self) -> tuple[str, ...]:
+        """The warning that the robot is off its route, if it is."""
         off_m = self._way.off_route_m
-        return (f"{off_m:.0f} m off the route",) if off_m > thresholds.OFF_ROUTE_M else ()
+        if off_m <= thresholds.OFF_ROUTE_M:
+            return ()
+        return (f"{off_m:.0f} m off the route",)
 
     def _what_home(self, name: str) -> str:
+        """Kind of the way to a home or dock, as `rests_on` names it."""
         if name != HOME:
             return "dock"
         if self._other_way is not None:
@@ -534,12 +633,16 @@ class Companion:
             return "moved"
         if self._route is None:
             return "trail"
-        return "loop" if self._way.ends_at_home else "route"
+        if self._way.ends_at_home:
+            return "loop"
+        return "route"
 
     def state(self) -> dict[str, Any]:
         """State for a restart, for JSON; some hundred kilobytes. Nothing changes by asking for it."""
-        policy = {} if self._policy is None else {"policy": self._policy.state()}
-        return sealed({"robot": self.robot.name, "made_for": self._made_for, "companion": values_of(self), **policy})
+        state = {"robot": self.robot.name, "made_for": self._made_for, "companion": values_of(self)}
+        if self._policy is not None:
+            state["policy"] = self._policy.state()
+        return sealed(state)
 
     def restore(self, state: dict[str, Any], other_way: RouteLike | None = None) -> None:
         """Continue from `state`, in a companion with the same arguments; if that is refused, it is as before.
@@ -557,7 +660,8 @@ class Companion:
             raise CompanionError(f"the state is of robot {state['robot']!r}, not of {self.robot.name!r}")
         if state["made_for"] != self._made_for:
             raise CompanionError("the state is of another robot file, version or route, or of other arguments")
-        before, other_way_before = self.state(), self._other_way
+        before = self.state()
+        other_way_before = self._other_way
         try:
             self._put(state, other_way)
         except DAMAGE as error:

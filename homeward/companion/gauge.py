@@ -69,12 +69,14 @@ class GaugeTrust:
         self._offset_variance = max(prior.soc_error, thresholds.COUNTER_SD) ** 2 + of_lag**2
         self.joint = np.outer([1.0 - thresholds.OWN_COURSE, 0.0, thresholds.OWN_COURSE], weights)
         self.start = start
-        self._offset, self._gain = np.zeros_like(weights), gain.copy()
+        self._offset = np.zeros_like(weights)
+        self._gain = gain.copy()
         gain_variance = gain_sd**2 + thresholds.COUNTER_GAIN_SD**2
         # Of offset and gain: variance of the first, covariance, variance of the second.
         self._covariance = np.stack([np.full_like(weights, self._offset_variance), 0.0 * weights, gain_variance])
         self._drawn = np.zeros_like(weights)
-        self._last, self._fallen = math.nan, 0.0
+        self._last = math.nan
+        self._fallen = 0.0
         self._wanders = thresholds.GAUGE_WANDERS**2  # variance of the change from reading to reading, beyond the fall
 
     def recharge(self, joint: Floats, start: Floats, gain: Floats, gain_variance: Floats) -> None:
@@ -86,11 +88,15 @@ class GaugeTrust:
             gain: Fall of the reading over that of the charge, by battery, shape (n,).
             gain_variance: Variance of that, shape (n,).
         """
-        self.joint, self.start, self._gain = joint, start, gain
-        nothing = np.zeros_like(start)
-        self._offset, self._drawn = nothing, nothing
-        self._covariance = np.stack([np.full_like(start, self._offset_variance), nothing, gain_variance])
-        self._last, self._fallen = math.nan, 0.0
+        self.joint = joint
+        self.start = start
+        self._gain = gain
+        zeros = np.zeros_like(start)
+        self._offset = zeros
+        self._drawn = zeros
+        self._covariance = np.stack([np.full_like(start, self._offset_variance), zeros, gain_variance])
+        self._last = math.nan
+        self._fallen = 0.0
 
     @property
     def gain(self) -> tuple[Floats, Floats]:
@@ -126,7 +132,8 @@ class GaugeTrust:
             variance: Variance of that, shape (n,).
             likelihood: Likelihood of all other readings of the window, by battery, shape (n,).
         """
-        drawn_before, self._drawn = self._drawn, drawn
+        drawn_before = self._drawn
+        self._drawn = drawn
         self._wander(drawn - drawn_before)
         by_explanation = np.ones_like(self.joint)
         if math.isfinite(reading):
@@ -137,8 +144,8 @@ class GaugeTrust:
                     reading - self.start + drawn, np.array(thresholds.OWN_START_SD**2)
                 )
             elif reading == self._last:
-                off = np.abs(reading - self._expected(drawn))
-                near = ndtr((thresholds.COARSEST - off) / thresholds.COARSEST_SD)
+                error = np.abs(reading - self._expected(drawn))
+                near = ndtr((thresholds.COARSEST - error) / thresholds.COARSEST_SD)
                 by_explanation[FOLLOWS] = np.maximum(near, thresholds.GAUGE_OUTLIERS)
             else:
                 by_explanation = self._weigh_change(reading, 0.5 * (drawn_before + drawn), variance)
@@ -170,17 +177,20 @@ class GaugeTrust:
         change = reading - self._last
         weights = self.weights
         expected = self._expected(drawn)
-        spread = float(weights @ (self._total_variance(drawn, variance) + (expected - weights @ expected) ** 2))
-        surprise = change + self._fallen
+        between = (expected - weights @ expected) ** 2
+        mixture_variance = float(weights @ (self._total_variance(drawn, variance) + between))
+        innovation = change + self._fallen
         # A reading that only rounds is as near to the one before as to the expected one: that is no evidence.
-        wanders = max(self._wanders, spread)
+        change_variance = max(self._wanders, mixture_variance)
         by_explanation = np.empty_like(self.joint)
-        by_explanation[JUMPED:] = _likelihood(np.array(surprise), np.array(wanders))
+        by_explanation[JUMPED:] = _likelihood(np.array(innovation), np.array(change_variance))
         # One that rounds passed an edge: it changes by no more than was drawn since the last one, and never against it.
-        step = min(abs(change), abs(self._fallen)) if change * self._fallen < 0.0 else 0.0
+        step = 0.0
+        if change * self._fallen < 0.0:
+            step = min(abs(change), abs(self._fallen))
         shown = reading - 0.5 * math.copysign(step, change)
         by_explanation[FOLLOWS] = self._follow(shown, drawn, variance + step * step / 12.0)
-        self._wanders += thresholds.GAUGE_LEARNS * (surprise**2 - self._wanders)
+        self._wanders += thresholds.GAUGE_LEARNS * (innovation**2 - self._wanders)
         self._fallen = 0.0
         return by_explanation
 
@@ -192,23 +202,25 @@ class GaugeTrust:
 
     def _follow(self, reading: float, drawn: Floats, variance: Floats) -> Floats:
         """Likelihood of a reading that follows, by battery; the errors of the gauge are updated."""
-        surprise = reading - self._expected(drawn)
-        total = self._total_variance(drawn, variance)
-        likelihood = _likelihood(surprise, total)
-        # As far as it is this explanation that holds, the errors explain the surprise.
+        innovation = reading - self._expected(drawn)
+        innovation_variance = self._total_variance(drawn, variance)
+        likelihood = _likelihood(innovation, innovation_variance)
+        # As far as it is this explanation that holds, the errors explain the innovation.
         holds = self.joint[FOLLOWS] / np.maximum(self.joint.sum(axis=0), 1e-300)
-        most = thresholds.GAUGE_DOUBT * np.sqrt(total)
-        surprise = holds * np.clip(surprise, -most, most)
+        limit = thresholds.GAUGE_DOUBT * np.sqrt(innovation_variance)
+        innovation = holds * np.clip(innovation, -limit, limit)
         of_offset, of_both, of_gain = self._covariance
-        shared_offset, shared_gain = of_offset - drawn * of_both, of_both - drawn * of_gain
-        self._offset = self._offset + shared_offset / total * surprise
-        self._gain = self._gain + shared_gain / total * surprise
-        taken = holds / total
+        # Covariance of the reading with offset and gain.
+        with_offset = of_offset - drawn * of_both
+        with_gain = of_both - drawn * of_gain
+        self._offset = self._offset + with_offset / innovation_variance * innovation
+        self._gain = self._gain + with_gain / innovation_variance * innovation
+        per_variance = holds / innovation_variance
         self._covariance = np.stack(
             [
-                of_offset - taken * shared_offset * shared_offset,
-                of_both - taken * shared_offset * shared_gain,
-                of_gain - taken * shared_gain * shared_gain,
+                of_offset - per_variance * with_offset * with_offset,
+                of_both - per_variance * with_offset * with_gain,
+                of_gain - per_variance * with_gain * with_gain,
             ]
         )
         return likelihood

@@ -83,11 +83,20 @@ class Outcome(NamedTuple):
     def preference(self) -> tuple[bool, float]:
         """Homes are preferred by this: first those that are reachable, by the margin at the accepted risk; of the
         others the one with the highest probability."""
-        return self.reachable, self.low_j if self.reachable else self.chance_home
+        if self.reachable:
+            return True, self.low_j
+        return False, self.chance_home
 
     def option(self, name: str, way_m: float) -> HomeOption:
         """A home or dock with this outcome."""
-        return HomeOption(name, way_m, self.cost, self.margin, self.chance_home, self.reachable)
+        return HomeOption(
+            name=name,
+            way_m=way_m,
+            energy_j=self.cost,
+            margin_j=self.margin,
+            chance=self.chance_home,
+            reachable=self.reachable,
+        )
 
 
 def best_first(reached: Mapping[str, Outcome]) -> list[str]:
@@ -139,11 +148,17 @@ class HomeEstimator:
         cutoff_v: float | None,
     ) -> None:
         announce_compilation()
-        self._robot, self._route, self._risk, self._z = robot, route, risk, deviations(risk)
-        self._places, self._forecast_mps = places, forecast_mps or (0.0, 0.0)
-        self.known, self.at_terminals = known, False
+        self._robot = robot
+        self._route = route
+        self._risk = risk
+        self._student_quantile = deviations(risk)
+        self._places = places
+        self._forecast_mps = forecast_mps or (0.0, 0.0)
+        self.known = known
+        self.at_terminals = False
         self.vehicle = vehicle_of(robot, place_m, cruise_mps)
-        self._record, self._temperature_c = plain(robot.record()), math.nan
+        self._record = plain(robot.record())
+        self._temperature_c = math.nan
         self._estimator = Estimator(self.vehicle, known.prior, places, 1)
         self._cells = cells_of(robot)
         self._rate_per_h = 3600.0 * self._modelled_w(robot, self.vehicle.cruise_mps) / self.vehicle.full_j
@@ -153,15 +168,28 @@ class HomeEstimator:
 
     def _modelled_w(self, robot: Robot, speed_mps: float) -> float:
         """Power by the model of a robot with a full battery at a steady speed on level ground, W."""
-        record, state = plain(robot.record()), plain(full_charge(robot))
+        state = plain(full_charge(robot))
         state["step_s"] = 1.0
-        air_c = self._air_c
-        return float(modelled_power(self.vehicle, record, state, speed_mps, 0.0, 0.0, 0.0, 0.0, 1.0, air_c)[0])
+        power_w, _, _ = modelled_power(
+            self.vehicle,
+            plain(robot.record()),
+            state,
+            speed_mps=speed_mps,
+            sensing_hz=0.0,
+            accel_mps2=0.0,
+            sine=0.0,
+            yaw_rate_radps=0.0,
+            ahead=1.0,
+            temperature_c=self._air_c,
+        )
+        return float(power_w)
 
     @property
     def _air_c(self) -> float:
         """Temperature of the air for the robot's own model, C: that at which it was measured, if none was read."""
-        return self._temperature_c if math.isfinite(self._temperature_c) else thresholds.MODEL_C
+        if math.isfinite(self._temperature_c):
+            return self._temperature_c
+        return thresholds.MODEL_C
 
     @property
     def _models_cold(self) -> bool:
@@ -174,7 +202,9 @@ class HomeEstimator:
         if not self.at_terminals:
             return 1.0
         cruise_mps = self.vehicle.cruise_mps
-        return self._modelled_w(at_terminals(self._robot), cruise_mps) / self._modelled_w(self._robot, cruise_mps)
+        terminals_w = self._modelled_w(at_terminals(self._robot), cruise_mps)
+        cells_w = self._modelled_w(self._robot, cruise_mps)
+        return terminals_w / cells_w
 
     def see_terminals(self) -> None:
         """From now on power is voltage times current, which excludes losses inside the battery."""
@@ -186,7 +216,9 @@ class HomeEstimator:
 
     def _take_meter(self) -> None:
         """Use the model of the power that the meter measures."""
-        robot = at_terminals(self._robot) if self.at_terminals else self._robot
+        robot = self._robot
+        if self.at_terminals:
+            robot = at_terminals(robot)
         self._record = plain(robot.record())
         self.vehicle = self.vehicle._replace(idle_w=self._modelled_w(robot, 0.0))
         self._idle_share = self.vehicle.idle_w / self._modelled_w(robot, self.vehicle.cruise_mps)
@@ -215,25 +247,33 @@ class HomeEstimator:
         # A power at rest that is not the file's is consumed by the robot: it says nothing of the meter, so that it does
         # not change what the battery holds as metered.
         covariance[..., GAIN, GAIN] += self.known.idle_sd**2
-        self._extra, self.windows = np.zeros(self._places), 0
-        self.pace_mps, self.pace_w = self.vehicle.cruise_mps, self.vehicle.idle_w
-        self.speed_mps = self._heading_rad = math.nan
+        self._extra = np.zeros(self._places)
+        self.windows = 0
+        self.pace_mps = self.vehicle.cruise_mps
+        self.pace_w = self.vehicle.idle_w
+        self.speed_mps = math.nan
+        self._heading_rad = math.nan
         if self._route is not None:
+            sines = np.sin(self._route.grade_rad)
             places = self.places
-            places["sine"] = places["sine_driven"] = np.sin(self._route.grade_rad)
-            places["east"], places["north"] = np.cos(self._route.heading_rad), np.sin(self._route.heading_rad)
+            places["sine"] = sines
+            places["sine_driven"] = sines
+            places["east"] = np.cos(self._route.heading_rad)
+            places["north"] = np.sin(self._route.heading_rad)
             places["readings"] = 1.0
         self.begin_battery(Start())
 
     def _compile(self) -> None:
         """Run every kernel once, without a lasting effect."""
-        kept = self._estimator.state.copy()
+        before = self._estimator.state.copy()
         reading = np.zeros(1, READING_DTYPE)
-        reading["time_s"], reading["position_m"], reading["east"] = 1.0, self.vehicle.place_m, 1.0
+        reading["time_s"] = 1.0
+        reading["position_m"] = self.vehicle.place_m
+        reading["east"] = 1.0
         self._estimator.update(reading, _ONE)
         self._estimator.relocate(0.5 * self.vehicle.place_m)
         self.leaves(self.way_home(1.0, 0.0))
-        self._estimator.state[:] = kept
+        self._estimator.state[:] = before
 
     @property
     def places(self) -> NDArray[np.void]:
@@ -264,9 +304,8 @@ class HomeEstimator:
     @property
     def driving_w(self) -> float:
         """Power half way between standing and driving at cruise on level ground, by the robot's own model."""
-        return self.vehicle.idle_w + thresholds.DRIVES * modelled_driving(
-            self.vehicle, 0.0, self.vehicle.cruise_mps
-        ) * (self.vehicle.cruise_mps)
+        cruise_mps = self.vehicle.cruise_mps
+        return self.vehicle.idle_w + thresholds.DRIVES * modelled_driving(self.vehicle, 0.0, cruise_mps) * cruise_mps
 
     def recharge(self, soc: float) -> None:
         """Go on with the same battery at another charge, 0 to 1."""
@@ -276,28 +315,42 @@ class HomeEstimator:
     def _forget_used(self) -> None:
         """Count the energy drawn from here on."""
         self._estimator.recharge(1.0, 0.0)
-        h = self._estimator.state["hypotheses"]
         # The filter knows the energy drawn; what the battery holds is known by `battery`.
-        h["mean"][..., PER_CAPACITY] = 1.0
-        h["covariance"][..., PER_CAPACITY, :] = h["covariance"][..., :, PER_CAPACITY] = 0.0
+        self._estimator.state["hypotheses"]["mean"][..., PER_CAPACITY] = 1.0
+        self._make_exact(PER_CAPACITY)
+
+    def _make_exact(self, state: int) -> None:
+        """Take a state as exactly known, in all hypotheses."""
+        covariance = self._estimator.state["hypotheses"]["covariance"]
+        covariance[..., state, :] = 0.0
+        covariance[..., :, state] = 0.0
 
     def begin_battery(self, start: Start) -> None:
         """Replace the battery by one of which only the prior and the charge are known."""
         self._forget_used()
         conditions = Conditions(
-            self._temperature_c, self._rate_per_h, self.known.meter_sd, self._modelled_sd, self._metered_share,
-            self._models_cold,
-        )  # fmt: skip
+            temperature_c=self._temperature_c,
+            rate_per_h=self._rate_per_h,
+            gain_sd=self.known.meter_sd,
+            modelled_sd=self._modelled_sd,
+            metered_share=self._metered_share,
+            models_cold=self._models_cold,
+        )
         self.battery.begin(start, conditions)
 
     @property
     def of_cells(self) -> str:
         """What is assumed of the battery's cells, a sentence."""
-        by_cells_c = math.nan if self._models_cold else self._temperature_c
-        least, most = self._cells.derating(by_cells_c, self._rate_per_h)
-        warm = "warm, as no temperature was read"
-        air = f"at {self._temperature_c:.0f} C" if math.isfinite(self._temperature_c) else warm
-        share = f"{least:.0%} to {most:.0%}" if least < most else f"{most:.0%}"
+        cells_c = self._temperature_c
+        if self._models_cold:  # what the robot's own model counts does not count twice
+            cells_c = math.nan
+        low, high = self._cells.derating(cells_c, self._rate_per_h)
+        air = "warm, as no temperature was read"
+        if math.isfinite(self._temperature_c):
+            air = f"at {self._temperature_c:.0f} C"
+        share = f"{high:.0%}"
+        if low < high:
+            share = f"{low:.0%} to {high:.0%}"
         return f"{self._cells.words}, {air}, at {self._rate_per_h:.2g} charges an hour: {share} of the label"
 
     def see_temperature(self, temperature_c: float) -> bool:
@@ -313,9 +366,8 @@ class HomeEstimator:
         if self.has_power is None:
             self.has_power = math.isfinite(power_w)
             if not self.has_power:
-                covariance = self._estimator.state["hypotheses"]["covariance"]
                 for state in _OWN_POWER:
-                    covariance[..., state, :] = covariance[..., :, state] = 0.0
+                    self._make_exact(state)
                 self.begin_battery(self.battery.start)
         elif not self.has_power and math.isfinite(power_w):
             self.has_power = True
@@ -328,18 +380,37 @@ class HomeEstimator:
 
     def model(self, reading: Reading, step: Step) -> tuple[float, float, float]:
         """Power since the last reading by the robot's own model, see `modelled_power`, W."""
-        if reading.dt_s <= 0.0:
-            self.speed_mps, self._heading_rad = reading.speed_mps, step.heading_rad
+        dt_s = reading.dt_s
+        if dt_s <= 0.0:
+            self.speed_mps = reading.speed_mps
+            self._heading_rad = step.heading_rad
             return 0.0, 0.0, 0.0
-        speed = abs(reading.speed_mps) if math.isfinite(reading.speed_mps) else step.way_m / reading.dt_s
-        before = abs(self.speed_mps) if math.isfinite(self.speed_mps) else speed
-        turn = math.remainder(step.heading_rad - self._heading_rad, math.tau)
-        sine = math.sin(reading.grade_rad) if math.isfinite(reading.grade_rad) else 0.0
-        self._state["speed_mps"], self._state["step_s"] = before, reading.dt_s
+        speed_mps = step.way_m / dt_s
+        if math.isfinite(reading.speed_mps):
+            speed_mps = abs(reading.speed_mps)
+        speed_before_mps = speed_mps
+        if math.isfinite(self.speed_mps):
+            speed_before_mps = abs(self.speed_mps)
+        turn_rad = math.remainder(step.heading_rad - self._heading_rad, math.tau)
+        if not math.isfinite(turn_rad):
+            turn_rad = 0.0
+        sine = 0.0
+        if math.isfinite(reading.grade_rad):
+            sine = math.sin(reading.grade_rad)
+        self._state["speed_mps"] = speed_before_mps
+        self._state["step_s"] = dt_s
         powers: tuple[float, float, float] = modelled_power(
-            self.vehicle, self._record, self._state, speed, reading.sensing_hz, (speed - before) / reading.dt_s, sine,
-            turn / reading.dt_s if math.isfinite(turn) else 0.0, 1.0, self._air_c,
-        )  # fmt: skip
+            self.vehicle,
+            self._record,
+            self._state,
+            speed_mps=speed_mps,
+            sensing_hz=reading.sensing_hz,
+            accel_mps2=(speed_mps - speed_before_mps) / dt_s,
+            sine=sine,
+            yaw_rate_radps=turn_rad / dt_s,
+            ahead=1.0,
+            temperature_c=self._air_c,
+        )
         if math.isfinite(reading.speed_mps):
             self.speed_mps = reading.speed_mps
         if math.isfinite(step.heading_rad):
@@ -349,7 +420,7 @@ class HomeEstimator:
     @contextmanager
     def with_open(self, window: Window, position_m: float) -> Iterator[None]:
         """Temporarily include a window that is not over yet, also one without length, of the first reading."""
-        kept = self._estimator.state.copy()
+        before = self._estimator.state.copy()
         try:
             if window.time_s > 0.0:
                 self._update(window, position_m)
@@ -357,7 +428,7 @@ class HomeEstimator:
                 self._estimator.relocate(position_m)
             yield
         finally:
-            self._estimator.state[:] = kept
+            self._estimator.state[:] = before
 
     def add_window(self, window: Window, position_m: float) -> None:
         """Process a finished window, and note its ground and pace.
@@ -370,17 +441,31 @@ class HomeEstimator:
         self._update(window, position_m)
         estimate = self._estimator.estimate()
         voltage_v, current_a = window.electric
-        used, variance = float(estimate.mean[0, USED]), float(estimate.covariance[0, USED, USED])
-        used_sd = math.sqrt(max(variance, 0.0))
-        self.battery.see(Witnesses(used, used_sd, voltage_v, current_a, window.peak_a, window.soc, window.time_s))
+        used_variance = float(estimate.covariance[0, USED, USED])
+        self.battery.see(
+            Witnesses(
+                used=float(estimate.mean[0, USED]),
+                used_sd=math.sqrt(max(used_variance, 0.0)),
+                voltage_v=voltage_v,
+                current_a=current_a,
+                peak_a=window.peak_a,
+                gauge=window.soc,
+                time_s=window.time_s,
+            )
+        )
         self.windows += 1
-        place_m, here = self.vehicle.place_m, place_of(self.vehicle, position_m, self._extra)
-        self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * (window.way_m / window.time_s)
-        self.pace_w = (1.0 - _PACE) * self.pace_w + _PACE * ((window.other_j - window.extra_j) / window.time_s)
+        window_mps = window.way_m / window.time_s
+        window_w = (window.other_j - window.extra_j) / window.time_s
+        self.pace_mps = (1.0 - _PACE) * self.pace_mps + _PACE * window_mps
+        self.pace_w = (1.0 - _PACE) * self.pace_w + _PACE * window_w
+        place_m = self.vehicle.place_m
         if window.way_m > thresholds.DRIVEN_SHARE * place_m:
-            extra = window.extra_j / window.way_m
-            share = min(window.way_m / place_m, 1.0)
-            self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
+            place = place_of(self.vehicle, position_m, self._extra)
+            extra_j_per_m = window.extra_j / window.way_m
+            weight = min(window.way_m / place_m, 1.0)
+            if self._extra[place] == 0.0:  # nothing was noted there yet
+                weight = 1.0
+            self._extra[place] += (extra_j_per_m - self._extra[place]) * weight
 
     def _update(self, window: Window, position_m: float) -> None:
         """Update the estimator with a window."""
@@ -389,22 +474,34 @@ class HomeEstimator:
         straight = window.straight(change_m)
         outwards = change_m >= 0.0 or not straight
         sign = 1.0 if outwards else -1.0
-        reading = np.zeros(1, READING_DTYPE)
-        r = reading[0]
-        r["time_s"] = float(robot["time_s"]) + window.time_s
-        r["position_m"] = position_m if straight else float(robot["position_m"]) + window.way_m
-        r["power_w"], r["soc"] = window.power_w, np.nan
+        reached_m = position_m
+        if not straight:
+            reached_m = float(robot["position_m"]) + window.way_m
+        readings = np.zeros(1, READING_DTYPE)
+        reading = readings[0]
+        reading["time_s"] = float(robot["time_s"]) + window.time_s
+        reading["position_m"] = reached_m
+        reading["power_w"] = window.power_w
+        reading["soc"] = np.nan  # `battery` takes it
         # A single slope may be of the other direction of travel, if the robot has just turned: if it is used for the
         # whole way, 60 missions of benchmarks/on_the_robot/companion.py turn home at 82 % of the shield's distance,
         # not at 96 %.
-        r["modelled_j"] = window.modelled_j if window.slopes > 1 and math.isfinite(window.sine) else np.nan
-        r["other_j"] = window.other_j - self.vehicle.idle_w * window.time_s
-        r["speed_mps"] = window.speed_mps
-        east, north = window.direction
+        reading["modelled_j"] = np.nan
+        if window.slopes > 1 and math.isfinite(window.sine):
+            reading["modelled_j"] = window.modelled_j
+        reading["other_j"] = window.other_j - self.vehicle.idle_w * window.time_s
+        reading["speed_mps"] = window.speed_mps
         # Without a direction: straight out, so that a wind that helped on the way out is against the robot on the way
         # home.
-        r["east"], r["north"] = (sign * east, sign * north) if math.isfinite(east) else (1.0, 0.0)
-        r["sine"] = sign * window.sine if math.isfinite(window.sine) else self._sine_noted(float(r["position_m"]))
+        reading["east"] = 1.0
+        reading["north"] = 0.0
+        east, north = window.direction
+        if math.isfinite(east):
+            reading["east"] = sign * east
+            reading["north"] = sign * north
+        reading["sine"] = self._sine_noted(reached_m)
+        if math.isfinite(window.sine):
+            reading["sine"] = sign * window.sine
         prior = self.known.with_unexplained(window.way_m)
         changes: dict[str, float] = {}
         if math.isnan(window.sine) and window.way_m > 0.0 and self._route is None:
@@ -413,7 +510,7 @@ class HomeEstimator:
             changes["slope_offset"] = 0.0  # a route's slopes are known, whatever the sensor reads
         changes["power_noise"] = math.hypot(prior.power_noise * window.of_the_mean, window.power_noise)
         self._estimator.prior = prior._replace(**changes)
-        self._estimator.update(reading, _ONE)
+        self._estimator.update(readings, _ONE)
         self._estimator.prior = self.known.prior
         if not straight:
             self._estimator.relocate(position_m)
@@ -444,45 +541,52 @@ class HomeEstimator:
     def leaves(self, home: WayHome, onwards_m: float = 0.0) -> Outcome:
         """Energy left at home after driving on at the present pace, and then home."""
         plan = self._plan(onwards_m, home.cost_j)
-        plan["elsewhere"], plan["unsure_j"] = float(home.ways is not None), home.unsure_j
+        plan["elsewhere"] = float(home.ways is not None)
+        plan["unsure_j"] = home.unsure_j
         return self._outcome(self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m))
 
     def _outcome(self, margin: Margin) -> Outcome:
         """What a plan leaves, with what is believed of the battery: `margin` is that of a battery known to hold 1."""
-        full_j, battery, total = self.vehicle.full_j, self.battery, margin.total[0]
+        battery = self.battery
+        full_j = self.vehicle.full_j
+        total = margin.total[0]
         beyond_j = full_j * (battery.total - 1.0)
         total_sd_j = full_j * battery.total_sd
-        each = np.stack((margin.weight[0], margin.mean_j[0], margin.sd_j[0], margin.skewness[0]), axis=-1)
+        left = UncertainValue(
+            mean=float(total["left_j"]) + beyond_j, sd=math.hypot(float(total["left_sd_j"]), total_sd_j)
+        )
+        after_plan = UncertainValue(
+            mean=float(total["margin_j"]) + beyond_j, sd=math.hypot(float(total["margin_sd_j"]), total_sd_j)
+        )
+        mixture = np.stack((margin.weight[0], margin.mean_j[0], margin.sd_j[0], margin.skewness[0]), axis=-1)
         totals_j = full_j * (battery.totals - 1.0)
-        low_j = quantile_of_sum(each, totals_j, battery.weights, self._risk, self._z)
+        low_j = quantile_of_sum(mixture, totals_j, battery.weights, self._risk, self._student_quantile)
+        chance_stranded = float(chance_below(mixture, totals_j, battery.weights, 0.0, 0.0))
         return Outcome(
-            left=UncertainValue(
-                float(total["left_j"]) + beyond_j, math.hypot(float(total["left_sd_j"]), total_sd_j)
-            ).within(0.0, full_j),
+            left=left.within(0.0, full_j),
             cost=self._cost(total).within(0.0, math.inf),
-            margin=UncertainValue(
-                float(total["margin_j"]) + beyond_j, math.hypot(float(total["margin_sd_j"]), total_sd_j)
-            ),
+            margin=after_plan,
             low_j=float(low_j),
-            chance_home=max(1.0 - float(chance_below(each, totals_j, battery.weights, 0.0, 0.0)), 0.0),
+            chance_home=max(1.0 - chance_stranded, 0.0),
         )
 
     def _cost(self, total: np.void) -> UncertainValue:
         """Energy of a plan. Without power, the model's scale is unknown; in the margin it cancels."""
-        cost_j, sd_j = float(total["cost_j"]), float(total["cost_sd_j"])
-        return UncertainValue(cost_j, math.hypot(sd_j, self._modelled_sd * cost_j))
+        cost_j = float(total["cost_j"])
+        sd_j = math.hypot(float(total["cost_sd_j"]), self._modelled_sd * cost_j)
+        return UncertainValue(cost_j, sd_j)
 
     @property
     def _modelled_sd(self) -> float:
         """Relative standard deviation of the model's energy where it takes the place of the meter, otherwise 0."""
         if self.has_power is not False:
             return 0.0
-        known, prior = self.known, self.known.prior
+        prior = self.known.prior
         idle_share = self._idle_share
         # Rolling resistance and payload act on what driving consumes, and not on what the robot consumes at rest.
         driving_sd = (1.0 - idle_share) * math.hypot(prior.rolling_sd / prior.rolling, prior.mass_sd / prior.mass)
-        beyond_meter_sd = math.sqrt(max(prior.gain_sd**2 - known.meter_sd**2, 0.0))
-        return math.hypot(driving_sd, idle_share * known.idle_sd, beyond_meter_sd)
+        beyond_meter_sd = math.sqrt(max(prior.gain_sd**2 - self.known.meter_sd**2, 0.0))
+        return math.hypot(driving_sd, idle_share * self.known.idle_sd, beyond_meter_sd)
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """Energy that a way from here consumes, by the present estimates, J as metered.
@@ -505,27 +609,36 @@ class HomeEstimator:
 
     def _plan(self, onwards_m: float, home_cost_j: float) -> NDArray[np.void]:
         """Plan of driving on at the present pace, and then home."""
-        plans = np.zeros(1, PLAN_DTYPE)
-        plan, v = plans[0], self.vehicle
         pace_mps = max(self.pace_mps, self._robot.min_speed_mps)
-        plan["onwards_m"], plan["onwards_s"] = onwards_m, onwards_m / pace_mps
+        onwards_s = onwards_m / pace_mps
+        plans = np.zeros(1, PLAN_DTYPE)
+        plan = plans[0]
+        plan["onwards_m"] = onwards_m
+        plan["onwards_s"] = onwards_s
         plan["speed_mps"] = min(max(pace_mps, thresholds.SLOWEST_MPS), self._robot.max_speed_mps)
-        plan["onwards_j"] = max(self.pace_w, v.idle_w) * plan["onwards_s"]
-        plan["home_mps"], plan["home_cost_j"], plan["sine"] = v.cruise_mps, home_cost_j, np.nan
+        plan["onwards_j"] = max(self.pace_w, self.vehicle.idle_w) * onwards_s
+        plan["home_mps"] = self.vehicle.cruise_mps
+        plan["home_cost_j"] = home_cost_j
+        plan["sine"] = np.nan
         plan["knows_ahead"] = float(self._route is not None)
         return plans
 
     def _margin(self, plan: NDArray[np.void], ways: NDArray[np.void] | None, way_m: float) -> Margin:
         """Energy that a plan leaves."""
+        if ways is None:
+            ways = NO_WAYS
         self._estimator.prior = self.known.with_unexplained(way_m)
-        margin = self._estimator.margin(plan, 0.0, NO_WAYS if ways is None else ways)
+        margin = self._estimator.margin(plan, 0.0, ways)
         self._estimator.prior = self.known.prior
         return margin
 
     def _at_cruise_j(self, ways: NDArray[np.void]) -> float:
         """Energy of steady driving over a way, by the robot's own model."""
-        v = self.vehicle
-        return sum(modelled_driving(v, float(one["sine"]), v.cruise_mps) * float(one["way_m"]) for one in ways)
+        total_j = 0.0
+        for stretch in ways:
+            j_per_m = modelled_driving(self.vehicle, float(stretch["sine"]), self.vehicle.cruise_mps)
+            total_j += j_per_m * float(stretch["way_m"])
+        return total_j
 
     def _standing_j(self, way_m: float) -> float:
         """Energy of standing for as long as a way takes at cruise."""

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from homeward.companion import thresholds
 
 Pair = NDArray[np.float64]
-_NONE = np.zeros(2)
 _AXES = 2
+_LEAST_VARIANCE_M2 = 1e-12  # above 0, because it divides: a micrometre squared
 _FEWEST = 2  # differences that have a mean and a deviation
 
 
@@ -50,8 +50,12 @@ class PositionFilter:
         self.place = place
         self._variance = math.inf
         self._last = np.full(_AXES, math.nan)
-        self._reckoned, self._drift, self._knows = np.zeros(_AXES), 0.0, True
-        self._mean, self._square, self._count = np.zeros(_AXES), 0.0, 0
+        self._reckoned = np.zeros(_AXES)
+        self._drift = 0.0
+        self._knows = True
+        self._mean = np.zeros(_AXES)
+        self._square = 0.0
+        self._count = 0
 
     def reckon(self, moved: Pair, error: float = thresholds.DEAD_RECKONING_ERROR) -> None:
         """Dead reckoning: the robot moved by east and north, m.
@@ -75,13 +79,16 @@ class PositionFilter:
         before = self.place
         shared = 0.0
         if not reckons or not np.isfinite(self._last).all():
-            self.place, self._variance = position.copy(), math.inf
+            self.place = position.copy()
+            self._variance = math.inf
         else:
             if self._knows:
                 self._learn(position - self._last - self._reckoned)
             shared = self._update(position)
         self._last = position.copy()
-        self._reckoned, self._drift, self._knows = _NONE.copy(), 0.0, True
+        self._reckoned = np.zeros(_AXES)
+        self._drift = 0.0
+        self._knows = True
         return Correction(self.place - before, shared)
 
     def _learn(self, difference: Pair) -> None:
@@ -105,13 +112,16 @@ class PositionFilter:
         """Variance of the noise of a position along an axis, m^2."""
         if self._count < _FEWEST:
             return self._square / (2.0 * _AXES)  # a single difference has no mean: all of it may be noise
-        own = max(self._square - float(self._mean @ self._mean), 0.0) * self._counted / (self._counted - 1.0)
-        return own / (2.0 * _AXES)
+        about_mean = max(self._square - float(self._mean @ self._mean), 0.0)
+        variance = about_mean * self._counted / (self._counted - 1.0)  # Bessel's correction
+        return variance / (2.0 * _AXES)
 
     @property
     def variance(self) -> float:
         """Variance of the place along an axis, m^2."""
-        return self._variance if math.isfinite(self._variance) else self.noise_variance
+        if not math.isfinite(self._variance):
+            return self.noise_variance
+        return self._variance
 
     @property
     def _doubt(self) -> float:
@@ -125,17 +135,20 @@ class PositionFilter:
 
     def _update(self, position: Pair) -> float:
         """Correct the place; returns the share of the correction that the place before has, too."""
-        noise, doubt = self.noise_variance, self._doubt
+        noise_variance = self.noise_variance
+        doubt = self._doubt
         # A sum of differences holds the noise of its ends only.
-        of_ends = 2.0 * _AXES * noise / max(self._counted, 1.0) ** 2
+        ends_variance = 2.0 * _AXES * noise_variance / max(self._counted, 1.0) ** 2
         mean_square = float(self._mean @ self._mean)
-        reckoning = mean_square / _AXES if mean_square > doubt * of_ends / _AXES else 0.0
-        before = self.variance
-        surprise = position - self.place
-        predicted = before + reckoning + self._drift**2
-        # A surprise beyond the noise is a jump of the positions, or dead reckoning that went wrong: it is followed.
-        predicted = max(predicted, float(surprise @ surprise) / doubt - noise)
-        gain = predicted / max(predicted + noise, 1e-12)
-        self.place = self.place + gain * surprise
+        reckoning_variance = 0.0
+        if mean_square > doubt * ends_variance / _AXES:
+            reckoning_variance = mean_square / _AXES
+        variance_before = self.variance
+        innovation = position - self.place
+        predicted = variance_before + reckoning_variance + self._drift**2
+        # An innovation beyond the noise is a jump of the positions, or dead reckoning that went wrong: it is followed.
+        predicted = max(predicted, float(innovation @ innovation) / doubt - noise_variance)
+        gain = predicted / max(predicted + noise_variance, _LEAST_VARIANCE_M2)
+        self.place = self.place + gain * innovation
         self._variance = (1.0 - gain) * predicted
-        return before / max(predicted, 1e-12)
+        return variance_before / max(predicted, _LEAST_VARIANCE_M2)

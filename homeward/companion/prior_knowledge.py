@@ -77,89 +77,123 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
         robot: The robot, with the uncertainty of its file, if it has one.
         has_forecast: Whether there is a forecast of the wind.
     """
-    prior = _GENERIC if has_forecast else _GENERIC._replace(forecast_sd_mps=np.inf)
-    wind = "a wind as forecast, within 1 m/s" if has_forecast else "an unknown wind, 1.5 m/s either way"
-    given = robot.uncertainty
-    if given is not None and given.of == "force":
-        return _as_measured(given, prior, wind)
-    if given is None or given.of != "energy":
-        return PriorKnowledge(prior, (
+    if has_forecast:
+        prior = _GENERIC
+        wind = "a wind as forecast, within 1 m/s"
+    else:
+        prior = _GENERIC._replace(forecast_sd_mps=np.inf)
+        wind = "an unknown wind, 1.5 m/s either way"
+    uncertainty = robot.uncertainty
+    if uncertainty is not None and uncertainty.of == "force":
+        return _as_measured(uncertainty, prior, wind)
+    if uncertainty is None or uncertainty.of != "energy":
+        generic = (
             f"the file of {robot.name!r} states no uncertainty: generic ranges (capacity 80 to 100 %, rolling "
             f"resistance 80 to 130 %, payload up to 20 %, power at rest within {thresholds.IDLE_SD:.0%}, "
-            f"{thresholds.OMITTED:.0%} of a way's energy that the model omits)",
-            wind,
-        ), idle_sd=thresholds.IDLE_SD)  # fmt: skip
-    prior, weight_sd = _as_sure_as(given, prior, robot)
-    words: tuple[str, ...] = (f"uncertainty from the robot's file: {given.source or 'no source given'}", wind)
-    capacity_is_fitted = "capacity" in given.fitted
+            f"{thresholds.OMITTED:.0%} of a way's energy that the model omits)"
+        )
+        return PriorKnowledge(prior, words=(generic, wind), idle_sd=thresholds.IDLE_SD)
+    prior, weight_sd = _as_sure_as(uncertainty, prior, robot)
+    words: tuple[str, ...] = (f"uncertainty from the robot's file: {uncertainty.source or 'no source given'}", wind)
+    # A capacity that was fitted is one by the robot's own meter, so that it includes the meter's gain.
+    capacity_is_fitted = "capacity" in uncertainty.fitted
+    own_meter_sd = 0.0
     if not capacity_is_fitted:
         words = (*words, _OLD_CELLS)
-    # A capacity that was fitted is one by the robot's own meter, so that it includes the meter's gain.
-    own_meter_sd = 0.0 if capacity_is_fitted else _GENERIC.gain_sd
-    meter_sd = math.hypot(own_meter_sd, dict(given.instruments).get("power_gain", 0.0) / 3.0**0.5)
-    return PriorKnowledge(prior, words, given, weight_sd, meter_sd=meter_sd, capacity_is_fitted=capacity_is_fitted)
+        own_meter_sd = _GENERIC.gain_sd
+    meter_sd = math.hypot(own_meter_sd, dict(uncertainty.instruments).get("power_gain", 0.0) / 3.0**0.5)
+    return PriorKnowledge(
+        prior=prior,
+        words=words,
+        uncertainty=uncertainty,
+        weight_sd=weight_sd,
+        meter_sd=meter_sd,
+        capacity_is_fitted=capacity_is_fitted,
+    )
 
 
-def _as_measured(given: Uncertainty, prior: Prior, wind: str) -> PriorKnowledge:
+def _as_measured(uncertainty: Uncertainty, prior: Prior, wind: str) -> PriorKnowledge:
     """The generic prior with what a coast-down test and a scale measured; the rest stays as wide as it was."""
-    rolling, mass = given.variance("rolling"), given.variance("mass")
+    rolling_variance = uncertainty.variance("rolling")
+    mass_variance = uncertainty.variance("mass")
     weight_sd = 0.0
-    if rolling is not None:
+    if rolling_variance is not None:
         # The test measured resistance times mass; mass alone matters on climbs.
-        weight_sd = prior.mass_sd if mass is None else math.sqrt(mass)
-        prior = prior._replace(rolling=1.0, rolling_sd=math.sqrt(rolling), mass=1.0, mass_sd=0.0)
-    elif mass is not None:
-        prior = prior._replace(mass=1.0, mass_sd=math.sqrt(mass))
-    generic = {"rolling": "rolling resistance 80 to 130 %", "mass": "payload up to 20 %"}
-    rest = ["capacity 80 to 100 %", *(text for name, text in generic.items() if name not in given.fitted)]
+        weight_sd = prior.mass_sd
+        if mass_variance is not None:
+            weight_sd = math.sqrt(mass_variance)
+        prior = prior._replace(rolling=1.0, rolling_sd=math.sqrt(rolling_variance), mass=1.0, mass_sd=0.0)
+    elif mass_variance is not None:
+        prior = prior._replace(mass=1.0, mass_sd=math.sqrt(mass_variance))
+    ranges = ["capacity 80 to 100 %"]
+    if "rolling" not in uncertainty.fitted:
+        ranges.append("rolling resistance 80 to 130 %")
+    if "mass" not in uncertainty.fitted:
+        ranges.append("payload up to 20 %")
+    ranges.append(f"{thresholds.OMITTED:.0%} of a way's energy that the model omits")
     words = (
-        f"measured at the wheels: {given.source}, of {', '.join(given.fitted)}",
-        f"generic ranges of the rest ({', '.join(rest)}, {thresholds.OMITTED:.0%} of a way's "
-        "energy that the model omits)",
+        f"measured at the wheels: {uncertainty.source}, of {', '.join(uncertainty.fitted)}",
+        f"generic ranges of the rest ({', '.join(ranges)})",
         wind,
-    )  # fmt: skip
+    )
     return PriorKnowledge(prior, words, weight_sd=weight_sd)
 
 
-def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:
+def _as_sure_as(uncertainty: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:
     """The generic prior changed by a file's table, and the relative standard deviation of the energy of climbing.
 
     The file was fitted with the robot's own meter, so it includes the meter's gain. Parameters that were held fixed
     agree with the recordings as they are.
     """
-    share = _rolling_share(robot)
-    variances = {name: given.variance(name) for name in ("rolling", "mass", "idle_power", "capacity")}
-    rolling, mass, idle, capacity = variances.values()
-    own = (rolling or 0.0) * share**2, (idle or 0.0) * (1.0 - share) ** 2  # as shares of the total power
-    if given.between_runs is None:
-        own, rest = (prior.rolling_sd**2 * share**2, own[1]), thresholds.BETWEEN_RUNS**2
+    rolling_share = _rolling_share(robot)
+    mass_variance = uncertainty.variance("mass")
+    capacity_variance = uncertainty.variance("capacity")
+    # Variances as shares of the total power.
+    rolling_variance = (uncertainty.variance("rolling") or 0.0) * rolling_share**2
+    idle_variance = (uncertainty.variance("idle_power") or 0.0) * (1.0 - rolling_share) ** 2
+    if uncertainty.between_runs is None:
+        rolling_variance = prior.rolling_sd**2 * rolling_share**2
+        between_variance = thresholds.BETWEEN_RUNS**2
     else:
-        rest = max(scale_of(given.between_runs) ** 2 - sum(own), 0.0)  # it includes the file's own error
+        # What differs between runs includes the file's own error.
+        all_variance = scale_of(uncertainty.between_runs) ** 2
+        between_variance = max(all_variance - (rolling_variance + idle_variance), 0.0)
     # Differences between runs may be due to the ground or anything else: one half each.
     prior = prior._replace(
-        rolling=1.0, rolling_sd=math.sqrt(own[0] + 0.5 * rest) / share,
+        rolling=1.0,
+        rolling_sd=math.sqrt(rolling_variance + 0.5 * between_variance) / rolling_share,
         # The fit is of rolling resistance times mass; mass alone matters on climbs.
-        mass=1.0, mass_sd=0.0, gain_sd=math.sqrt(own[1] + 0.5 * rest),
+        mass=1.0,
+        mass_sd=0.0,
+        gain_sd=math.sqrt(idle_variance + 0.5 * between_variance),
         model_error=thresholds.LEAST_MODEL_ERROR,
-    )  # fmt: skip
-    if "drag" in given.fitted:
+    )
+    if "drag" in uncertainty.fitted:
         # Power that grows with the square of the speed need not be air drag: the wind acts at most on the frontal area.
-        felt = min(thresholds.MOST_AIR * robot.mass_kg ** (2.0 / 3.0) / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
+        most_drag_ns2_per_m2 = thresholds.MOST_AIR * robot.mass_kg ** (2.0 / 3.0)
+        wind_share = min(most_drag_ns2_per_m2 / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
         prior = prior._replace(
-            wind_sd_mps=felt * prior.wind_sd_mps, missed_mps=felt * prior.missed_mps,
-            missed_sd_mps=felt * prior.missed_sd_mps,
-        )  # fmt: skip
-    if capacity is not None:
-        prior = prior._replace(capacity=1.0, capacity_sd=max(math.sqrt(capacity), thresholds.LEAST_CAPACITY_SD))
-    read = dict(given.instruments)
-    if "power_gain" in read:
-        prior = prior._replace(gain_sd=math.hypot(prior.gain_sd, read["power_gain"] / 3.0**0.5))
+            wind_sd_mps=wind_share * prior.wind_sd_mps,
+            missed_mps=wind_share * prior.missed_mps,
+            missed_sd_mps=wind_share * prior.missed_sd_mps,
+        )
+    if capacity_variance is not None:
+        capacity_sd = max(math.sqrt(capacity_variance), thresholds.LEAST_CAPACITY_SD)
+        prior = prior._replace(capacity=1.0, capacity_sd=capacity_sd)
+    instruments = dict(uncertainty.instruments)
+    if "power_gain" in instruments:
+        prior = prior._replace(gain_sd=math.hypot(prior.gain_sd, instruments["power_gain"] / 3.0**0.5))
     prior = prior._replace(
-        power_noise=read.get("power_noise", prior.power_noise), soc_step=read.get("soc_step", prior.soc_step),
-        soc_noise=read.get("soc_noise", prior.soc_noise), soc_lag_s=read.get("soc_lag_s", prior.soc_lag_s),
-        slope_noise=read.get("grade_noise", prior.slope_noise),
-    )  # fmt: skip
-    return prior, _GENERIC.mass_sd if mass is None else math.sqrt(mass)
+        power_noise=instruments.get("power_noise", prior.power_noise),
+        soc_step=instruments.get("soc_step", prior.soc_step),
+        soc_noise=instruments.get("soc_noise", prior.soc_noise),
+        soc_lag_s=instruments.get("soc_lag_s", prior.soc_lag_s),
+        slope_noise=instruments.get("grade_noise", prior.slope_noise),
+    )
+    weight_sd = _GENERIC.mass_sd
+    if mass_variance is not None:
+        weight_sd = math.sqrt(mass_variance)
+    return prior, weight_sd
 
 
 def _rolling_share(robot: Robot) -> float:

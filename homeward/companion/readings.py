@@ -43,25 +43,34 @@ class _Held:
     SAVED: ClassVar = ("value", "at_s", "every_s")
 
     def __init__(self) -> None:
-        self.value, self.at_s, self.every_s = math.nan, math.nan, math.nan
+        self.value = math.nan
+        self.at_s = math.nan
+        self.every_s = math.nan
 
     def see(self, value: float, now_s: float) -> None:
-        if math.isfinite(value):
-            since_s = now_s - self.at_s
-            if since_s > 0.0:
+        if not math.isfinite(value):
+            return
+        since_s = now_s - self.at_s
+        if since_s > 0.0:
+            if math.isnan(self.every_s):
+                self.every_s = since_s
+            else:
                 # Moved towards the new interval; one gap does not become typical at once.
-                if math.isnan(self.every_s):
-                    self.every_s = since_s
-                else:
-                    new, step_s = thresholds.NEW_INTERVAL, min(since_s, thresholds.LONGEST_INTERVAL * self.every_s)
-                    self.every_s = (1.0 - new) * self.every_s + new * step_s
-            self.value, self.at_s = value, now_s
+                weight = thresholds.NEW_INTERVAL
+                interval_s = min(since_s, thresholds.LONGEST_INTERVAL * self.every_s)
+                self.every_s = (1.0 - weight) * self.every_s + weight * interval_s
+        self.value = value
+        self.at_s = now_s
 
     def now(self, now_s: float, dt_s: float) -> float:
         """The value for the time since the last reading, NaN if it is too old or held for too long."""
-        usual_s = self.every_s if math.isfinite(self.every_s) else dt_s
-        allowed_s = max(thresholds.HELD_INTERVALS * usual_s, thresholds.LEAST_HOLD_S) * (1.0 + 1e-9)
-        return self.value if now_s - self.at_s <= allowed_s and dt_s <= allowed_s else math.nan
+        typical_s = dt_s
+        if math.isfinite(self.every_s):
+            typical_s = self.every_s
+        allowed_s = max(thresholds.HELD_INTERVALS * typical_s, thresholds.LEAST_HOLD_S) * (1.0 + 1e-9)
+        if now_s - self.at_s <= allowed_s and dt_s <= allowed_s:
+            return self.value
+        return math.nan
 
 
 class Readings:
@@ -83,14 +92,23 @@ class Readings:
     )  # fmt: skip
 
     def __init__(self, limits: Limits, is_possible: Callable[[Position], bool], noise_m: Callable[[], float]) -> None:
-        self._limits, self._is_possible, self._noise_m = limits, is_possible, noise_m
-        self.clock_s, self.counts = 0.0, dict[str, int]()
-        self._last_s, self._ignored_s, self._back = math.nan, math.nan, 0
+        self._limits = limits
+        self._is_possible = is_possible
+        self._noise_m = noise_m
+        self.clock_s = 0.0
+        self.counts = dict[str, int]()
+        self._last_s = math.nan
+        self._ignored_s = math.nan
+        self._back = 0
         self._charges = False
-        self._power, self._grade, self._heading = _Held(), _Held(), _Held()
-        self._clock, self._motion = _Held(), _Held()
+        self._power = _Held()
+        self._grade = _Held()
+        self._heading = _Held()
+        self._clock = _Held()
+        self._motion = _Held()
         self._place: Position | None = None
-        self._place_at_s, self._jumps = 0.0, 0
+        self._place_at_s = 0.0
+        self._jumps = 0
         self._anchor: Position | None = None
         self._driven_m = 0.0
         self._said: tuple[tuple[float, str], ...] = ()
@@ -105,54 +123,70 @@ class Readings:
         Raises:
             CompanionError: A value is not a number, or neither position nor speed was read in the first minute.
         """
-        given = {name: _number(name, value) for name, value in given.items() if name != "position"} | {
-            "position": checked_position("position", given["position"])
-        }
+        position = checked_position("position", given["position"])
+        read = {name: _number(name, value) for name, value in given.items() if name != "position"}
         number_s = _number("time_s", time_s)
         if self._charges and math.isfinite(number_s):
             self._end_charge(number_s)
             dt_s: float | None = 0.0
         else:
-            dt_s = self._passed_s(number_s, given["speed_mps"], given["position"])
+            dt_s = self._passed_s(number_s, read["speed_mps"], position)
         if dt_s is None:
             return None
         self.clock_s += dt_s
-        usual_s = self._clock.every_s
+        typical_s = self._clock.every_s
         self._clock.see(0.0, self.clock_s)
-        if dt_s > thresholds.GAP_INTERVALS * usual_s and dt_s > thresholds.LEAST_HOLD_S:
+        if dt_s > thresholds.GAP_INTERVALS * typical_s and dt_s > thresholds.LEAST_HOLD_S:
             self.say(f"no reading for {dt_s:.0f} s")
-        speed = self._within("speed_mps", given["speed_mps"], -self._limits.speed_mps, self._limits.speed_mps, "km/h?")
-        voltage = self._within(
-            "voltage_v", given["voltage_v"], thresholds.LEAST_VOLTAGE_V, shared.MOST_VOLTAGE_V, "mV?"
+
+        speed_mps = self._within_either_way("speed_mps", read["speed_mps"], self._limits.speed_mps, "km/h?")
+        voltage_v = self._within(
+            "voltage_v", read["voltage_v"], thresholds.LEAST_VOLTAGE_V, shared.MOST_VOLTAGE_V, "mV?"
         )
-        current = self._within("current_a", given["current_a"], -shared.MOST_CURRENT_A, shared.MOST_CURRENT_A, "mA?")
-        power = given["power_w"] if math.isfinite(given["power_w"]) else voltage * current
-        power = self._within("power_w", power, -self._limits.power_w, self._limits.power_w, "mW?")
-        soc = self._within("soc", given["soc"], -thresholds.SOC_SLACK, 1.0 + thresholds.SOC_SLACK, "per cent?")
-        grade = self._within("grade_rad", given["grade_rad"], -shared.STEEPEST_RAD, shared.STEEPEST_RAD, "degrees?")
-        heading = self._within(
-            "heading_rad", given["heading_rad"], -shared.MOST_HEADING_RAD, shared.MOST_HEADING_RAD, "degrees?"
-        )
-        for held, value in ((self._power, power), (self._grade, grade), (self._heading, heading)):
-            held.see(value, self.clock_s)
+        current_a = self._within_either_way("current_a", read["current_a"], shared.MOST_CURRENT_A, "mA?")
+        power_w = read["power_w"]
+        if not math.isfinite(power_w):
+            power_w = voltage_v * current_a
+        power_w = self._within_either_way("power_w", power_w, self._limits.power_w, "mW?")
+        soc = self._within("soc", read["soc"], -thresholds.SOC_SLACK, 1.0 + thresholds.SOC_SLACK, "per cent?")
+        if math.isfinite(soc):
+            soc = min(max(soc, 0.0), 1.0)
+        grade_rad = self._within_either_way("grade_rad", read["grade_rad"], shared.STEEPEST_RAD, "degrees?")
+        heading_rad = self._within_either_way("heading_rad", read["heading_rad"], shared.MOST_HEADING_RAD, "degrees?")
+        self._power.see(power_w, self.clock_s)
+        self._grade.see(grade_rad, self.clock_s)
+        self._heading.see(heading_rad, self.clock_s)
+
         had_power = math.isfinite(self._power.value)
-        power = self._power.now(self.clock_s, dt_s)
-        if had_power and math.isnan(power):
+        power_w = self._power.now(self.clock_s, dt_s)
+        if had_power and math.isnan(power_w):
             silent_s = max(self.clock_s - self._power.at_s, dt_s)
             self.say(f"no power for {silent_s:.0f} s: predicted by the model", "no power")
-        self._check_motion(speed, given["position"], dt_s)
-        sensing = self._within("sensing_hz", given["sensing_hz"], 0.0, shared.MOST_SENSING_HZ, "Hz")
-        temperature = self._within(
-            "temperature_c", given["temperature_c"], -shared.MOST_TEMPERATURE_C, shared.MOST_TEMPERATURE_C, "kelvin?"
+        self._check_motion(speed_mps, position, dt_s)
+        sensing_hz = self._within("sensing_hz", read["sensing_hz"], 0.0, shared.MOST_SENSING_HZ, "Hz")
+        if math.isnan(sensing_hz):  # what was not read is taken not to sense
+            sensing_hz = 0.0
+        temperature_c = self._within_either_way(
+            "temperature_c", read["temperature_c"], shared.MOST_TEMPERATURE_C, "kelvin?"
         )
-        interest = self._within("interest", given["interest"], 0.0, shared.MOST_INTEREST, "a weight")
-        driven_m = abs(speed) * dt_s if math.isfinite(speed) else 0.0
+        interest = self._within("interest", read["interest"], 0.0, shared.MOST_INTEREST, "a weight")
+        driven_m = 0.0
+        if math.isfinite(speed_mps):
+            driven_m = abs(speed_mps) * dt_s
         return Reading(
-            dt_s, speed, power, min(max(soc, 0.0), 1.0) if math.isfinite(soc) else math.nan,
-            self._grade.now(self.clock_s, dt_s), self._heading.now(self.clock_s, dt_s), voltage, current,
-            sensing if math.isfinite(sensing) else 0.0, temperature, interest,
-            self._place_now(given["position"], driven_m),
-        )  # fmt: skip
+            dt_s=dt_s,
+            speed_mps=speed_mps,
+            power_w=power_w,
+            soc=soc,
+            grade_rad=self._grade.now(self.clock_s, dt_s),
+            heading_rad=self._heading.now(self.clock_s, dt_s),
+            voltage_v=voltage_v,
+            current_a=current_a,
+            sensing_hz=sensing_hz,
+            temperature_c=temperature_c,
+            interest=interest,
+            position=self._place_now(position, driven_m),
+        )
 
     def charge(self) -> None:
         """The time until the next reading passes at a charger: no energy is drawn in it."""
@@ -162,16 +196,23 @@ class Readings:
         """Pass the time at the charger, in which no instrument was due."""
         passed_s = time_s - self._last_s
         # Before the first reading (NaN), and where the clock was set meanwhile, the time is not known.
-        charged_s = passed_s if 0.0 <= passed_s <= self._limits.gap_s else 0.0
-        self._charges, self._last_s, self._back = False, time_s, 0
+        charged_s = 0.0
+        if 0.0 <= passed_s <= self._limits.gap_s:
+            charged_s = passed_s
+        self._charges = False
+        self._last_s = time_s
+        self._back = 0
         self.clock_s += charged_s
-        for held in (self._power, self._grade, self._heading, self._clock, self._motion):
-            held.at_s += charged_s
+        for instrument in (self._power, self._grade, self._heading, self._clock, self._motion):
+            instrument.at_s += charged_s
 
     def _check_motion(self, speed: float, position: Position | None, dt_s: float) -> None:
         """Warn if neither speed nor position is read, and raise an error if neither ever was."""
         kind = "neither speed nor position"
-        self._motion.see(speed if position is None else 0.0, self.clock_s)
+        moves = speed
+        if position is not None:  # that is enough, whatever the speed
+            moves = 0.0
+        self._motion.see(moves, self.clock_s)
         if math.isfinite(self._motion.now(self.clock_s, dt_s)):
             return
         if math.isfinite(self._motion.value):
@@ -188,8 +229,8 @@ class Readings:
     def say(self, text: str, kind: str | None = None) -> None:
         """Warn for a while; a warning replaces one of the same kind."""
         kind = kind or text
-        others = [(at_s, other) for at_s, other in self._said if not other.startswith(kind)]
-        self._said = (*others, (self.clock_s, text))[-_MOST_SAID:]
+        of_other_kinds = [(at_s, said) for at_s, said in self._said if not said.startswith(kind)]
+        self._said = (*of_other_kinds, (self.clock_s, text))[-_MOST_SAID:]
 
     def warnings(self) -> tuple[str, ...]:
         """Present warnings, a sentence each."""
@@ -207,12 +248,17 @@ class Readings:
         if dt_s > self._limits.gap_s or self._drove_less(dt_s, speed_mps, position):
             return self._clock_was_set("forward", time_s, 1)
         if dt_s >= thresholds.LEAST_STEP_S:
-            self._last_s, self._back = time_s, 0
+            self._last_s = time_s
+            self._back = 0
             return dt_s
         if dt_s >= 0.0:
             self._leave_out("repeated readings")
             return None
-        self._back = self._back + 1 if self._back == 0 or time_s > self._ignored_s else 1
+        # Readings that are earlier and rise among themselves are those of a clock that was set back.
+        if time_s > self._ignored_s or self._back == 0:
+            self._back += 1
+        else:
+            self._back = 1
         self._ignored_s = time_s
         if self._back < thresholds.LATE:
             self._leave_out("late readings")
@@ -221,8 +267,8 @@ class Readings:
 
     def _drove_less(self, dt_s: float, speed_mps: float, position: Position | None) -> bool:
         """Whether the position contradicts the speed over a gap: then it is the clock that moved on."""
-        usual_s = self._clock.every_s
-        if dt_s <= thresholds.GAP_INTERVALS * usual_s or position is None or self._place is None:
+        typical_s = self._clock.every_s
+        if dt_s <= thresholds.GAP_INTERVALS * typical_s or position is None or self._place is None:
             return False
         if isinstance(position, float) != isinstance(self._place, float):
             return False
@@ -233,11 +279,19 @@ class Readings:
         """Time since the last reading if the clock cannot say it: that of so many readings."""
         by_s = abs(time_s - self._last_s)
         self.say(f"the clock was set {way} by {_size(by_s)} s: time continues as before", f"the clock was set {way}")
-        self._last_s, self._back = time_s, 0
+        self._last_s = time_s
+        self._back = 0
         every_s = self._clock.every_s
-        return readings * every_s if math.isfinite(every_s) else 0.0
+        if not math.isfinite(every_s):
+            return 0.0
+        return readings * every_s
+
+    def _within_either_way(self, name: str, value: float, largest: float, hint: str) -> float:
+        """The value if it is within a limit in both directions, otherwise NaN and a warning."""
+        return self._within(name, value, -largest, largest, hint)
 
     def _within(self, name: str, value: float, low: float, high: float, hint: str) -> float:
+        """The value if it is possible, otherwise NaN and a warning."""
         if math.isnan(value) or low <= value <= high:
             return value
         self._leave_out(f"impossible {name}", f" (the last {value:.4g}; allowed {low:.4g} to {high:.4g}; {hint})")
@@ -269,7 +323,9 @@ class Readings:
                 self.say(f"{thresholds.JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump")
         if self._stays(position, driven_m):
             return None
-        self._place, self._place_at_s, self._jumps = position, self.clock_s, 0
+        self._place = position
+        self._place_at_s = self.clock_s
+        self._jumps = 0
         return position
 
     def _stays(self, position: Position, driven_m: float) -> bool:
@@ -277,7 +333,8 @@ class Readings:
         self._driven_m += driven_m
         same_kind = isinstance(position, float) == isinstance(self._anchor, float)
         if self._anchor is None or not same_kind or _apart_m(position, self._anchor) > thresholds.STILL_M:
-            self._anchor, self._driven_m = position, 0.0
+            self._anchor = position
+            self._driven_m = 0.0
         elif self._driven_m > thresholds.DRIVEN_M:
             still = f"the positions stay within {thresholds.STILL_M:g} m"
             driven = f"the speed integrates to {self._driven_m:.0f} m"
@@ -293,7 +350,9 @@ def _number(name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise CompanionError(f"{name} = {value!r} is not a number; give a number, or None if nothing was read")
     number = as_float(value)
-    return number if math.isfinite(number) else math.nan
+    if math.isinf(number):
+        return math.nan
+    return number
 
 
 def as_float(value: Any) -> float:
@@ -321,7 +380,9 @@ def _said(position: Position) -> str:
 
 def _size(number: float) -> str:
     """A whole number where that is short."""
-    return f"{number:.0f}" if abs(number) < _LONG else f"{number:.3g}"
+    if abs(number) < _LONG:
+        return f"{number:.0f}"
+    return f"{number:.3g}"
 
 
 _LONG = 1e9  # from which a number is written with an exponent; chosen: ten digits are read at a glance
@@ -339,9 +400,13 @@ def checked_position(name: str, value: Any) -> Position | None:
         return None
     if isinstance(value, numbers.Real) and not isinstance(value, bool):
         metres = as_float(value)
-        return metres if math.isfinite(metres) else None
+        if not math.isfinite(metres):
+            return None
+        return metres
     try:
         east_m, north_m = map(as_float, value)
     except (TypeError, ValueError):
         raise CompanionError(f"{name} = {value!r} is not allowed; give {_ALLOWED.get(name, _PLACE)}") from None
-    return (east_m, north_m) if math.isfinite(east_m + north_m) else None
+    if not math.isfinite(east_m + north_m):
+        return None
+    return east_m, north_m

@@ -74,8 +74,9 @@ def _encoded(value: Any) -> Any:
         return values_of(value)
     if isinstance(value, np.ndarray):
         return base64.b85encode(zlib.compress(value.tobytes(), 9)).decode()
-    # A state does not change with its companion.
-    return dict(value) if isinstance(value, dict) else value
+    if isinstance(value, dict):
+        return dict(value)  # a state does not change with its companion
+    return value
 
 
 def _decoded(value: Any, present: Any) -> Any:
@@ -91,7 +92,9 @@ def _decoded(value: Any, present: Any) -> Any:
 
 def _with_tuples(value: Any) -> Any:
     """A value with tuples where JSON has lists."""
-    return tuple(map(_with_tuples, value)) if isinstance(value, list) else value
+    if isinstance(value, list):
+        return tuple(map(_with_tuples, value))
+    return value
 
 
 def _unpacked(text: str, present: NDArray[Any]) -> NDArray[Any]:

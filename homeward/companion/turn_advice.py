@@ -14,18 +14,23 @@ def latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> floa
     safe."""
     if now_j <= 0.0:
         return 0.0
-    safe_m, safe_j, over_m, over_j = 0.0, now_j, math.nan, math.nan
+    safe_m = 0.0
+    safe_j = now_j
+    beyond_m = math.nan
+    beyond_j = math.nan
     guess_m = 0.25 * most_m
     for _ in range(_TRIES):
         value_j = low_j(guess_m)
         if value_j >= 0.0:
-            safe_m, safe_j = guess_m, value_j
+            safe_m = guess_m
+            safe_j = value_j
             if guess_m >= most_m:
                 return most_m
         else:
-            over_m, over_j = guess_m, value_j
-        if math.isnan(over_m):
+            beyond_m = guess_m
+            beyond_j = value_j
+        if math.isnan(beyond_m):
             guess_m = min(2.0 * guess_m, most_m)
         else:
-            guess_m = safe_m + (over_m - safe_m) * safe_j / (safe_j - over_j)
+            guess_m = safe_m + (beyond_m - safe_m) * safe_j / (safe_j - beyond_j)
     return min(guess_m, most_m)

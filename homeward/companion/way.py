@@ -68,17 +68,29 @@ class Way:
     )  # fmt: skip
 
     def __init__(self, home: Position | str | None, route: RouteLike | None, crumb_m: float, most_m: float) -> None:
-        self.home, self.crumb_m, self._most_m, self._route = home, crumb_m, most_m, route
+        self.home = home
+        self.crumb_m = crumb_m
+        self._most_m = most_m
+        self._route = route
         self.moved_home: Position | None = None
-        self.position_m, self.reckoned_m = 0.0, 0.0
-        self.route_m = None if route is None else float(route.place_m) * len(route.grade_rad)
-        self._heading_rad, self._sign, self._speed_mps = math.nan, 1.0, math.nan
-        self._positions = PositionFilter(np.array(home if isinstance(home, tuple) else (0.0, 0.0), dtype=np.float64))
-        self._crumbs, self._at_m, self._count = np.zeros((_MOST_CRUMBS, 2)), np.zeros(_MOST_CRUMBS), 0
+        self.position_m = 0.0
+        self.reckoned_m = 0.0
+        self._heading_rad = math.nan
+        self._sign = 1.0
+        self._speed_mps = math.nan
+        start = (0.0, 0.0)
+        if isinstance(home, tuple):
+            start = home
+        self._positions = PositionFilter(np.array(start, dtype=np.float64))
+        self._crumbs = np.zeros((_MOST_CRUMBS, 2))
+        self._at_m = np.zeros(_MOST_CRUMBS)
         self._shares = np.zeros(_MOST_CRUMBS)  # of a correction of the place, by which each point is off, too
+        self._count = 0
+        self.route_m: float | None = None
         self._corners: Array | None = None
         self.ends_at_home = False
         if route is not None:
+            self.route_m = float(route.place_m) * len(route.grade_rad)
             along = route.place_m * np.stack((np.cos(route.heading_rad), np.sin(route.heading_rad)), axis=-1)
             self._corners = np.concatenate((np.zeros((1, 2)), np.cumsum(along, axis=0)))
             self._place_m = float(route.place_m)
@@ -92,33 +104,43 @@ class Way:
         Raises:
             CompanionError: The position cannot be determined, or home was not set.
         """
-        before_m, speed = self.position_m, reading.speed_mps
+        before_m = self.position_m
+        speed = reading.speed_mps
         # Not more in a gap than a robot can drive at all; `min` keeps NaN where it comes first.
         driven_m = min(abs(speed) * reading.dt_s, self._most_m)
         if isinstance(reading.position, float):
             self._told_metres = True
-            self.position_m, self.reckoned_m = max(reading.position, 0.0), 0.0
+            self.position_m = max(reading.position, 0.0)
+            self.reckoned_m = 0.0
             moved_m = self.position_m - before_m
             if moved_m:
                 self._sign = math.copysign(1.0, moved_m)
-            way_m = abs(moved_m) if reading.dt_s > 0.0 else 0.0  # nobody drives in no time: it starts there
-            return Step(self.position_m, way_m, reading.heading_rad, 0.0)
+            way_m = 0.0  # nobody drives in no time: it starts there
+            if reading.dt_s > 0.0:
+                way_m = abs(moved_m)
+            return Step(position_m=self.position_m, way_m=way_m, heading_rad=reading.heading_rad, reckoned_m=0.0)
         heading = reading.heading_rad
         if reading.position is not None:
             moved = self._move_to(reading.position, driven_m, reading)
             if math.isnan(heading) and float(np.hypot(*moved)) > 0.0:
                 heading = math.atan2(moved[1], moved[0])
-            way_m = driven_m if math.isfinite(driven_m) else float(np.hypot(*moved))
             if reading.dt_s == 0.0:
                 way_m = 0.0
-            self._heading_rad, self.reckoned_m = heading if math.isfinite(heading) else self._heading_rad, 0.0
-            self._speed_mps = speed if math.isfinite(speed) else self._speed_mps
+            elif math.isfinite(driven_m):
+                way_m = driven_m
+            else:
+                way_m = float(np.hypot(*moved))
+            self.reckoned_m = 0.0
+            if math.isfinite(heading):
+                self._heading_rad = heading
+            if math.isfinite(speed):
+                self._speed_mps = speed
         else:
             way_m = self._reckon(driven_m, heading, speed)
             self.reckoned_m += way_m
         if not self._told_metres:
             self.position_m = self._way_home_m()
-        return Step(self.position_m, way_m, heading, self.reckoned_m)
+        return Step(position_m=self.position_m, way_m=way_m, heading_rad=heading, reckoned_m=self.reckoned_m)
 
     def _move_to(self, position: tuple[float, float], driven_m: float, reading: Reading) -> Array:
         """Move to a position, filtered by speed and heading where they are read; returns the change."""
@@ -128,10 +150,13 @@ class Way:
                 raise CompanionError(
                     "home was not set: give Companion(home=(east, north)), or home='here' for the robot's first place"
                 )
-            is_here = self.home == "here"
-            self._lay(read if is_here else np.array(self.home, dtype=np.float64), 0.0)
             # A home that is the first position is as far off as that; one that is told is where it is.
-            self._shares[0] = float(is_here)
+            if self.home == "here":
+                self._lay(read, 0.0)
+                self._shares[0] = 1.0
+            else:
+                self._lay(np.array(self.home, dtype=np.float64), 0.0)
+                self._shares[0] = 0.0
             self._positions.see(read, reckons=False)
             return np.zeros(2)
         before = self._xy
@@ -144,15 +169,20 @@ class Way:
             self._positions.reckon(_moved(math.copysign(driven_m, reading.speed_mps), heading))
         elif guessed:
             # As before, within all of that: one reading that is missing does not make a noisy position exact.
-            speed = reading.speed_mps if math.isfinite(reading.speed_mps) else self._speed_mps
+            speed = reading.speed_mps
+            if math.isnan(speed):
+                speed = self._speed_mps
+            if math.isnan(heading):
+                heading = self._heading_rad
             as_before_m = math.copysign(min(abs(speed) * reading.dt_s, self._most_m), speed)
-            self._positions.reckon(_moved(as_before_m, heading if math.isfinite(heading) else self._heading_rad), 1.0)
+            self._positions.reckon(_moved(as_before_m, heading), 1.0)
         self._correct_trail(self._positions.see(read, reckons or guessed))
         return self._xy - before
 
     def _correct_trail(self, correction: Correction) -> None:
         """Move the trail by what a position told of the error that it shares with the place."""
-        trail, shares = self._crumbs[: self._count], self._shares[: self._count]
+        trail = self._crumbs[: self._count]
+        shares = self._shares[: self._count]
         shares *= correction.shared
         legs_m = np.hypot(*np.diff(trail, axis=0).T)
         trail += shares[:, None] * correction.moved
@@ -166,7 +196,8 @@ class Way:
 
     def _reckon(self, driven_m: float, heading: float, speed: float) -> float:
         """Dead reckoning by speed and heading; without a heading, away from home."""
-        driven_m = driven_m if math.isfinite(driven_m) else 0.0
+        if not math.isfinite(driven_m):
+            driven_m = 0.0
         if self._told_metres:
             self.position_m = max(self.position_m + self._sign * driven_m, 0.0)
         elif self._corners is not None and self._count == 0:
@@ -174,9 +205,12 @@ class Way:
         elif math.isfinite(heading) or math.isfinite(self._heading_rad):
             if self._count == 0:
                 self._lay(self._xy, 0.0)
-            self._heading_rad = heading if math.isfinite(heading) else self._heading_rad
-            forward = math.copysign(driven_m, speed) if math.isfinite(speed) else 0.0
-            self._positions.reckon(_moved(forward, self._heading_rad))
+            if math.isfinite(heading):
+                self._heading_rad = heading
+            forward_m = 0.0
+            if math.isfinite(speed):
+                forward_m = math.copysign(driven_m, speed)
+            self._positions.reckon(_moved(forward_m, self._heading_rad))
         elif driven_m > 0.0 and self._count == 0:
             raise CompanionError(
                 "no position and no route: give position= (metres from home, or east and north), or heading_rad= with "
@@ -185,7 +219,9 @@ class Way:
         return driven_m
 
     def _along_route(self, driven_m: float, heading: float, speed: float) -> None:
-        sign = math.copysign(1.0, speed) if math.isfinite(speed) and speed else 1.0
+        sign = 1.0
+        if math.isfinite(speed) and speed:
+            sign = math.copysign(1.0, speed)
         if math.isfinite(heading):
             assert self._route is not None
             ahead_rad = self._route.heading_rad[place_of(self._route, self.position_m, self._route.heading_rad)]
@@ -212,31 +248,37 @@ class Way:
     def _lay(self, place: Array, at_m: float) -> None:
         if self._count == _MOST_CRUMBS:  # drop every second one: memory is bounded, the trail is not
             half = _MOST_CRUMBS // 2
-            self._crumbs[:half], self._at_m[:half] = self._crumbs[::2].copy(), self._at_m[::2].copy()
-            self._shares[:half] = self._shares[::2].copy()
-            self._count, self.crumb_m = half, 2.0 * self.crumb_m
-        self._crumbs[self._count], self._at_m[self._count], self._shares[self._count] = place, at_m, 1.0
+            for values in (self._crumbs, self._at_m, self._shares):
+                values[:half] = values[::2].copy()
+            self._count = half
+            self.crumb_m *= 2.0
+        self._crumbs[self._count] = place
+        self._at_m[self._count] = at_m
+        self._shares[self._count] = 1.0
         self._count += 1
 
     def _on_route_m(self) -> float:
         """Distance along the route of its nearest point, near the robot's last position on it, m."""
         assert self._corners is not None
-        origin = self._crumbs[0]
-        starts, ends = self._corners[:-1] + origin, self._corners[1:] + origin
+        corners = self._corners + self._crumbs[0]
+        starts = corners[:-1]
+        ends = corners[1:]
         along = ends - starts
         share = np.clip(((self._xy - starts) * along).sum(axis=1) / self._place_m**2, 0.0, 1.0)
         apart_m = np.hypot(*(starts + share[:, None] * along - self._xy).T)
         at_m = (np.arange(len(share)) + share) * self._place_m
         # If a route crosses itself, points far along it count as further away, by the error of dead reckoning.
-        best = int(np.argmin(apart_m + thresholds.DEAD_RECKONING_ERROR * np.abs(at_m - self.position_m)))
-        self.off_route_m = float(apart_m[best])
-        return float(at_m[best] + self.off_route_m)
+        nearest = int(np.argmin(apart_m + thresholds.DEAD_RECKONING_ERROR * np.abs(at_m - self.position_m)))
+        self.off_route_m = float(apart_m[nearest])
+        return float(at_m[nearest] + self.off_route_m)
 
     @property
     def unsure_m(self) -> float:
         """Standard deviation of the way home, as far as places are not exact, m."""
-        of_place_m = 0.0 if self._count == 0 else math.sqrt(self._positions.variance)
-        return math.hypot(of_place_m, thresholds.DEAD_RECKONING_ERROR * self.reckoned_m)
+        place_sd_m = 0.0
+        if self._count > 0:
+            place_sd_m = math.sqrt(self._positions.variance)
+        return math.hypot(place_sd_m, thresholds.DEAD_RECKONING_ERROR * self.reckoned_m)
 
     def noise_m(self) -> float:
         """Standard deviation of the positions along an axis, as learned so far, m."""
@@ -246,7 +288,9 @@ class Way:
         """Whether the robot can come to a position from home, on several charges; without a home, whether it is on
         the earth."""
         if isinstance(position, float):
-            home_m = self.moved_home if isinstance(self.moved_home, float) else 0.0
+            home_m = 0.0
+            if isinstance(self.moved_home, float):
+                home_m = self.moved_home
             return abs(position - home_m) <= self._most_m
         home = self._home_place()
         if home is None:
@@ -258,7 +302,9 @@ class Way:
         for home in (self.moved_home, self.home):
             if isinstance(home, tuple):
                 return home
-        return (float(self._crumbs[0, 0]), float(self._crumbs[0, 1])) if self._count else None
+        if self._count == 0:
+            return None
+        return float(self._crumbs[0, 0]), float(self._crumbs[0, 1])
 
     def beyond(self, place: Position, from_m: float | None = None) -> tuple[float, float]:
         """For a place off the way: at which metre of the trail or route to leave it, and the length of the leg then, m.
@@ -278,15 +324,21 @@ class Way:
         crumbs = np.concatenate((self._crumbs[: self._count], self._xy[None]))
         at_m = np.append(self._at_m[: self._count], self.position_m)
         leg_m = np.hypot(*(crumbs - np.asarray(place)).T)
-        best = int(np.argmin(self.position_m - at_m + thresholds.DETOUR * leg_m))
-        return float(at_m[best]), float(leg_m[best])
+        shortest = int(np.argmin(self.position_m - at_m + thresholds.DETOUR * leg_m))
+        return float(at_m[shortest]), float(leg_m[shortest])
 
     def _beyond_route(self, place: tuple[float, float], from_m: float | None) -> tuple[float, float]:
         assert self._corners is not None
-        here_m = self.position_m if from_m is None else from_m
-        corners_m = np.arange(len(self._corners)) * self._place_m
-        home = self.home if isinstance(self.home, tuple) else (0.0, 0.0)
-        corners = self._corners + (self._crumbs[0] if self._count else np.array(home))
+        here_m = self.position_m
+        if from_m is not None:
+            here_m = from_m
+        origin = np.zeros(2)
+        if self._count:
+            origin = self._crumbs[0]
+        elif isinstance(self.home, tuple):
+            origin = np.array(self.home)
+        corners = self._corners + origin
+        corners_m = np.arange(len(corners)) * self._place_m
         if self._count and from_m is None:
             here = self._xy
         else:  # in metres along the route
@@ -294,8 +346,8 @@ class Way:
         points = np.concatenate((corners, here[None]))
         at_m = np.append(corners_m, here_m)
         leg_m = np.hypot(*(points - np.array(place)).T)
-        best = int(np.argmin(np.abs(here_m - at_m) + thresholds.DETOUR * leg_m))
-        return float(at_m[best]), float(leg_m[best])
+        shortest = int(np.argmin(np.abs(here_m - at_m) + thresholds.DETOUR * leg_m))
+        return float(at_m[shortest]), float(leg_m[shortest])
 
 
 def _moved(forward_m: float, heading_rad: float) -> Array:
@@ -305,12 +357,15 @@ def _moved(forward_m: float, heading_rad: float) -> Array:
 
 def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray[np.void]:
     """The rest of a route after some metres, `WAY_DTYPE`."""
-    ends = np.arange(1, len(route.grade_rad) + 1) * route.place_m
-    lengths = np.clip(ends - driven_m, 0.0, route.place_m)
-    ways = np.zeros(len(ends), WAY_DTYPE)
-    ways["way_m"], ways["sine"] = lengths, np.sin(route.grade_rad)
-    ways["east"], ways["north"], ways["speed_mps"] = np.cos(route.heading_rad), np.sin(route.heading_rad), cruise_mps
-    return np.asarray(ways[lengths > 0.0])
+    ends_m = np.arange(1, len(route.grade_rad) + 1) * route.place_m
+    lengths_m = np.clip(ends_m - driven_m, 0.0, route.place_m)
+    ways = np.zeros(len(ends_m), WAY_DTYPE)
+    ways["way_m"] = lengths_m
+    ways["sine"] = np.sin(route.grade_rad)
+    ways["east"] = np.cos(route.heading_rad)
+    ways["north"] = np.sin(route.heading_rad)
+    ways["speed_mps"] = cruise_mps
+    return np.asarray(ways[lengths_m > 0.0])
 
 
 def along_and_off(
@@ -328,19 +383,26 @@ def along_and_off(
         leg_m: Length of the leg, m.
     """
     place_m = vehicle.place_m
-    nearest_m, farthest_m = min(leave_m, here_m), max(leave_m, here_m)
+    nearest_m = min(leave_m, here_m)
+    farthest_m = max(leave_m, here_m)
     direction = -1.0 if leave_m <= here_m else 1.0
-    first, last = place_of(vehicle, nearest_m, places), place_of(vehicle, farthest_m, places)
-    edges = np.arange(first, last + 1)
+    nearest = place_of(vehicle, nearest_m, places)
+    farthest = place_of(vehicle, farthest_m, places)
+    numbers = np.arange(nearest, farthest + 1)
     # The last place goes on for as long as the way does.
-    ends_m = np.where(edges == last, farthest_m, (edges + 1) * place_m)
-    lengths = ends_m - np.maximum(edges * place_m, nearest_m)
-    edges, lengths = edges[lengths > 0.0], lengths[lengths > 0.0]
-    ways = np.zeros(len(edges) + (leg_m > 0.0), WAY_DTYPE)
-    ways["speed_mps"] = vehicle.cruise_mps
-    along, noted = ways[: len(edges)], places[edges]
-    along["way_m"], along["sine"] = lengths, direction * noted["sine_driven"]
-    along["east"], along["north"] = direction * noted["east"], direction * noted["north"]
-    if leg_m > 0.0:
-        ways[-1]["way_m"] = leg_m
-    return ways
+    ends_m = np.where(numbers == farthest, farthest_m, (numbers + 1) * place_m)
+    lengths_m = ends_m - np.maximum(numbers * place_m, nearest_m)
+    is_crossed = lengths_m > 0.0
+    crossed = places[numbers[is_crossed]]
+    along = np.zeros(len(crossed), WAY_DTYPE)
+    along["way_m"] = lengths_m[is_crossed]
+    along["sine"] = direction * crossed["sine_driven"]
+    along["east"] = direction * crossed["east"]
+    along["north"] = direction * crossed["north"]
+    along["speed_mps"] = vehicle.cruise_mps
+    if not leg_m > 0.0:  # also NaN
+        return along
+    leg = np.zeros(1, WAY_DTYPE)
+    leg["way_m"] = leg_m
+    leg["speed_mps"] = vehicle.cruise_mps
+    return np.concatenate((along, leg))

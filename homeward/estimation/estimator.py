@@ -65,19 +65,19 @@ class Estimator:
     """
 
     def __init__(self, vehicle: Vehicle, prior: Prior, places: int, count: int) -> None:
-        self.vehicle, self.prior = vehicle, prior
-        self.state = np.zeros(
-            count,
-            np.dtype(
-                [
-                    ("robot", ROBOT_DTYPE),
-                    ("hypotheses", HYPOTHESIS_DTYPE, (HYPOTHESES,)),
-                    ("places", PLACE_DTYPE, (places,)),
-                    ("rollings", np.float64, (HYPOTHESES, places)),
-                ]
-            ),
+        self.vehicle = vehicle
+        self.prior = prior
+        state_dtype = np.dtype(
+            [
+                ("robot", ROBOT_DTYPE),
+                ("hypotheses", HYPOTHESIS_DTYPE, (HYPOTHESES,)),
+                ("places", PLACE_DTYPE, (places,)),
+                ("rollings", np.float64, (HYPOTHESES, places)),
+            ]
         )
-        self.begin(np.ones(count, np.bool_), np.zeros(count), np.zeros(count))
+        self.state = np.zeros(count, state_dtype)
+        everyone = np.ones(count, np.bool_)
+        self.begin(everyone, wind_east_mps=np.zeros(count), wind_north_mps=np.zeros(count))
 
     def begin(
         self, mask: NDArray[np.bool_], wind_east_mps: NDArray[np.float64], wind_north_mps: NDArray[np.float64]
@@ -92,11 +92,14 @@ class Estimator:
         forecast_mps = np.stack((wind_east_mps, wind_north_mps), axis=-1)[mask]
         mean, covariance, probability = first_hypotheses(self.prior, self.vehicle.full_j, forecast_mps)
         new = np.zeros(len(forecast_mps), self.state.dtype)
-        new["robot"]["soc"], new["robot"]["soc_start"] = np.nan, 1.0
-        new["hypotheses"]["mean"], new["hypotheses"]["covariance"] = mean, covariance
-        new["hypotheses"]["gust_s"] = self.prior.gust_s
-        with np.errstate(divide="ignore"):
-            new["hypotheses"]["log_weight"] = np.log(probability)
+        new["robot"]["soc"] = np.nan
+        new["robot"]["soc_start"] = 1.0
+        hypotheses = new["hypotheses"]
+        hypotheses["mean"] = mean
+        hypotheses["covariance"] = covariance
+        hypotheses["gust_s"] = self.prior.gust_s
+        with np.errstate(divide="ignore"):  # a hypothesis may be impossible
+            hypotheses["log_weight"] = np.log(probability)
         self.state[mask] = new
 
     def update(self, readings: NDArray[np.void], mask: NDArray[np.bool_]) -> None:
@@ -106,8 +109,17 @@ class Estimator:
             readings: `READING_DTYPE`, shape (n,).
             mask: Which robots have one, shape (n,).
         """
-        s = self.state
-        update(self.vehicle, self.prior, mask, readings, s["robot"], s["hypotheses"], s["places"], s["rollings"])
+        state = self.state
+        update(
+            self.vehicle,
+            self.prior,
+            mask,
+            readings,
+            state["robot"],
+            state["hypotheses"],
+            state["places"],
+            state["rollings"],
+        )
 
     def relocate(self, position_m: float) -> None:
         """Move robots to another place on their way home: a short cut was found, or home has moved.
@@ -115,8 +127,8 @@ class Estimator:
         Args:
             position_m: New length of the way home, m, over ground already driven or, if longer, like that here.
         """
-        s = self.state
-        relocate(self.vehicle, s["robot"], s["hypotheses"], s["places"], s["rollings"], position_m)
+        state = self.state
+        relocate(self.vehicle, state["robot"], state["hypotheses"], state["places"], state["rollings"], position_m)
 
     def recharge(self, soc: float, soc_sd: float) -> None:
         """Replace the robots' batteries, or their charge: estimates of the old battery are dropped.
@@ -125,31 +137,42 @@ class Estimator:
             soc: State of charge, 0 to 1.
             soc_sd: Standard deviation of its error.
         """
-        robot, h = self.state["robot"], self.state["hypotheses"]
-        mean, covariance, _ = first_hypotheses(self.prior, self.vehicle.full_j, np.zeros((1, 2)))
-        per = mean[0, 0, PER_CAPACITY]
+        robot = self.state["robot"]
+        mean = self.state["hypotheses"]["mean"]
+        covariance = self.state["hypotheses"]["covariance"]
+        first_mean, first_covariance, _ = first_hypotheses(self.prior, self.vehicle.full_j, np.zeros((1, 2)))
+        per_capacity = first_mean[0, 0, PER_CAPACITY]
         for state in (USED, PER_CAPACITY, SOC_ERROR):
-            h["covariance"][..., state, :] = h["covariance"][..., :, state] = 0.0
-        h["mean"][..., PER_CAPACITY], h["mean"][..., USED] = per, 0.0
-        h["covariance"][..., PER_CAPACITY, PER_CAPACITY] = covariance[0, 0, PER_CAPACITY, PER_CAPACITY]
-        h["covariance"][..., USED, USED] = (soc_sd / per) ** 2
-        h["mean"][..., SOC_ERROR], h["covariance"][..., SOC_ERROR, SOC_ERROR] = 0.0, self.prior.soc_error**2
-        robot["soc_start"], robot["soc"] = soc, np.nan
-        robot["lag"] = robot["soc_since"] = robot["soc_taken"] = 0.0
+            covariance[..., state, :] = 0.0
+            covariance[..., :, state] = 0.0
+        mean[..., PER_CAPACITY] = per_capacity
+        covariance[..., PER_CAPACITY, PER_CAPACITY] = first_covariance[0, 0, PER_CAPACITY, PER_CAPACITY]
+        # The energy used is that of the new battery; what is not known of its charge is not known of that.
+        mean[..., USED] = 0.0
+        covariance[..., USED, USED] = (soc_sd / per_capacity) ** 2
+        mean[..., SOC_ERROR] = 0.0
+        covariance[..., SOC_ERROR, SOC_ERROR] = self.prior.soc_error**2
+        robot["soc_start"] = soc
+        robot["soc"] = np.nan
+        robot["lag"] = 0.0
+        robot["soc_since"] = 0.0
+        robot["soc_taken"] = 0.0
 
     def mean(self) -> NDArray[np.float64]:
         """Mean of the states over all hypotheses, see `StateEstimate`."""
-        h = self.state["hypotheses"]
-        return np.asarray(np.einsum("nk,nka->na", np.exp(h["log_weight"]), h["mean"]))
+        hypotheses = self.state["hypotheses"]
+        weights = np.exp(hypotheses["log_weight"])
+        return np.asarray(np.einsum("nk,nka->na", weights, hypotheses["mean"]))
 
     def estimate(self) -> StateEstimate:
-        """Parameters and wind."""
-        h = self.state["hypotheses"]
-        weight = np.exp(h["log_weight"])
+        """Parameters and wind: moments of the mixture of all hypotheses."""
+        hypotheses = self.state["hypotheses"]
+        weights = np.exp(hypotheses["log_weight"])
         mean = self.mean()
-        apart = h["mean"] - mean[:, None]
-        covariance = np.einsum("nk,nkab->nab", weight, h["covariance"])
-        return StateEstimate(mean, covariance + np.einsum("nk,nka,nkb->nab", weight, apart, apart))
+        deviations = hypotheses["mean"] - mean[:, None]
+        within = np.einsum("nk,nkab->nab", weights, hypotheses["covariance"])
+        between = np.einsum("nk,nka,nkb->nab", weights, deviations, deviations)
+        return StateEstimate(mean, within + between)
 
     def plans(self, home_cost_j: NDArray[np.float64], home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, `PLAN_DTYPE`, shape (n,), which may be modified.
@@ -158,9 +181,13 @@ class Estimator:
             home_cost_j: Energy from here home by the robot's own model, J, shape (n,).
             home_mps: Speed home, m/s; by default cruise.
         """
+        if home_mps is None:
+            home_mps = self.vehicle.cruise_mps
         plans = np.zeros(len(self.state), PLAN_DTYPE)
-        plans["home_cost_j"], plans["sine"] = home_cost_j, np.nan
-        plans["home_mps"] = plans["speed_mps"] = self.vehicle.cruise_mps if home_mps is None else home_mps
+        plans["home_cost_j"] = home_cost_j
+        plans["sine"] = np.nan
+        plans["home_mps"] = home_mps
+        plans["speed_mps"] = home_mps
         return plans
 
     def margin(self, plans: NDArray[np.void], risk: float, ways: NDArray[np.void] = NO_WAYS) -> Margin:
@@ -171,11 +198,31 @@ class Estimator:
             risk: Probability that a margin is below its `margin_low_j`; with 0 that is NaN, which saves time.
             ways: `WAY_DTYPE`, shape (m,): the way home of plans that do not go back along the way out.
         """
-        s = self.state
-        total, each = np.zeros(len(s), MARGIN_DTYPE), np.zeros((len(s), HYPOTHESES, 4))
-        z = NormalDist().inv_cdf(risk) if risk > 0.0 else -np.inf
+        state = self.state
+        count = len(state)
+        margins = np.zeros(count, MARGIN_DTYPE)
+        mixtures = np.zeros((count, HYPOTHESES, 4))
+        normal_quantile = -np.inf
+        if risk > 0.0:
+            normal_quantile = NormalDist().inv_cdf(risk)
         compute_margins(
-            self.vehicle, self.prior, plans, ways, risk, z, s["robot"], s["hypotheses"], s["places"],
-            s["rollings"], total, each,
-        )  # fmt: skip
-        return Margin(total, each[..., 0], each[..., 1], each[..., 2], each[..., 3])
+            self.vehicle,
+            self.prior,
+            plans,
+            ways,
+            risk,
+            normal_quantile,
+            state["robot"],
+            state["hypotheses"],
+            state["places"],
+            state["rollings"],
+            margins,
+            mixtures,
+        )
+        return Margin(
+            total=margins,
+            weight=mixtures[..., 0],
+            mean_j=mixtures[..., 1],
+            sd_j=mixtures[..., 2],
+            skewness=mixtures[..., 3],
+        )

@@ -24,6 +24,10 @@ def looks_back(
     >>> [looks_back(k, 500.0, 1.0, 30.0) for k in (9, 10, 30)]
     [False, True, True]
     """
-    due = np.asarray(decisions) % thresholds.EXCITATION_EVERY[int(weather_changes)] == thresholds.EXCITATION_AT
-    due = due & (np.asarray(position_m) > thresholds.EXCITATION_FAR * cruise_mps * decision_s)
-    return due if due.ndim else bool(due)
+    every = thresholds.EXCITATION_EVERY[int(weather_changes)]
+    is_due = np.asarray(decisions) % every == thresholds.EXCITATION_AT
+    is_far = np.asarray(position_m) > thresholds.EXCITATION_FAR * cruise_mps * decision_s
+    should = is_due & is_far
+    if should.ndim:
+        return should
+    return bool(should)

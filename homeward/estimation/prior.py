@@ -73,13 +73,21 @@ TILT        true sine of the slopes less that of the readings on the way out
 _RING = 8
 """Hypotheses of a wind that the forecast lacks, in all directions. Chosen: neighbours are 3.4 m/s apart (chord of a
 circle of `missed_mps`), about three of their standard deviations."""
-_AROUND, _SHARE, _APART = 6, 0.6, 1.6
-"""Hypotheses of the forecast: number around the central one, its probability, and their distance in standard
-deviations, so that winds with equal readings are not all in one. Chosen: each has 23 % of the variance,
+_AROUND = 6
+_AROUND_SHARE = 0.6
+_APART = 1.6
+"""Hypotheses of the forecast: number around the central one, their probability together, and their distance from it in
+standard deviations, so that winds with equal readings are not all in one. Chosen: each has 23 % of the variance,
 so that all together have that of the forecast."""
-_FORECASTS = _APART * np.array(
-    [(0.0, 0.0)] + [(np.cos(a), np.sin(a)) for a in 2.0 * np.pi * np.arange(_AROUND) / _AROUND]
-)
+
+
+def _directions(count: int) -> NDArray[np.float64]:
+    """Unit vectors in all directions, east and north, shape (count, 2)."""
+    angles_rad = 2.0 * np.pi * np.arange(count) / count
+    return np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
+
+
+_FORECASTS = _APART * np.concatenate((np.zeros((1, 2)), _directions(_AROUND)))
 HYPOTHESES = len(_FORECASTS) + _RING
 
 
@@ -96,45 +104,83 @@ def first_hypotheses(
     Returns:
         Shapes (n, HYPOTHESES, STATES), (n, HYPOTHESES, STATES, STATES) and (n, HYPOTHESES).
     """
-    n, f = len(forecast_mps), len(_FORECASTS)
-    mean, covariance = np.zeros((n, HYPOTHESES, STATES)), np.zeros((n, HYPOTHESES, STATES, STATES))
-    mean[..., GAIN], mean[..., ROLLING], mean[..., WEIGHT] = 1.0, prior.rolling * prior.mass, prior.mass
+    count = len(forecast_mps)
+    mean = np.zeros((count, HYPOTHESES, STATES))
+    covariance = np.zeros((count, HYPOTHESES, STATES, STATES))
+    _write_robot(prior, full_j, mean, covariance)
+    forecasts = slice(None, len(_FORECASTS))
+    ring = slice(len(_FORECASTS), None)
+    _write_forecasts(prior, forecast_mps, mean[:, forecasts], covariance[:, forecasts])
+    _write_missed(prior, mean[:, ring], covariance[:, ring])
+    probability = np.empty((count, HYPOTHESES))
+    probability[:, 0] = (1.0 - prior.missed) * (1.0 - _AROUND_SHARE)
+    probability[:, 1 : len(_FORECASTS)] = (1.0 - prior.missed) * _AROUND_SHARE / _AROUND
+    probability[:, ring] = prior.missed / _RING
+    return mean, covariance, probability
+
+
+def _write_robot(prior: Prior, full_j: float, mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+    """Write what is known of the robot, which all hypotheses share."""
+    mean[..., GAIN] = 1.0
+    mean[..., ROLLING] = prior.rolling * prior.mass
+    mean[..., WEIGHT] = prior.mass
     mean[..., PER_CAPACITY] = (1.0 + (prior.capacity_sd / prior.capacity) ** 2) / prior.capacity
-    # To first order in gain, resistance and mass.
-    slopes = np.array(
-        [[1.0, 0.0, 0.0], [prior.rolling * prior.mass, prior.mass, prior.rolling], [prior.mass, 0.0, 1.0]]
+    # To first order: derivatives of gain, rolling and weight (rows) by the meter's gain, resistance and mass (columns).
+    jacobian = np.array(
+        [
+            [1.0, 0.0, 0.0],
+            [prior.rolling * prior.mass, prior.mass, prior.rolling],
+            [prior.mass, 0.0, 1.0],
+        ]
     )
-    covariance[..., :3, :3] = slopes @ np.diag(np.square([prior.gain_sd, prior.rolling_sd, prior.mass_sd])) @ slopes.T
+    variances = np.square([prior.gain_sd, prior.rolling_sd, prior.mass_sd])
+    covariance[..., :3, :3] = jacobian @ np.diag(variances) @ jacobian.T
     covariance[..., OFFSET, OFFSET] = (prior.offset_sd_w / full_j) ** 2
     capacity_sd = np.hypot(prior.capacity_sd, prior.capacity * prior.gain_sd)
     covariance[..., PER_CAPACITY, PER_CAPACITY] = (capacity_sd / prior.capacity**2) ** 2
     covariance[..., SOC_ERROR, SOC_ERROR] = prior.soc_error**2
     covariance[..., TILT, TILT] = prior.slope_offset**2
 
-    # The forecast is of mean wind and gust together.
-    wind, gust = prior.wind_sd_mps**2, 2.0 * (prior.gust_share * prior.wind_sd_mps) ** 2
-    per_total = 1.0 / (wind + gust + prior.forecast_sd_mps**2) if wind else 0.0
-    wind_left = wind - wind * wind * per_total
-    own = wind_left * (1.0 - 0.5 * _SHARE * _APART**2)
+
+def _write_forecasts(
+    prior: Prior, forecast_mps: NDArray[np.float64], mean: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> None:
+    """Write the winds about the forecast, which is of mean wind and gust together.
+
+    The mean wind given the forecast is the regression on it; what that leaves is shared between the distances of the
+    hypotheses and the variance of each. If the mean wind differs, so does the gust that is compatible with the
+    forecast.
+    """
+    wind_variance = prior.wind_sd_mps**2
+    gust_variance = 2.0 * (prior.gust_share * prior.wind_sd_mps) ** 2
+    per_total = 0.0
+    wind_left = wind_variance
+    gust_by_wind = 0.0  # regression of the gust on the mean wind, given the forecast
+    if wind_variance:
+        per_total = 1.0 / (wind_variance + gust_variance + prior.forecast_sd_mps**2)
+        wind_left = wind_variance - wind_variance * wind_variance * per_total
+        gust_by_wind = -gust_variance * per_total * wind_variance / wind_left
+    of_each = wind_left * (1.0 - 0.5 * _AROUND_SHARE * _APART**2)
+    gust_left = gust_variance - gust_variance * gust_variance * per_total - gust_by_wind**2 * wind_left
     for axis in range(2):
-        given = forecast_mps[:, None, axis]
+        wind = EAST + axis
+        gust = GUST_EAST + axis
+        forecast = forecast_mps[:, None, axis]
         moved = np.sqrt(wind_left) * _FORECASTS[:, axis]
-        # If the mean wind differs, so does the gust that is compatible with the forecast.
-        regression = -gust * per_total * wind / wind_left if wind else 0.0
-        mean[:, :f, EAST + axis] = wind * per_total * given + moved
-        mean[:, :f, GUST_EAST + axis] = gust * per_total * given + regression * moved
-        gust_left = gust - gust * gust * per_total - regression**2 * wind_left
-        covariance[:, :f, EAST + axis, EAST + axis] = own
-        covariance[:, :f, GUST_EAST + axis, GUST_EAST + axis] = gust_left + regression**2 * own
-        covariance[:, :f, EAST + axis, GUST_EAST + axis] = regression * own
-        covariance[:, :f, GUST_EAST + axis, EAST + axis] = regression * own
-    around = 2.0 * np.pi * np.arange(_RING) / _RING
-    mean[:, f:, EAST], mean[:, f:, NORTH] = prior.missed_mps * np.cos(around), prior.missed_mps * np.sin(around)
+        mean[..., wind] = wind_variance * per_total * forecast + moved
+        mean[..., gust] = gust_variance * per_total * forecast + gust_by_wind * moved
+        covariance[..., wind, wind] = of_each
+        covariance[..., gust, gust] = gust_left + gust_by_wind**2 * of_each
+        covariance[..., wind, gust] = gust_by_wind * of_each
+        covariance[..., gust, wind] = gust_by_wind * of_each
+
+
+def _write_missed(prior: Prior, mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+    """Write the winds that the forecast lacks: a ring of strong ones."""
+    directions = _directions(_RING)
     for axis in range(2):
-        covariance[:, f:, EAST + axis, EAST + axis] = prior.missed_sd_mps**2
-        covariance[:, f:, GUST_EAST + axis, GUST_EAST + axis] = (prior.gust_share * prior.missed_mps) ** 2
-    probability = np.empty((n, HYPOTHESES))
-    probability[:, 0] = (1.0 - prior.missed) * (1.0 - _SHARE)
-    probability[:, 1:f] = (1.0 - prior.missed) * _SHARE / _AROUND
-    probability[:, f:] = prior.missed / _RING
-    return mean, covariance, probability
+        wind = EAST + axis
+        gust = GUST_EAST + axis
+        mean[..., wind] = prior.missed_mps * directions[:, axis]
+        covariance[..., wind, wind] = prior.missed_sd_mps**2
+        covariance[..., gust, gust] = (prior.gust_share * prior.missed_mps) ** 2

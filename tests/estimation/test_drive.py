@@ -97,7 +97,7 @@ def test_modelled_driving_is_that_of_the_model(grade_rad: float, speed_mps: floa
         LEVEL,
         LEVEL._replace(sine=0.1, east=-0.6),
         LEVEL._replace(sine=0.1, rolled=1.3, climb_share=0.4),
-        LEVEL._replace(rolled=0.0, stays=1.0),
+        LEVEL._replace(rolled=0.0, gust_share=1.0),
     ],
 )
 @pytest.mark.parametrize("wind_mps", [(1.0, -0.5), (-4.0, 2.0)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from homeward.estimation.kalman import add_to_used, bend_along, carry, kalman_update, spread
+from homeward.estimation.kalman import add_energy_to_used, add_noise_along, follow_curve, kalman_update, propagate
 from homeward.estimation.prior import (
     EAST,
     GAIN,
@@ -132,7 +132,7 @@ def test_energy_is_added_to_the_energy_used() -> None:
     slope = row({GAIN: 0.3, ROLLING: 1.2, EAST: -0.4, ROLLED: 0.8})
     expected, with_energy = used_after(p, slope)
     shared = p @ slope
-    add_to_used(p, shared, slope)
+    add_energy_to_used(p, shared, slope)
     np.testing.assert_allclose(shared, with_energy)
     np.testing.assert_allclose(p, expected)
 
@@ -144,7 +144,7 @@ def test_a_state_becomes_a_sum_of_two(kept: float, factor: float) -> None:
     moves[ROLLED] = 0.0
     moves[ROLLED, ROLLED], moves[ROLLED, ROLLING] = kept, factor
     expected = moves @ p @ moves.T
-    carry(p, ROLLED, kept, ROLLING, factor)
+    propagate(p, ROLLED, kept, ROLLING, factor)
     np.testing.assert_allclose(p, expected, atol=1e-12)
 
 
@@ -152,7 +152,7 @@ def test_a_random_change_adds_its_variance_along_its_direction() -> None:
     _, p = hypothesis(10)
     direction = row({ROLLING: 1.0, ROLLED: 0.2, USED: 0.1})
     expected = p + 0.3 * np.outer(direction, direction)
-    spread(p, direction, 0.3)
+    add_noise_along(p, direction, 0.3)
     np.testing.assert_allclose(p, expected)
 
 
@@ -160,7 +160,7 @@ def test_one_wind_follows_the_parabola() -> None:
     """Rolling plus b/2 w^2 is as read: w moves by 1.5 from the point of the tangent, rolling falls by b/2 1.5^2 and
     its slope there is -b w."""
     x, p = row({ROLLING: 2.0}), np.diag(row({EAST: 0.4}))
-    bend_along(x, p, ROLLING, np.array([[0.6, 0.0, 0.0], [0.0, 0.0, 0.0]]), 1.0, (1.5, 0.0), (0.0, 0.0))
+    follow_curve(x, p, ROLLING, np.array([[0.6, 0.0, 0.0], [0.0, 0.0, 0.0]]), 1.0, (1.5, 0.0), (0.0, 0.0))
     assert x[ROLLING] == pytest.approx(2.0 - 0.5 * 0.6 * 1.5**2)
     assert p[ROLLING, EAST] == pytest.approx(-0.6 * 1.5 * 0.4)
     assert p[ROLLING, ROLLING] == pytest.approx((0.6 * 1.5) ** 2 * 0.4)
@@ -179,7 +179,7 @@ def test_mean_wind_and_gusts_follow_the_curve_together() -> None:
     expected = moves @ p @ moves.T
     lower = x[ROLLED] - 0.5 * by @ np.concatenate((mean, gust))
     others = np.delete(x, ROLLED)
-    bend_along(x, p, ROLLED, bend, factor, tuple(mean), tuple(gust))
+    follow_curve(x, p, ROLLED, bend, factor, tuple(mean), tuple(gust))
     assert x[ROLLED] == pytest.approx(lower)
     np.testing.assert_array_equal(np.delete(x, ROLLED), others)
     np.testing.assert_allclose(p, expected, atol=1e-12)

@@ -60,11 +60,11 @@ def test_a_short_cut_over_uneven_ground_keeps_that_near_home() -> None:
     h = estimator.state["hypotheses"]
     h["rolled"] = 8.0 * rolls(estimator, PLACE_M)
     h["mean"][..., ROLLED] = 7.2 * rolls(estimator, PLACE_M)
-    h["bend"] = 1.0
+    h["hessian"] = 1.0
     estimator.relocate(3.0 * PLACE_M)
     np.testing.assert_allclose(h["mean"][..., ROLLED], 7.2 * 5.0 / 8.0 * rolls(estimator, PLACE_M))
     np.testing.assert_allclose(h["rolled"], 5.0 * rolls(estimator, PLACE_M))
-    np.testing.assert_allclose(h["bend"], 5.0 / 8.0)
+    np.testing.assert_allclose(h["hessian"], 5.0 / 8.0)
 
 
 def test_a_home_that_moves_away_adds_ground_as_here() -> None:

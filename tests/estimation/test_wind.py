@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES
-from homeward.estimation.wind import covariance_of_wind, curvature
+from homeward.estimation.wind import covariance_of_wind, quadratic_cumulants
 
 BEND = np.array([[0.8, 0.3], [0.3, -0.2]])
 DRAWS = 400_000
@@ -30,7 +30,7 @@ def test_cumulants_of_the_second_order_are_those_of_drawn_winds() -> None:
     wind = np.array([[1.5, 0.4], [0.4, 0.6]])
     drawn = np.random.default_rng(1).multivariate_normal(np.zeros(2), wind, DRAWS)
     energy = 0.5 * np.einsum("na,ab,nb->n", drawn, BEND, drawn)
-    mean, variance, third = curvature(triple(BEND), triple(wind))
+    mean, variance, third = quadratic_cumulants(triple(BEND), triple(wind))
     assert mean == pytest.approx(energy.mean(), rel=0.02)
     assert variance == pytest.approx(energy.var(), rel=0.02)
     assert third == pytest.approx(np.mean((energy - energy.mean()) ** 3), rel=0.1)
