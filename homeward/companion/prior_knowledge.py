@@ -110,7 +110,12 @@ def _as_measured(given: Uncertainty, prior: Prior, wind: str) -> PriorKnowledge:
         prior = prior._replace(rolling=1.0, rolling_sd=math.sqrt(rolling), mass=1.0, mass_sd=0.0)
     elif mass is not None:
         prior = prior._replace(mass=1.0, mass_sd=math.sqrt(mass))
-    generic = {"rolling": "rolling resistance 80 to 130 %", "mass": "payload up to 20 %"}
+    idle = given.variance("idle_power")
+    idle_sd = thresholds.IDLE_SD if idle is None else math.sqrt(idle)
+    generic = {
+        "rolling": "rolling resistance 80 to 130 %", "mass": "payload up to 20 %",
+        "idle_power": f"power at rest within {thresholds.IDLE_SD:.0%}",
+    }  # fmt: skip
     rest = ["capacity 80 to 100 %", *(text for name, text in generic.items() if name not in given.fitted)]
     words = (
         f"measured at the wheels: {given.source}, of {', '.join(given.fitted)}",
@@ -118,7 +123,7 @@ def _as_measured(given: Uncertainty, prior: Prior, wind: str) -> PriorKnowledge:
         "energy that the model omits)",
         wind,
     )  # fmt: skip
-    return PriorKnowledge(prior, words, weight_sd=weight_sd)
+    return PriorKnowledge(prior, words, weight_sd=weight_sd, idle_sd=idle_sd)
 
 
 def _as_sure_as(given: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:
