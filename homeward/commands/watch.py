@@ -68,6 +68,8 @@ class Args:
     capacity_j: float | None = None
     """Energy that this battery gave when it was last discharged from full to the cut-off, J; by default unknown, as of
     ageing batteries."""
+    cruise_mps: float | None = None
+    """Speed on the way home, m/s; by default that at which its ground was driven on the way out."""
     risk: float = thresholds.RISK
     """Accepted risk of not getting home, for the point of no return."""
     speed: float = 0.0
@@ -194,7 +196,10 @@ def _replay(args: Args) -> list[Watched]:
 
 def _of_companion(args: Args) -> dict[str, Any]:
     """Arguments of the companion that every way of watching takes."""
-    return {"soc": args.soc, "risk": args.risk, "cutoff_v": args.cutoff_v, "capacity_j": args.capacity_j}
+    return {
+        "soc": args.soc, "risk": args.risk, "cutoff_v": args.cutoff_v, "capacity_j": args.capacity_j,
+        "cruise_mps": args.cruise_mps,
+    }  # fmt: skip
 
 
 @contextlib.contextmanager

@@ -64,7 +64,8 @@ class Companion:
         cutoff_v: Voltage at which the battery is cut off.
         capacity_j: Energy that this battery gave when it was last discharged from full to the cut-off, warm and in some
             hours, J; by default within the range of ageing batteries. What cold and rate take is allowed for beside it.
-        cruise_mps: Speed on the way home; by default that with the longest range.
+        cruise_mps: Speed on the way home; by default that at which its ground was driven on the way out, and until then
+            the speed with the longest range.
         window_s: Time over which readings are averaged.
         place_m: Length over which the ground is taken as uniform.
         reaction_s: Time from the advice to turn until the robot has turned; by default a window.
@@ -160,8 +161,8 @@ class Companion:
             known = known.with_capacity(capacity_j / full_j)
         self._estimator = HomeEstimator(
             self.robot, known,
-            places=places, place_m=place_m, cruise_mps=cruise, risk=risk, route=route, forecast_mps=forecast_mps,
-            cutoff_v=cutoff_v,
+            places=places, place_m=place_m, cruise_mps=cruise, keeps_cruise=cruise_mps is not None, risk=risk,
+            route=route, forecast_mps=forecast_mps, cutoff_v=cutoff_v,
         )  # fmt: skip
         self._made_for = digest(repr((
             self.robot, places, place_m, cruise, self._window_s, home, cutoff_v, self._estimator.known.prior,
@@ -423,7 +424,7 @@ class Companion:
         """The way home from here: along the way out, or another one."""
         unsure_m = self._way.unsure_m
         if self._other_way is not None and self._other_way_m is not None:
-            ways = along_route(self._other_way, self._other_way_m, self.vehicle.cruise_mps)
+            ways = along_route(self._other_way, self._other_way_m, self._estimator.home_mps)
         elif self._way.moved_home is not None:
             ways = self.way_to(self._way.moved_home)
         else:
@@ -445,7 +446,8 @@ class Companion:
         """
         here_m = self._way.position_m if from_m is None else from_m
         leave_m, leg_m = self._way.beyond(place, from_m)
-        return along_and_off(self._estimator.places, self.vehicle, here_m, leave_m, thresholds.DETOUR * leg_m)
+        leg_m, speed_mps = thresholds.DETOUR * leg_m, self._estimator.home_mps
+        return along_and_off(self._estimator.places, self.vehicle, here_m, leave_m, leg_m, speed_mps)
 
     def _advise(self) -> Advice:
         estimator = self._estimator
@@ -485,7 +487,7 @@ class Companion:
             chance_there_and_back=chance_there,
             looks_back=not self._turned
             and looks_back(estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s),
-            rests_on=rests_on(self._has, estimator.known, self._what_home(names[0]), of_battery),
+            rests_on=rests_on(self._has, estimator.known, self._what_home(names[0]), of_battery, estimator.of_pace),
             warnings=(*self._readings.warnings(), *self._off_route()),
             action=None if self._action is None else Action(*self._action),
             home=names[0],

@@ -103,7 +103,8 @@ class HomeEstimator:
         known: Its prior.
         places: Number of places that are kept.
         place_m: Length of a place, m.
-        cruise_mps: Speed on the way home, m/s.
+        cruise_mps: Speed of the robot's own model, and on the way home until the robot has driven, m/s.
+        keeps_cruise: Whether it is the speed on the way home in any case.
         risk: Accepted probability of not getting home.
         route: The route, if there is one.
         forecast_mps: Forecast of the wind: components towards where it comes from, east and north, if there is one.
@@ -115,14 +116,15 @@ class HomeEstimator:
             what the battery holds is as uncertain as the model.
         vehicle: Parameters of the robot's own model in the form that the estimator takes.
         windows: Number of windows processed.
+        home_mps: Speed on the way home: that at which its ground was driven, if none was told.
         pace_mps: Recent mean speed, including stops.
         pace_w: Recent mean power by the robot's own model, beyond steady driving.
         speed_mps: Last speed reading.
     """
 
     SAVED: ClassVar = (
-        "at_terminals", "estimates", "_extra", "_state", "windows", "pace_mps", "pace_w", "speed_mps", "_heading_rad",
-        "battery", "has_power", "_temperature_c",
+        "at_terminals", "estimates", "_extra", "_paces", "_state", "windows", "home_mps", "pace_mps", "pace_w",
+        "speed_mps", "_heading_rad", "battery", "has_power", "_temperature_c",
     )  # fmt: skip
 
     def __init__(
@@ -133,6 +135,7 @@ class HomeEstimator:
         places: int,
         place_m: float,
         cruise_mps: float,
+        keeps_cruise: bool,
         risk: float,
         route: RouteLike | None,
         forecast_mps: tuple[float, float] | None,
@@ -141,6 +144,7 @@ class HomeEstimator:
         announce_compilation()
         self._robot, self._route, self._risk, self._z = robot, route, risk, deviations(risk)
         self._places, self._forecast_mps = places, forecast_mps or (0.0, 0.0)
+        self._keeps_cruise = keeps_cruise
         self.known, self.at_terminals = known, False
         self.vehicle = vehicle_of(robot, place_m, cruise_mps)
         self._record, self._temperature_c = plain(robot.record()), math.nan
@@ -216,6 +220,7 @@ class HomeEstimator:
         # not change what the battery holds as metered.
         covariance[..., GAIN, GAIN] += self.known.idle_sd**2
         self._extra, self.windows = np.zeros(self._places), 0
+        self._paces, self.home_mps = np.zeros(self._places), self.vehicle.cruise_mps
         self.pace_mps, self.pace_w = self.vehicle.cruise_mps, self.vehicle.idle_w
         self.speed_mps = self._heading_rad = math.nan
         if self._route is not None:
@@ -289,6 +294,18 @@ class HomeEstimator:
             self._models_cold,
         )  # fmt: skip
         self.battery.begin(start, conditions)
+
+    @property
+    def of_pace(self) -> str:
+        """What is assumed of the speed on the way home, a sentence."""
+        speed = f"the way home at {self.home_mps:.2g} m/s"
+        if self._keeps_cruise:
+            return f"{speed} (given)"
+        if not self._paces.any():
+            return (
+                f"{speed}, the speed with the longest range, until the robot has driven; give cruise_mps= if it differs"
+            )
+        return f"{speed}, as it was driven on the way out; give cruise_mps= if it differs"
 
     @property
     def of_cells(self) -> str:
@@ -381,6 +398,22 @@ class HomeEstimator:
             extra = window.extra_j / window.way_m
             share = min(window.way_m / place_m, 1.0)
             self._extra[here] += (extra - self._extra[here]) * (share if self._extra[here] else 1.0)
+            self._note_pace(window, here, share)
+
+    def _note_pace(self, window: Window, here: int, share: float) -> None:
+        """Note how fast a place was driven, of which a window covers a share, and so how fast it is home from here."""
+        if self._keeps_cruise:
+            return
+        # Without a speed reading, stops count as slow driving.
+        read_mps = window.speed_mps
+        driven_mps = read_mps if math.isfinite(read_mps) else window.way_m / window.time_s
+        noted_mps = self._paces[here]
+        self._paces[here] += (driven_mps - noted_mps) * (share if noted_mps else 1.0)
+        ahead = self._paces[: here + 1]
+        known = np.maximum(ahead[ahead > 0.0], thresholds.SLOWEST_MPS)
+        # Places are equally long, so that their times add up.
+        home_mps = len(known) / float((1.0 / known).sum())
+        self.home_mps = min(home_mps, self._robot.max_speed_mps)
 
     def _update(self, window: Window, position_m: float) -> None:
         """Update the estimator with a window."""
@@ -511,7 +544,7 @@ class HomeEstimator:
         plan["onwards_m"], plan["onwards_s"] = onwards_m, onwards_m / pace_mps
         plan["speed_mps"] = min(max(pace_mps, thresholds.SLOWEST_MPS), self._robot.max_speed_mps)
         plan["onwards_j"] = max(self.pace_w, v.idle_w) * plan["onwards_s"]
-        plan["home_mps"], plan["home_cost_j"], plan["sine"] = v.cruise_mps, home_cost_j, np.nan
+        plan["home_mps"], plan["home_cost_j"], plan["sine"] = self.home_mps, home_cost_j, np.nan
         plan["knows_ahead"] = float(self._route is not None)
         return plans
 
@@ -528,5 +561,5 @@ class HomeEstimator:
         return sum(modelled_driving(v, float(one["sine"]), v.cruise_mps) * float(one["way_m"]) for one in ways)
 
     def _standing_j(self, way_m: float) -> float:
-        """Energy of standing for as long as a way takes at cruise."""
-        return self.vehicle.idle_w / self.vehicle.cruise_mps * way_m
+        """Energy of standing for as long as a way home takes."""
+        return self.vehicle.idle_w / self.home_mps * way_m

@@ -303,18 +303,18 @@ def _moved(forward_m: float, heading_rad: float) -> Array:
     return forward_m * np.array([math.cos(heading_rad), math.sin(heading_rad)])
 
 
-def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray[np.void]:
+def along_route(route: RouteLike, driven_m: float, speed_mps: float) -> NDArray[np.void]:
     """The rest of a route after some metres, `WAY_DTYPE`."""
     ends = np.arange(1, len(route.grade_rad) + 1) * route.place_m
     lengths = np.clip(ends - driven_m, 0.0, route.place_m)
     ways = np.zeros(len(ends), WAY_DTYPE)
     ways["way_m"], ways["sine"] = lengths, np.sin(route.grade_rad)
-    ways["east"], ways["north"], ways["speed_mps"] = np.cos(route.heading_rad), np.sin(route.heading_rad), cruise_mps
+    ways["east"], ways["north"], ways["speed_mps"] = np.cos(route.heading_rad), np.sin(route.heading_rad), speed_mps
     return np.asarray(ways[lengths > 0.0])
 
 
 def along_and_off(
-    places: NDArray[np.void], vehicle: Vehicle, here_m: float, leave_m: float, leg_m: float
+    places: NDArray[np.void], vehicle: Vehicle, here_m: float, leave_m: float, leg_m: float, speed_mps: float
 ) -> NDArray[np.void]:
     """Along the way out to a given metre, back or ahead, and then a leg over unknown ground, `WAY_DTYPE`.
 
@@ -322,10 +322,11 @@ def along_and_off(
 
     Args:
         places: The estimator's notes on the places of the way out, shape (places,).
-        vehicle: The robot's own model, with the length of a place and the speed.
+        vehicle: The robot's own model, with the length of a place.
         here_m: Position of the robot on it, m.
         leave_m: Position on it to leave it at, m.
         leg_m: Length of the leg, m.
+        speed_mps: Speed, m/s.
     """
     place_m = vehicle.place_m
     nearest_m, farthest_m = min(leave_m, here_m), max(leave_m, here_m)
@@ -337,7 +338,7 @@ def along_and_off(
     lengths = ends_m - np.maximum(edges * place_m, nearest_m)
     edges, lengths = edges[lengths > 0.0], lengths[lengths > 0.0]
     ways = np.zeros(len(edges) + (leg_m > 0.0), WAY_DTYPE)
-    ways["speed_mps"] = vehicle.cruise_mps
+    ways["speed_mps"] = speed_mps
     along, noted = ways[: len(edges)], places[edges]
     along["way_m"], along["sine"] = lengths, direction * noted["sine_driven"]
     along["east"], along["north"] = direction * noted["east"], direction * noted["north"]
