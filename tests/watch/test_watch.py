@@ -165,12 +165,12 @@ def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: py
     paths[1].write_text(paths[1].read_text().replace(",", ";"))
     mcap = tmp_path / "advice.mcap" if find_spec("foxglove") else None
     capacity_j = 0.85 * load_robot("husky").usable_energy_j
-    main(Args(paths, "husky", quiet=True, out=tmp_path / "out", mcap=mcap, capacity_j=capacity_j))
+    main(Args(paths, "husky", quiet=True, out=tmp_path / "out", mcap=mcap, capacity_j=capacity_j, cruise_mps=0.8))
     assert mcap is None or mcap.stat().st_size > 10_000
     printed, said = capsys.readouterr()
     assert said == "run1.csv: read with cells separated by semicolons\n"
     assert "in the 90 %" in printed and "way left" in printed and "watch.html" in printed
-    assert "a measured capacity of 85%" in printed
+    assert "a measured capacity of 85%" in printed and "the way home at 0.8 m/s (given)" in printed
     page = (tmp_path / "out" / "watch.html").read_text("utf-8")
     assert "run0.csv" in page and "run1.csv" in page and "plotly" in page and "http-equiv" not in page
     assert "<li>run1.csv: read with cells separated by semicolons</li>" in page
