@@ -38,7 +38,7 @@ def test_a_new_pack_gives_its_label_and_a_worn_one_less(chemistry: str) -> None:
     cold_j = _given_j(pack_of(chemistry, replace(NEW, outside_c=-10.0))[0], None, 3.0 * label_w)[0]
     assert resists_j < _given_j(pack, None, 3.0 * label_w)[0]
     assert cold_j < _given_j(pack, None, 3.0 * label_w)[0]
-    assert _given_j(pack, None, 1e4 * label_w)[0] < 1e-3 * label.energy_j, "no current delivers that for long"
+    assert _given_j(pack, None, 1e4 * label_w)[0] < 1e-2 * label.energy_j, "no current delivers that for long"
 
 
 def test_records_agree_with_each_other_and_the_way_home_with_where_it_turns() -> None:
