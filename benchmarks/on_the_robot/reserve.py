@@ -213,7 +213,7 @@ def main(args: Args) -> None:
         for case in make_cases(asked, "chemistry", sizes)
         if case.pack_share == 1.0 or not args.whole
     ]
-    runs = (delayed(run_drive)(case, unpaired, None, reserves) for case in cases)
+    runs = (delayed(run_drive)(case, unpaired, reserves) for case in cases)
     drives: list[Drive] = Parallel(n_jobs=args.jobs)(runs)
     made = [drive for drive in drives if drive.points and drive.looked and not drive.outcomes["companion"].stranded]
     stranded = sum(drive.outcomes["companion"].stranded for drive in drives)

@@ -26,7 +26,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 import tyro
@@ -65,6 +65,11 @@ class Args:
     """State of charge at the start, 0 to 1; by default as recorded, or full."""
     cutoff_v: float | None = None
     """Voltage at which the battery is cut off, V."""
+    capacity_j: float | None = None
+    """Energy that this battery gave when it was last discharged from full to the cut-off, J; by default unknown, as of
+    ageing batteries."""
+    cruise_mps: float | None = None
+    """Speed on the way home, m/s; by default that at which its ground was driven on the way out."""
     risk: float = thresholds.RISK
     """Accepted risk of not getting home, for the point of no return."""
     speed: float = 0.0
@@ -155,7 +160,7 @@ def _replay(args: Args) -> list[Watched]:
     for said in notes:
         cli.remark(*said)
     console = cli.Terminal()
-    keywords = {"soc": args.soc, "risk": args.risk, "cutoff_v": args.cutoff_v}
+    keywords = _of_companion(args)
     with contextlib.ExitStack() as stack:
         shows: list[Callable[[str, Advice, float, float], None]] = []
         if console.is_terminal and not args.quiet:
@@ -168,8 +173,13 @@ def _replay(args: Args) -> list[Watched]:
                 each(name, advice, since_s, duration_s)
 
         runs = run_all(recordings, robot, show if shows else None, **keywords)
-    if args.mcap is not None and runs[0].unit != "J":
-        cli.remark(str(args.mcap), "holds no advice: motor currents alone give none")
+    if runs[0].unit != "J":
+        of_battery = {"--soc": args.soc, "--cutoff-v": args.cutoff_v, "--capacity-j": args.capacity_j}
+        unused = [name for name, value in of_battery.items() if value is not None]
+        if unused:
+            cli.remark(", ".join(unused), "not used: motor currents alone say nothing of the battery")
+        if args.mcap is not None:
+            cli.remark(str(args.mcap), "holds no advice: motor currents alone give none")
     rows = rows_of(runs)
     console.show(table_of(rows), ("interval\nscore",) if rows[-1].crps is not None else ())
     console.print(verdict(rows[-1]))
@@ -182,6 +192,14 @@ def _replay(args: Args) -> list[Watched]:
     page = write_files(args.out, texts)[0]
     console.print(f"Page: {page}", soft_wrap=True)
     return runs
+
+
+def _of_companion(args: Args) -> dict[str, Any]:
+    """Arguments of the companion that every way of watching takes."""
+    return {
+        "soc": args.soc, "risk": args.risk, "cutoff_v": args.cutoff_v, "capacity_j": args.capacity_j,
+        "cruise_mps": args.cruise_mps,
+    }  # fmt: skip
 
 
 @contextlib.contextmanager
@@ -213,7 +231,7 @@ def _join(args: Args, robot: Robot, outputs: Sequence[Output]) -> None:
     network = Network(domain, args.namespace.rstrip("/"))
     Session(
         robot, network, f"{robot.name} on domain {domain}", args.columns, args.home, args.state, outputs,
-        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v, docks=docks_of(args.docks),
+        docks=docks_of(args.docks), **_of_companion(args),
     ).run(cli.Terminal(), args.quiet)  # fmt: skip
 
 
@@ -230,7 +248,7 @@ def _advise_vehicle(args: Args, address: str, robot: Robot, outputs: Sequence[Ou
         cli.remark(address, text)
     Session(
         robot, vehicle, f"{robot.name} on {address}", args.columns or "any_robot", met.home, args.state, outputs,
-        forecast_mps=met.wind_mps, soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v,
+        forecast_mps=met.wind_mps, **_of_companion(args),
     ).run(cli.Terminal(), args.quiet)  # fmt: skip
 
 
@@ -244,7 +262,7 @@ def _advise_by_lines(args: Args, robot: Robot, outputs: Sequence[Output]) -> Non
     lines = Lines(sys.stdin.fileno(), sys.stdout.fileno(), args.namespace.rstrip("/"))
     Session(
         robot, lines, f"{robot.name} by standard input", args.columns, args.home, args.state, outputs,
-        soc=args.soc, risk=args.risk, cutoff_v=args.cutoff_v, docks=docks_of(args.docks),
+        docks=docks_of(args.docks), **_of_companion(args),
     ).run(cli.Terminal(stderr=True), args.quiet, lambda: lines.ended)  # fmt: skip
 
 

@@ -103,7 +103,7 @@ class Advice:
         way_home_m: Length of the way home that the robot would take, m.
         energy_left_j: Energy in the battery, down to the cut-off voltage if one was given: from 0 to what a full
             battery holds by the robot's file.
-        energy_home_j: Energy that the way home consumes, turning now, at the companion's `cruise_mps`; at least 0.
+        energy_home_j: Energy that the way home consumes, turning now, at the speed that `rests_on` names; at least 0.
         margin_j: Energy left less that of the way home; negative if it is not enough.
         chance_home: Probability of getting home when turning now.
         risk: Accepted probability of not getting home, used for the next three.

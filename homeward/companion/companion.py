@@ -65,7 +65,8 @@ class Companion:
         cutoff_v: Voltage at which the battery is cut off.
         capacity_j: Energy that this battery gave when it was last discharged from full to the cut-off, warm and in some
             hours, J; by default within the range of ageing batteries. What cold and rate take is allowed for beside it.
-        cruise_mps: Speed on the way home; by default that with the longest range.
+        cruise_mps: Speed on the way home; by default that at which its ground was driven on the way out, and until then
+            the speed with the longest range.
         window_s: Time over which readings are averaged.
         place_m: Length over which the ground is taken as uniform.
         reaction_s: Time from the advice to turn until the robot has turned; by default a window.
@@ -151,6 +152,7 @@ class Companion:
             )
         self._policy = policy
         self.risk = risk
+        keeps_cruise = cruise_mps is not None
         if cruise_mps is None:
             cruise_mps = float(optimal_speed(self.robot))
         if window_s is None:
@@ -181,6 +183,7 @@ class Companion:
             places=places,
             place_m=place_m,
             cruise_mps=cruise_mps,
+            keeps_cruise=keeps_cruise,
             risk=risk,
             route=route,
             forecast_mps=forecast_mps,
@@ -502,7 +505,7 @@ class Companion:
         """The way home from here: along the way out, or another one."""
         unsure_m = self._way.unsure_m
         if self._other_way is not None and self._other_way_m is not None:
-            ways = along_route(self._other_way, self._other_way_m, self.vehicle.cruise_mps)
+            ways = along_route(self._other_way, self._other_way_m, self._estimator.home_mps)
         elif self._way.moved_home is not None:
             ways = self.way_to(self._way.moved_home)
         else:
@@ -526,7 +529,8 @@ class Companion:
         if from_m is not None:
             here_m = from_m
         leave_m, leg_m = self._way.beyond(place, from_m)
-        return along_and_off(self._estimator.places, self.vehicle, here_m, leave_m, thresholds.DETOUR * leg_m)
+        leg_m, speed_mps = thresholds.DETOUR * leg_m, self._estimator.home_mps
+        return along_and_off(self._estimator.places, self.vehicle, here_m, leave_m, leg_m, speed_mps)
 
     def _advise(self) -> Advice:
         estimator = self._estimator
@@ -577,7 +581,7 @@ class Companion:
             turn_now=self._turned,
             chance_there_and_back=chance_there,
             looks_back=advises_to_look_back,
-            rests_on=rests_on(self._has, estimator.known, self._what_home(advised), of_battery),
+            rests_on=rests_on(self._has, estimator.known, self._what_home(advised), of_battery, estimator.of_pace),
             warnings=(*self._readings.warnings(), *self._off_route()),
             action=action,
             home=advised,

@@ -112,7 +112,8 @@ class HomeEstimator:
         known: Its prior.
         places: Number of places that are kept.
         place_m: Length of a place, m.
-        cruise_mps: Speed on the way home, m/s.
+        cruise_mps: Speed of the robot's own model, and on the way home until the robot has driven, m/s.
+        keeps_cruise: Whether it is the speed on the way home in any case.
         risk: Accepted probability of not getting home.
         route: The route, if there is one.
         forecast_mps: Forecast of the wind: components towards where it comes from, east and north, if there is one.
@@ -124,14 +125,15 @@ class HomeEstimator:
             what the battery holds is as uncertain as the model.
         vehicle: Parameters of the robot's own model in the form that the estimator takes.
         windows: Number of windows processed.
+        home_mps: Speed on the way home: that at which its ground was driven, if none was told.
         pace_mps: Recent mean speed, including stops.
         pace_w: Recent mean power by the robot's own model, beyond steady driving.
         speed_mps: Last speed reading.
     """
 
     SAVED: ClassVar = (
-        "at_terminals", "estimates", "_extra", "_state", "windows", "pace_mps", "pace_w", "speed_mps", "_heading_rad",
-        "battery", "has_power", "_temperature_c",
+        "at_terminals", "estimates", "_extra", "_paces", "_state", "windows", "home_mps", "pace_mps", "pace_w",
+        "speed_mps", "_heading_rad", "battery", "has_power", "_temperature_c",
     )  # fmt: skip
 
     def __init__(
@@ -142,6 +144,7 @@ class HomeEstimator:
         places: int,
         place_m: float,
         cruise_mps: float,
+        keeps_cruise: bool,
         risk: float,
         route: RouteLike | None,
         forecast_mps: tuple[float, float] | None,
@@ -153,6 +156,7 @@ class HomeEstimator:
         self._risk = risk
         self._student_quantile = deviations(risk)
         self._places = places
+        self._keeps_cruise = keeps_cruise
         self._forecast_mps = forecast_mps or (0.0, 0.0)
         self.known = known
         self.at_terminals = False
@@ -249,6 +253,8 @@ class HomeEstimator:
         covariance[..., GAIN, GAIN] += self.known.idle_sd**2
         self._extra = np.zeros(self._places)
         self.windows = 0
+        self._paces = np.zeros(self._places)
+        self.home_mps = self.vehicle.cruise_mps
         self.pace_mps = self.vehicle.cruise_mps
         self.pace_w = self.vehicle.idle_w
         self.speed_mps = math.nan
@@ -337,6 +343,18 @@ class HomeEstimator:
             models_cold=self._models_cold,
         )
         self.battery.begin(start, conditions)
+
+    @property
+    def of_pace(self) -> str:
+        """What is assumed of the speed on the way home, a sentence."""
+        speed = f"the way home at {self.home_mps:.2g} m/s"
+        if self._keeps_cruise:
+            return f"{speed} (given)"
+        if not self._paces.any():
+            return (
+                f"{speed}, the speed with the longest range, until the robot has driven; give cruise_mps= if it differs"
+            )
+        return f"{speed}, as it was driven on the way out; give cruise_mps= if it differs"
 
     @property
     def of_cells(self) -> str:
@@ -462,10 +480,27 @@ class HomeEstimator:
         if window.way_m > thresholds.DRIVEN_SHARE * place_m:
             place = place_of(self.vehicle, position_m, self._extra)
             extra_j_per_m = window.extra_j / window.way_m
-            weight = min(window.way_m / place_m, 1.0)
-            if self._extra[place] == 0.0:  # nothing was noted there yet
-                weight = 1.0
+            share = min(window.way_m / place_m, 1.0)
+            # The first note of a place counts whole.
+            weight = share if self._extra[place] else 1.0
             self._extra[place] += (extra_j_per_m - self._extra[place]) * weight
+            self._note_pace(window, place, share)
+
+    def _note_pace(self, window: Window, place: int, share: float) -> None:
+        """Note how fast a place was driven, of which a window covers a share, and so how fast it is home from here."""
+        if self._keeps_cruise:
+            return
+        # Without a speed reading, stops count as slow driving.
+        driven_mps = window.speed_mps
+        if not math.isfinite(driven_mps):
+            driven_mps = window.way_m / window.time_s
+        noted_mps = self._paces[place]
+        self._paces[place] += (driven_mps - noted_mps) * (share if noted_mps else 1.0)
+        ahead = self._paces[: place + 1]
+        known_mps = np.maximum(ahead[ahead > 0.0], thresholds.SLOWEST_MPS)
+        # Places are equally long, so that their times add up.
+        home_mps = len(known_mps) / float((1.0 / known_mps).sum())
+        self.home_mps = min(home_mps, self._robot.max_speed_mps)
 
     def _update(self, window: Window, position_m: float) -> None:
         """Update the estimator with a window."""
@@ -617,7 +652,7 @@ class HomeEstimator:
         plan["onwards_s"] = onwards_s
         plan["speed_mps"] = min(max(pace_mps, thresholds.SLOWEST_MPS), self._robot.max_speed_mps)
         plan["onwards_j"] = max(self.pace_w, self.vehicle.idle_w) * onwards_s
-        plan["home_mps"] = self.vehicle.cruise_mps
+        plan["home_mps"] = self.home_mps
         plan["home_cost_j"] = home_cost_j
         plan["sine"] = np.nan
         plan["knows_ahead"] = float(self._route is not None)
@@ -641,5 +676,5 @@ class HomeEstimator:
         return total_j
 
     def _standing_j(self, way_m: float) -> float:
-        """Energy of standing for as long as a way takes at cruise."""
-        return self.vehicle.idle_w / self.vehicle.cruise_mps * way_m
+        """Energy of standing for as long as a way home takes."""
+        return self.vehicle.idle_w / self.home_mps * way_m

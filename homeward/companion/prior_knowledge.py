@@ -125,18 +125,24 @@ def _as_measured(uncertainty: Uncertainty, prior: Prior, wind: str) -> PriorKnow
         prior = prior._replace(rolling=1.0, rolling_sd=math.sqrt(rolling_variance), mass=1.0, mass_sd=0.0)
     elif mass_variance is not None:
         prior = prior._replace(mass=1.0, mass_sd=math.sqrt(mass_variance))
+    idle_variance = uncertainty.variance("idle_power")
+    idle_sd = thresholds.IDLE_SD
+    if idle_variance is not None:
+        idle_sd = math.sqrt(idle_variance)
     ranges = ["capacity 80 to 100 %"]
     if "rolling" not in uncertainty.fitted:
         ranges.append("rolling resistance 80 to 130 %")
     if "mass" not in uncertainty.fitted:
         ranges.append("payload up to 20 %")
+    if "idle_power" not in uncertainty.fitted:
+        ranges.append(f"power at rest within {thresholds.IDLE_SD:.0%}")
     ranges.append(f"{thresholds.OMITTED:.0%} of a way's energy that the model omits")
     words = (
         f"measured at the wheels: {uncertainty.source}, of {', '.join(uncertainty.fitted)}",
         f"generic ranges of the rest ({', '.join(ranges)})",
         wind,
     )
-    return PriorKnowledge(prior, words, weight_sd=weight_sd)
+    return PriorKnowledge(prior, words, weight_sd=weight_sd, idle_sd=idle_sd)
 
 
 def _as_sure_as(uncertainty: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:

@@ -1,7 +1,7 @@
 """Thresholds of the companion that are choices, each defined once and with its origin.
 
 Steps and places of the estimator, the points of the trail, weights in running means and bounds on memory decide nothing
-by themselves and stand beside their code. Limits that other packages have too are in `homeward.rules`.
+by themselves and stand beside their code. Limits that other packages have too are in `homeward.thresholds`.
 """
 
 from homeward.estimation import thresholds as estimation_thresholds

@@ -355,7 +355,7 @@ def _moved(forward_m: float, heading_rad: float) -> Array:
     return forward_m * np.array([math.cos(heading_rad), math.sin(heading_rad)])
 
 
-def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray[np.void]:
+def along_route(route: RouteLike, driven_m: float, speed_mps: float) -> NDArray[np.void]:
     """The rest of a route after some metres, `WAY_DTYPE`."""
     ends_m = np.arange(1, len(route.grade_rad) + 1) * route.place_m
     lengths_m = np.clip(ends_m - driven_m, 0.0, route.place_m)
@@ -364,12 +364,12 @@ def along_route(route: RouteLike, driven_m: float, cruise_mps: float) -> NDArray
     ways["sine"] = np.sin(route.grade_rad)
     ways["east"] = np.cos(route.heading_rad)
     ways["north"] = np.sin(route.heading_rad)
-    ways["speed_mps"] = cruise_mps
+    ways["speed_mps"] = speed_mps
     return np.asarray(ways[lengths_m > 0.0])
 
 
 def along_and_off(
-    places: NDArray[np.void], vehicle: Vehicle, here_m: float, leave_m: float, leg_m: float
+    places: NDArray[np.void], vehicle: Vehicle, here_m: float, leave_m: float, leg_m: float, speed_mps: float
 ) -> NDArray[np.void]:
     """Along the way out to a given metre, back or ahead, and then a leg over unknown ground, `WAY_DTYPE`.
 
@@ -377,10 +377,11 @@ def along_and_off(
 
     Args:
         places: The estimator's notes on the places of the way out, shape (places,).
-        vehicle: The robot's own model, with the length of a place and the speed.
+        vehicle: The robot's own model, with the length of a place.
         here_m: Position of the robot on it, m.
         leave_m: Position on it to leave it at, m.
         leg_m: Length of the leg, m.
+        speed_mps: Speed, m/s.
     """
     place_m = vehicle.place_m
     nearest_m = min(leave_m, here_m)
@@ -399,10 +400,10 @@ def along_and_off(
     along["sine"] = direction * crossed["sine_driven"]
     along["east"] = direction * crossed["east"]
     along["north"] = direction * crossed["north"]
-    along["speed_mps"] = vehicle.cruise_mps
+    along["speed_mps"] = speed_mps
     if not leg_m > 0.0:  # also NaN
         return along
     leg = np.zeros(1, WAY_DTYPE)
     leg["way_m"] = leg_m
-    leg["speed_mps"] = vehicle.cruise_mps
+    leg["speed_mps"] = speed_mps
     return np.concatenate((along, leg))

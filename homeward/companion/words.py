@@ -21,7 +21,9 @@ _HOME = {
 }
 
 
-def rests_on(has: Mapping[str, bool], known: PriorKnowledge, home: str, battery: tuple[str, ...]) -> tuple[str, ...]:
+def rests_on(
+    has: Mapping[str, bool], known: PriorKnowledge, home: str, battery: tuple[str, ...], pace: str
+) -> tuple[str, ...]:
     """Sentences, the most important first.
 
     Args:
@@ -29,8 +31,10 @@ def rests_on(has: Mapping[str, bool], known: PriorKnowledge, home: str, battery:
         known: The prior.
         home: `trail`, `route`, `loop`, `moved`, `other way` or `dock`.
         battery: What is assumed of it.
+        pace: What is assumed of the speed on the way home.
     """
-    return _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, battery)
+    energy, way, *more = _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, battery)
+    return energy, way, pace, *more  # the pace changes as the robot drives, so it is not kept
 
 
 @cache

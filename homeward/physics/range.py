@@ -24,6 +24,7 @@ _DUTIES = Bounds(0.0, 1.0, open_low=True)
 _HALF_90 = 1.645  # standard deviations from the mean to either end of a normal distribution's central 90 %
 _STEP = 1e-3  # relative change of a parameter for a derivative; chosen: small, and far above rounding
 _IDLE = "sensing_idle_w", "communication_w", "controller_w"
+_AT_REST = *_IDLE, "computer_w"  # what a robot that stands draws; of these, a diagnosis fits the former
 _SAMPLE = "sensing_j_per_sample", "computer_j_per_sample"
 
 
@@ -184,7 +185,7 @@ def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.
     The robot drives the route's slopes and bends at a steady speed, with a charged battery, in calm air, by the
     compiled model with its effects; a bend is spread over its place. The interval is that of the file's table
     `[uncertainty]`: of its parameters as they count on this leg, of what differs between runs, and of unexplained power
-    over its length. A file without it (or with one of motor charge) has generic ranges, `homeward.physics.rules`.
+    over its length. A file without it (or with one of motor charge) has generic ranges, `homeward.physics.thresholds`.
 
     Args:
         robot: The robot.
@@ -203,7 +204,7 @@ def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.
     >>> hill = Route(place_m=50.0, grade_rad=slope, roughness=flat, interest=flat, heading_rad=flat)
     >>> there = leg(homeward.load_robot("husky"), hill, speed_mps=0.8)
     >>> [round(joules / 1000.0) for joules in (there.low_j, there.mean_j, there.high_j)]
-    [281, 348, 414]
+    [268, 348, 427]
     """
     speed_mps = float(checked("speed_mps", speed_mps, _SPEEDS))
     sensing_hz = float(checked("sensing_hz", sensing_hz, NOT_NEGATIVE))
@@ -267,6 +268,8 @@ def _not_stated(measured: tuple[str, ...]) -> dict[str, float]:
     shares = {} if "rolling" in measured else {"rolling": thresholds.GENERIC_ROLLING_SD}
     if "mass" not in measured:
         shares["mass" if "rolling" in measured else "payload"] = thresholds.GENERIC_PAYLOAD_SD
+    if "idle_power" not in measured:
+        shares["power_at_rest"] = thresholds.GENERIC_IDLE_SD
     return shares
 
 
@@ -284,7 +287,10 @@ def _changed(robot: Robot, name: str, factor: float) -> Robot:
         return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor, rolling_resistance=min(held, 1.0))
     if name == "payload":
         return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor)
-    fields = {"drag": ("drag_ns2_per_m2",), "idle_power": _IDLE, "sample_energy": _SAMPLE}.get(name, ())
+    fields_of = {
+        "drag": ("drag_ns2_per_m2",), "idle_power": _IDLE, "power_at_rest": _AT_REST, "sample_energy": _SAMPLE,
+    }  # fmt: skip
+    fields = fields_of.get(name, ())
     if fields:
         return dataclasses.replace(robot, **{field: getattr(robot, field) * factor for field in fields})
     effect, _, parameter = name.partition(".")

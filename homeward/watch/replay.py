@@ -108,6 +108,8 @@ def watch(
     prior: Prior | None = None,
     risk: float = companion_thresholds.RISK,
     cutoff_v: float | None = None,
+    capacity_j: float | None = None,
+    cruise_mps: float | None = None,
     show: Callable[[Advice, float, float], None] | None = None,
 ) -> Watched:
     """Replay a recording to a companion whose home is where it began; for motor currents see `watch_charge`.
@@ -119,6 +121,8 @@ def watch(
         prior: Prior of the estimator, instead of the one that follows from the file.
         risk: Accepted probability of not getting home.
         cutoff_v: Voltage at which the battery is cut off.
+        capacity_j: Energy that this battery gave when it was last discharged from full, J, see `Companion`.
+        cruise_mps: Speed on the way home in the advice that is shown, m/s; the rest has the recorded speeds.
         show: Called with each advice, the time in the recording and its duration, s.
 
     Raises:
@@ -135,7 +139,7 @@ def watch(
     window_s = window_of(robot, duration_s)
     companion = Companion(
         robot, home="here" if turns(recording) else None, soc=soc, prior=prior, risk=risk, cutoff_v=cutoff_v,
-        window_s=window_s,
+        capacity_j=capacity_j, cruise_mps=cruise_mps, window_s=window_s,
     )  # fmt: skip
     rest = Rest(run, companion)
     if rest.left_m[0] <= 0.0:

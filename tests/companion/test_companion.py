@@ -55,6 +55,35 @@ def test_a_computer_that_draws_more_or_less_than_in_the_file_is_no_wind(idles: f
     assert advice.energy_home_j.low < takes_j < advice.energy_home_j.high
 
 
+def drive_at(one: Companion, pace_mps: float, **other: Any) -> tuple[Advice, float]:
+    """Drive a Husky straight out for 2,000 s, and return the advice and what the same way back takes, J."""
+    power_w, every_s = Driven().power_w(pace_mps), 10.0
+    for step in range(201):
+        at_s = every_s * step
+        read = {"speed_mps": pace_mps, "power_w": power_w, "heading_rad": 0.0, "grade_rad": 0.0} | other
+        advice = one.update(at_s, position=(pace_mps * at_s, 0.0), **read)
+    return advice, power_w * 2000.0
+
+
+@pytest.mark.parametrize("speed_mps", [0.3, 0.5, 0.9])
+def test_the_way_home_takes_as_long_as_the_way_out(speed_mps: float) -> None:
+    """A slow robot stands longer by its power at rest, which is half of a Husky's."""
+    one = companion(soc=1.0)
+    assert "the speed with the longest range, until the robot has driven" in " ".join(one.update(0.0).rests_on)
+    advice, takes_j = drive_at(one, speed_mps)
+    assert advice.energy_home_j.mean == pytest.approx(takes_j, rel=0.02)
+    assert f"the way home at {speed_mps:g} m/s, as it was driven on the way out" in " ".join(advice.rests_on)
+    stood = one.update(2600.0, speed_mps=0.0, power_w=Driven().power_w(0.0), position=(speed_mps * 2000.0, 0.0))
+    assert stood.energy_home_j.mean == pytest.approx(advice.energy_home_j.mean, rel=0.02)
+    told, _takes_j = drive_at(companion(soc=1.0, cruise_mps=1.0), speed_mps)
+    assert told.energy_home_j.mean < advice.energy_home_j.mean and "1 m/s (given)" in " ".join(told.rests_on)
+
+
+def test_without_a_speed_the_pace_is_that_of_the_positions() -> None:
+    advice, takes_j = drive_at(companion(soc=1.0), 0.4, speed_mps=None)
+    assert advice.energy_home_j.mean == pytest.approx(takes_j, rel=0.05)
+
+
 def test_a_capacity_that_was_measured_is_taken_and_what_cannot_be_is_refused() -> None:
     full_j = HUSKY.usable_energy_j
     plain, told = (

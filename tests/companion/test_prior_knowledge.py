@@ -71,8 +71,12 @@ def test_what_was_measured_at_the_wheels_narrows_the_prior() -> None:
     assert both.prior.capacity_sd == generic.capacity_sd and both.prior.model_error == generic.model_error
     assert both.words[:2] == (
         "measured at the wheels: a test, of rolling, mass",
-        "generic ranges of the rest (capacity 80 to 100 %, 4% of a way's energy that the model omits)",
+        "generic ranges of the rest (capacity 80 to 100 %, power at rest within 18%, 4% of a way's energy that the "
+        "model omits)",
     )
+    assert both.idle_sd == known_of(load_robot("husky"), has_forecast=True).idle_sd > 0.0
+    idles = known(of="force", fitted=("idle_power",), covariance=((0.05**2,),))
+    assert idles.idle_sd == pytest.approx(0.05) and "power at rest" not in idles.words[1]
     weighed = known(of="force", fitted=("mass",), covariance=((0.01**2,),))
     assert weighed.prior.mass == 1.0 and weighed.prior.mass_sd == pytest.approx(0.01) and weighed.weight_sd == 0.0
     assert weighed.prior.rolling_sd == generic.rolling_sd and "rolling resistance 80 to 130 %" in weighed.words[1]

@@ -10,7 +10,7 @@ import pytest
 
 from homeward import Robot, RobotError, load_robot
 from homeward.envs.routes import Route
-from homeward.physics import leg, traction_force
+from homeward.physics import ancillary_power, leg, thresholds, traction_force
 from homeward.physics.coast_down import from_table
 
 HUSKY = load_robot("husky")
@@ -64,7 +64,9 @@ def test_what_was_measured_narrows_the_energy_of_a_leg(tmp_path: Path) -> None:
     weighed = sd_j(
         load_robot(written(tmp_path, "[coast_down]\nmass_sd_kg = 0.5\n", ("rolling_resistance", "drag_ns2_per_m2")))
     )
-    assert sd_j(measured) < 0.7 * unknown
+    # The power at rest is as unsure as before: 2 km at 0.8 m/s last 2,500 s.
+    at_rest_j = thresholds.GENERIC_IDLE_SD * float(ancillary_power(measured, 0.0)) * 2500.0
+    assert sd_j(measured) ** 2 - at_rest_j**2 < 0.5 * (unknown**2 - at_rest_j**2)
     assert sd_j(measured) < weighed < sd_j(HUSKY)
     unsure = TABLE.replace("a_sd_n = 0.6", "a_sd_n = 9.0")
     assert sd_j(load_robot(written(tmp_path, unsure))) > unknown

@@ -272,4 +272,13 @@ def test_generic_ranges_are_those_of_uncertain_missions() -> None:
     there = leg(PLAIN, level, 2.0)
     rolling_j = 0.1 * 10.0 * GRAVITY_MPS2 * 200.0 / 0.5
     both = math.hypot(thresholds.GENERIC_ROLLING_SD, thresholds.GENERIC_PAYLOAD_SD) * rolling_j
-    assert there.sd_j == pytest.approx(math.hypot(both, thresholds.OMITTED * there.mean_j), rel=2e-3)
+    at_rest_j = 1.5 * 100.0
+    unsure_j = math.hypot(both, thresholds.GENERIC_IDLE_SD * at_rest_j, thresholds.OMITTED * there.mean_j)
+    assert there.sd_j == pytest.approx(unsure_j, rel=2e-3)
+    stated = Uncertainty(of="force", fitted=("idle_power",), covariance=((0.05**2,),))
+    own = leg(dataclasses.replace(PLAIN, uncertainty=stated), level, 2.0)
+    assert own.sd_j == pytest.approx(math.hypot(both, 0.05 * at_rest_j, thresholds.OMITTED * own.mean_j), rel=2e-3)
+    # A computer that works while anything is sensed is as unsure; what a sample takes is the file's.
+    works = dataclasses.replace(PLAIN, computer_w=8.0)
+    more_j2 = leg(works, level, 2.0, sensing_hz=0.1).sd_j ** 2 - leg(works, level, 2.0).sd_j ** 2
+    assert more_j2 > (thresholds.GENERIC_IDLE_SD * 8.0 * 100.0) ** 2

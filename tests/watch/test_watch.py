@@ -134,7 +134,7 @@ SCRUBS = replace(load_robot("husky"), effects={"turning": {"scrub": 0.5}}, uncer
 def test_of_motor_currents_the_charge_is_watched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "husky.toml").write_text(SCRUBS.to_toml())
     paths = tuple(amps(tmp_path, seed, factor) for seed, factor in enumerate((0.9, 1.0, 1.1)))
-    runs = main(Args(paths, str(tmp_path / "husky.toml"), out=tmp_path / "out"))
+    runs = main(Args(paths, str(tmp_path / "husky.toml"), out=tmp_path / "out", soc=0.9, capacity_j=1.6e6))
     for one, path in zip(runs, paths, strict=True):
         table = pd.read_csv(path)
         charge_as = float((table["motor_left_a"] + table["motor_right_a"]).iloc[:-1].sum()) * 0.2
@@ -144,7 +144,9 @@ def test_of_motor_currents_the_charge_is_watched(tmp_path: Path, capsys: pytest.
         assert abs(one.mean_j[middle] / one.took_j[middle] - 1.0) < 0.04
         widths = (one.high_j - one.low_j) / one.mean_j
         assert widths[middle] < 0.6 * widths[0]
-    assert "charge of the motors" in capsys.readouterr().out
+    printed, said = capsys.readouterr()
+    assert "charge of the motors" in printed
+    assert said == "--soc, --capacity-j: not used: motor currents alone say nothing of the battery\n"
     assert "took_as" in pd.read_csv(tmp_path / "out" / "watch.csv")
     assert "charge of the rest" in (tmp_path / "out" / "watch.html").read_text("utf-8")
     with pytest.raises(CompanionError, match="watch them separately"):
@@ -162,11 +164,13 @@ def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: py
     paths = tuple(drive(tmp_path, seed, rolling=1.2) for seed in range(2))
     paths[1].write_text(paths[1].read_text().replace(",", ";"))
     mcap = tmp_path / "advice.mcap" if find_spec("foxglove") else None
-    main(Args(paths, "husky", quiet=True, out=tmp_path / "out", mcap=mcap))
+    capacity_j = 0.85 * load_robot("husky").usable_energy_j
+    main(Args(paths, "husky", quiet=True, out=tmp_path / "out", mcap=mcap, capacity_j=capacity_j, cruise_mps=0.8))
     assert mcap is None or mcap.stat().st_size > 10_000
     printed, said = capsys.readouterr()
     assert said == "run1.csv: read with cells separated by semicolons\n"
     assert "in the 90 %" in printed and "way left" in printed and "watch.html" in printed
+    assert "a measured capacity of 85%" in printed and "the way home at 0.8 m/s (given)" in printed
     page = (tmp_path / "out" / "watch.html").read_text("utf-8")
     assert "run0.csv" in page and "run1.csv" in page and "plotly" in page and "http-equiv" not in page
     assert "<li>run1.csv: read with cells separated by semicolons</li>" in page
@@ -231,6 +235,8 @@ def test_what_cannot_be_watched_takes_one_line(tmp_path: Path) -> None:
     for name, said in said_of.items():
         with pytest.raises(CompanionError, match=said):
             main(Args((tmp_path / name,), "husky", out=tmp_path / "out"))
+    with pytest.raises(CompanionError, match=r"capacity_j = 150\.0 is not allowed; give a number in"):
+        main(Args((tmp_path / "run0.csv",), "husky", out=tmp_path / "out", capacity_j=150.0))  # in Wh
     with pytest.raises(RecordingError, match="no recording"):
         main(Args((), "husky"))
 

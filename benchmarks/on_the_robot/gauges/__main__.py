@@ -23,6 +23,7 @@ from rich.console import Console
 from tyro.conf import FlagCreatePairsOff
 
 from benchmarks.on_the_robot.gauges import pybamm_pack, report, score
+from benchmarks.on_the_robot.gauges.battery import Engine
 from benchmarks.on_the_robot.gauges.drive import Case, Drive, run_drive
 from benchmarks.on_the_robot.gauges.gauge import Gauge
 from benchmarks.on_the_robot.gauges.robots import Curve, accepted_curve, refusal
@@ -53,8 +54,9 @@ class Args:
     """Only robots that record voltage and current. Without this and the next, half of them do."""
     no_current: FlagCreatePairsOff[bool] = False
     """Only robots that do not record current."""
-    engine: Literal["circuit", "pybamm"] = "circuit"
-    """What gives the voltage: the simulator's own circuit, or a table by PyBaMM (nmc and lfp only)."""
+    engine: Engine = "circuit"
+    """What gives the voltage: the simulator's own circuit, or PyBaMM, stepped through every drive (nmc, lipo and lfp
+    only)."""
     curve: Curve | None = None
     """What the robot file says of the open-circuit voltage; None: what the installed version accepts."""
     charged: FlagCreatePairsOff[bool] = False
@@ -77,13 +79,20 @@ def main(args: Args) -> list[Drive]:
         noises_m = [args.positions_m] * len(sizes.instruments.position_noises_m)
         instruments = dataclasses.replace(sizes.instruments, position_noises_m=noises_m)
         sizes = dataclasses.replace(sizes, instruments=instruments)
-    tables: dict[str, pybamm_pack.Table] = {}
     if args.engine == "pybamm":
         lacking = pybamm_pack.missing()
+        if lacking is None and args.curve == "measured":
+            lacking = "--curve measured: its curve is that of the circuit; give chemistry or none with --engine pybamm"
+        if lacking is None and not _driven(args):
+            lacking = (
+                f"--engine pybamm has cells of {', '.join(pybamm_pack.PARAMETER_SETS)}; give --chemistries of them"
+            )
         if lacking is not None:
             console.print(lacking)
             sys.exit(1)
-        tables = {name: pybamm_pack.make_table(name) for name in args.chemistries if name in pybamm_pack.PARAMETER_SETS}
+        left_out = [name for name in args.chemistries if name not in pybamm_pack.PARAMETER_SETS]
+        if left_out:
+            console.print(f"Left out, as PyBaMM has no cell of them: {', '.join(left_out)}.")
     curve = accepted_curve(args.chemistries, sizes) if args.curve is None else args.curve
     for chemistry in args.chemistries:
         refused = refusal(curve, chemistry, sizes)
@@ -93,7 +102,7 @@ def main(args: Args) -> list[Drive]:
     cases = make_cases(args, curve, sizes)
 
     start_s = time.perf_counter()
-    runs = (delayed(run_drive)(case, sizes, tables.get(case.chemistry)) for case in cases)
+    runs = (delayed(run_drive)(case, sizes) for case in cases)
     drives: list[Drive] = Parallel(n_jobs=args.jobs)(runs)
     wall_s = time.perf_counter() - start_s
 
@@ -108,8 +117,7 @@ def main(args: Args) -> list[Drive]:
 
 def make_cases(args: Args, curve: Curve, sizes: Sizes) -> list[Case]:
     """Spread gauges, chemistries, robots, packs and electrical readings evenly over the drives."""
-    chemistries = [name for name in args.chemistries if args.engine == "circuit" or name in pybamm_pack.PARAMETER_SETS]
-    cells = list(product(args.gauges, chemistries))
+    cells = list(product(args.gauges, _driven(args)))
     both = args.current == args.no_current
     currents = [True, False] if both else [args.current]
     conditions = list(product(sizes.truth.pack_shares, currents, args.robots))
@@ -134,9 +142,15 @@ def make_cases(args: Args, curve: Curve, sizes: Sizes) -> list[Case]:
                 pack_share=pack_share,
                 curve=curve,
                 told_soc=1.0 if args.charged else None,
+                engine=args.engine,
             )
         )
     return cases
+
+
+def _driven(args: Args) -> list[Chemistry]:
+    """Chemistries that the engine has."""
+    return [name for name in args.chemistries if args.engine == "circuit" or name in pybamm_pack.PARAMETER_SETS]
 
 
 def show(drives: list[Drive], sizes: Sizes, title: str, console: Console) -> None:

@@ -2,8 +2,6 @@
 
 Each chemistry has a curve of another form: a sum of logistic steps, Plett's combined model, a power of the charge, or
 Shepherd's. Resistance depends on temperature (Arrhenius), on charge, and for charge transfer on current.
-
-With `--engine pybamm`, a table of PyBaMM's terminal voltage under steady current replaces curve and RC pairs.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ LOGISTIC, COMBINED, POWER, SHEPHERD = 0, 1, 2, 3
 CURVES = {"logistic": LOGISTIC, "combined": COMBINED, "power": POWER, "shepherd": SHEPHERD}
 
 # Columns of a pack's state.
-AVAILABLE, BOUND, SLOW_V, DIFFUSION_V, TEMPERATURE_C, STEADY_C = range(6)
+AVAILABLE, BOUND, SLOW_V, DIFFUSION_V, TEMPERATURE_C = range(5)
 
 KELVIN = 273.15  # K, zero of the Celsius scale
 REFERENCE_K = 298.15  # K, 25 C: temperature for which resistance and capacity are stated
@@ -54,11 +52,6 @@ class Pack(NamedTuple):
     low_charge_share: float
     cooling_s: float
     outside_c: float
-    tabulated: bool
-    table_v: Floats  # per cell, shape (shares, C-rates, temperatures)
-    table_shares: Floats
-    table_rates_c: Floats
-    table_temperatures_c: Floats
 
 
 @numba.njit(cache=True)
@@ -89,32 +82,6 @@ def open_circuit_v(curve: int, curve_v: Floats, share: float) -> float:
 
 
 @numba.njit(cache=True)
-def _place(axis: Floats, value: float) -> tuple[int, float]:
-    """Interval of an axis that holds a value, and the share of the interval below it."""
-    inside = min(max(value, axis[0]), axis[-1])
-    index = min(max(np.searchsorted(axis, inside) - 1, 0), axis.size - 2)
-    return index, (inside - axis[index]) / (axis[index + 1] - axis[index])
-
-
-@numba.njit(cache=True)
-def _table_v(pack: Pack, share: float, rate_c: float, temperature_c: float) -> float:
-    """Voltage of a cell from the table, V."""
-    row, row_share = _place(pack.table_shares, share)
-    column, column_share = _place(pack.table_rates_c, rate_c)
-    layer, layer_share = _place(pack.table_temperatures_c, temperature_c)
-    voltage_v = 0.0
-    for row_step in range(2):
-        row_weight = row_share if row_step else 1.0 - row_share
-        for column_step in range(2):
-            column_weight = column_share if column_step else 1.0 - column_share
-            for layer_step in range(2):
-                layer_weight = layer_share if layer_step else 1.0 - layer_share
-                corner_v = pack.table_v[row + row_step, column + column_step, layer + layer_step]
-                voltage_v += row_weight * column_weight * layer_weight * corner_v
-    return voltage_v
-
-
-@numba.njit(cache=True)
 def height(pack: Pack, state: Floats) -> float:
     """Share of charge as the terminals feel it: the level of the available well."""
     return float(state[AVAILABLE] / pack.well_share)
@@ -136,13 +103,7 @@ def step(pack: Pack, state: Floats, power_w: float, time_s: float) -> tuple[floa
     low_charge_factor = 1.0 + pack.low_charge_rise * math.exp(-max(charge, 0.0) / pack.low_charge_share)
     ohm_sag_v = pack.ohm_sag_v * ohm_factor * low_charge_factor
 
-    if pack.tabulated:
-        steady_c = state[STEADY_C]
-        # The table contains the drop of the steady current, so only deviations from it use the resistance.
-        cell_v = _table_v(pack, charge, steady_c, state[TEMPERATURE_C]) + ohm_sag_v * steady_c
-    else:
-        cell_v = open_circuit_v(pack.curve, pack.curve_v, charge) - state[SLOW_V] - state[DIFFUSION_V]
-
+    cell_v = open_circuit_v(pack.curve, pack.curve_v, charge) - state[SLOW_V] - state[DIFFUSION_V]
     inner_v = pack.cells * cell_v
     inner_ohm = pack.cells * ohm_sag_v / pack.label_ah
     under_root = inner_v * inner_v - 4.0 * inner_ohm * power_w
@@ -157,7 +118,6 @@ def step(pack: Pack, state: Floats, power_w: float, time_s: float) -> tuple[floa
     diffusion_v = pack.diffusion_sag_v * slow_factor * low_charge_factor * rate_c
     state[SLOW_V] += (slow_v - state[SLOW_V]) * (1.0 - math.exp(-time_s / pack.slow_s))
     state[DIFFUSION_V] += (diffusion_v - state[DIFFUSION_V]) * (1.0 - math.exp(-time_s / pack.diffusion_s))
-    state[STEADY_C] += (rate_c - state[STEADY_C]) * (1.0 - math.exp(-time_s / pack.diffusion_s))
 
     # In the cold each ampere-hour costs a larger share of what the cell can give.
     usable = 1.0 - pack.cold_loss_per_k * max(25.0 - state[TEMPERATURE_C], 0.0)
@@ -201,4 +161,4 @@ def discharge(pack: Pack, state: Floats, power_w: float, trip_s: float) -> tuple
 
 def full_state(pack: Pack, share: float) -> Floats:
     """State of a rested pack at a share of charge, as warm as the air."""
-    return np.array([share * pack.well_share, share * (1.0 - pack.well_share), 0.0, 0.0, pack.outside_c, 0.0])
+    return np.array([share * pack.well_share, share * (1.0 - pack.well_share), 0.0, 0.0, pack.outside_c])

@@ -26,22 +26,21 @@ from benchmarks.on_the_robot.gauges.agents import (
     turn_at_half,
     turn_at_reserve,
 )
-from benchmarks.on_the_robot.gauges.cell import Pack, discharge, full_state
+from benchmarks.on_the_robot.gauges.battery import Battery, Circuit, Engine, make_battery
 from benchmarks.on_the_robot.gauges.gauge import Gauge, shown_shares
 from benchmarks.on_the_robot.gauges.ground import Ground, draw_ground, home_energy_j
 from benchmarks.on_the_robot.gauges.instruments import Conditions, Readings, draw_conditions, read
-from benchmarks.on_the_robot.gauges.pybamm_pack import Table
 from benchmarks.on_the_robot.gauges.robots import (
     Curve,
     Label,
-    draw_pack,
     draw_robot,
+    draw_wear,
     label_of,
     measured_curve,
     robot_file,
 )
 from benchmarks.on_the_robot.gauges.sizes import Sizes, between
-from benchmarks.on_the_robot.gauges.way import CELL, ENERGY_J, POWER_W, SHARE, TIME_S, WayOut, drive_home, drive_out
+from benchmarks.on_the_robot.gauges.way import CELL, ENERGY_J, POWER_W, SHARE, TIME_S, WayOut
 from homeward.companion import Companion
 
 SHARES_OF_WAY = (0.2, 0.4, 0.6, 0.8, 1.0)
@@ -57,6 +56,7 @@ class Case:
         told_soc: State of charge at the start as the user says; None: the gauge shows it.
         tells_capacity: Whether the user has measured the capacity and says it.
         risk: Accepted risk; None: the default.
+        engine: What gives the battery's voltage.
     """
 
     number: int
@@ -70,6 +70,7 @@ class Case:
     told_soc: float | None = None
     tells_capacity: bool = False
     risk: float | None = None
+    engine: Engine = "circuit"
 
 
 @dataclass(frozen=True)
@@ -142,15 +143,12 @@ class Drive:
     seconds: float = 0.0
 
 
-def run_drive(
-    case: Case, sizes: Sizes, table: Table | None, look: Callable[[Companion], dict[str, float]] | None = None
-) -> Drive:
+def run_drive(case: Case, sizes: Sizes, look: Callable[[Companion], dict[str, float]] | None = None) -> Drive:
     """Draw and drive a case; the same case gives the same drive.
 
     Args:
         case: The case.
         sizes: Sizes of everything drawn.
-        table: PyBaMM's voltages for this chemistry, or None for the simulator's own circuit.
         look: Called with the companion when it says to turn.
     """
     start_s = time.perf_counter()
@@ -161,20 +159,22 @@ def run_drive(
 
     label = label_of(place.preset, place.cells[case.chemistry], cell.label_v, case.pack_share)
     robot = draw_robot(place.preset, place.cruise_mps, sizes, truth_rng)
-    pack = draw_pack(case.chemistry, label, sizes, table, truth_rng)
+    wear = draw_wear(sizes, truth_rng)
     start_share = between(truth_rng.random(), sizes.truth.start_share)
-    state = full_state(pack, start_share)
+    battery = make_battery(case.engine, case.chemistry, label, sizes, wear, start_share)
     cutoff_known = truth_rng.random() < sizes.truth.cutoff_known_share
     level_w = robot.standby_w + robot.rolling_resistance * robot.mass_kg * 9.81 * robot.cruise_mps
     lasts_s = label.energy_j / level_w
     update_s = _update_s(lasts_s, sizes)
 
     ground = draw_ground(robot, place.grade_sd_rad, SPARE_WAY * lasts_s, sizes, ground_rng)
-    way = drive_out(pack, state, ground, update_s, sizes.truth)
-    shown, fault = shown_shares(case.gauge, case.chemistry, pack, start_share, way, sizes, gauge_rng)
+    way = battery.drive_out(ground, update_s, sizes.truth)
+    shown, fault = shown_shares(case.gauge, case.chemistry, battery, start_share, way, sizes, gauge_rng)
     conditions = draw_conditions(case.with_current, sizes.instruments, instrument_rng)
     reading_seed = int(instrument_rng.integers(2**63))
-    measured_v = measured_curve(pack, sizes, curve_rng)
+    measured_v = None
+    if case.curve == "measured" and isinstance(battery, Circuit):
+        measured_v = measured_curve(battery.pack, sizes, curve_rng)
 
     drive = Drive(
         case=case,
@@ -182,14 +182,14 @@ def run_drive(
         label=label,
         fault=fault,
         cutoff_known=bool(cutoff_known),
-        temperature_c=pack.outside_c,
-        charge_share=pack.learned_ah / label.charge_ah,
+        temperature_c=battery.outside_c,
+        charge_share=battery.learned_ah / label.charge_ah,
         update_s=update_s,
         empty_s=way.empty_s,
     )
     with tempfile.TemporaryDirectory() as folder:
         path = robot_file(Path(folder), place.preset, label, case.chemistry, case.curve, measured_v)
-        cutoff_v = pack.cutoff_v if cutoff_known else None
+        cutoff_v = battery.cutoff_v if cutoff_known else None
         more: dict[str, float] = {}
         if case.risk is not None:
             more["risk"] = case.risk
@@ -206,7 +206,7 @@ def run_drive(
         readings, run = ask(conditions)
         if look is not None and run.turn is not None and run.companion is not None:
             drive.looked = look(run.companion)
-        drive.outcomes["companion"] = _outcome(run.turn, pack, way, ground, sizes)
+        drive.outcomes["companion"] = _outcome(run.turn, battery, way, ground, sizes)
         if paired_rng.random() < sizes.rules.paired_share:
             poor = Conditions(conditions.recorded, POOR_POSITIONS_M, 0.0, conditions.clock_when)
             good = Conditions(conditions.recorded, 0.0, 0.0, conditions.clock_when)
@@ -214,13 +214,13 @@ def run_drive(
             stepped = Conditions(conditions.recorded, 0.0, step_s, conditions.clock_when)
             for name, asked in (("good instruments", good), ("10 m of noise", poor), ("clock steps", stepped)):
                 _asked_readings, asked_run = ask(asked)
-                drive.outcomes[name] = _outcome(asked_run.turn, pack, way, ground, sizes)
+                drive.outcomes[name] = _outcome(asked_run.turn, battery, way, ground, sizes)
                 drive.crash = drive.crash or asked_run.crash
 
     if has_gauge(readings):
-        drive.outcomes["half charge"] = _outcome(turn_at_half(readings, sizes.rules), pack, way, ground, sizes)
-        drive.outcomes["used x 1.2"] = _outcome(turn_at_reserve(readings, sizes.rules), pack, way, ground, sizes)
-    drive.points = _points(run, readings, pack, way, ground, label, sizes)
+        drive.outcomes["half charge"] = _outcome(turn_at_half(readings, sizes.rules), battery, way, ground, sizes)
+        drive.outcomes["used x 1.2"] = _outcome(turn_at_reserve(readings, sizes.rules), battery, way, ground, sizes)
+    drive.points = _points(run, readings, battery, way, ground, label, sizes)
     drive.crash = run.crash or drive.crash
     drive.faults = run.faults
     drive.most_left = run.most_left
@@ -237,12 +237,12 @@ def _update_s(lasts_s: float, sizes: Sizes) -> float:
     return min(max(float(wanted_s), shortest_s), longest_s)
 
 
-def _outcome(turn: int | None, pack: Pack, way: WayOut, ground: Ground, sizes: Sizes) -> Outcome:
+def _outcome(turn: int | None, battery: Battery, way: WayOut, ground: Ground, sizes: Sizes) -> Outcome:
     """Drive home from where an agent turned; who never turns is stranded where the battery is cut off."""
     if turn is None:
         return Outcome(stranded=True, left=math.nan, turned=1.0)
     turned = float(way.records[turn, CELL] / way.records[-1, CELL])
-    end = drive_home(pack, way, turn, ground, sizes.truth)
+    end = battery.drive_home(way, turn, ground, sizes.truth)
     if not end.arrived:
         return Outcome(stranded=True, left=math.nan, turned=turned)
     return Outcome(stranded=False, left=end.share / float(way.records[0, SHARE]), turned=turned)
@@ -251,7 +251,7 @@ def _outcome(turn: int | None, pack: Pack, way: WayOut, ground: Ground, sizes: S
 def _points(
     run: CompanionRun,
     readings: Readings,
-    pack: Pack,
+    battery: Battery,
     way: WayOut,
     ground: Ground,
     label: Label,
@@ -276,7 +276,7 @@ def _points(
             Point(
                 share=share,
                 metered=metered_share(readings, way.column(POWER_W), index),
-                true_left_j=float(discharge(pack, way.states[index], mean_w, sizes.truth.trip_s)[0]),
+                true_left_j=battery.left_j(way, index, mean_w, sizes.truth),
                 true_home_j=float(homes_j[int(cells[index])]) + turning_j,
                 left=said[0],
                 home=said[1],

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.random import Generator
 from scipy.signal import lfilter
 
-from benchmarks.on_the_robot.gauges.cell import Floats, Pack
+from benchmarks.on_the_robot.gauges.cell import Floats
 from benchmarks.on_the_robot.gauges.sizes import GaugeSizes, Sizes, VoltageMap, between
 from benchmarks.on_the_robot.gauges.way import CURRENT_A, TIME_S, VOLTAGE_V, WayOut
 
@@ -16,10 +16,22 @@ Gauge = Literal["counter", "linear_voltage", "pieces_voltage", "coarse", "late",
 GAUGES: tuple[Gauge, ...] = get_args(Gauge)
 
 
+class Gauged(Protocol):
+    """What a gauge knows of its battery, see `battery.Battery`."""
+
+    @property
+    def cells(self) -> int:
+        """Cells in series."""
+
+    @property
+    def learned_ah(self) -> float:
+        """Charge that it gives at 25 C before it is cut off, Ah."""
+
+
 def shown_shares(
     gauge: Gauge,
     chemistry: str,
-    pack: Pack,
+    pack: Gauged,
     start_share: float,
     way: WayOut,
     sizes: Sizes,

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.on_the_robot.gauges.cell import CURVES, Floats, Pack, discharge, full_state, open_circuit_v
-from benchmarks.on_the_robot.gauges.pybamm_pack import NO_TABLE, Table
 from benchmarks.on_the_robot.gauges.sizes import Sizes, between
 from homeward import load_robot
 
@@ -85,17 +84,36 @@ def label_of(preset: str, cells: int, cell_label_v: float, pack_share: float) ->
     return Label(cells=cells, voltage_v=cells * cell_label_v, energy_j=rated_energy_j * pack_share)
 
 
-def draw_pack(chemistry: str, label: Label, sizes: Sizes, table: Table | None, rng: Generator) -> Pack:
-    """Draw a true pack: faded, with risen resistance, in air of some temperature.
+@dataclass(frozen=True)
+class Wear:
+    """By how much a pack differs from a new one at 25 C."""
+
+    resistance_factor: float
+    capacity_share: float
+    outside_c: float
+
+
+def draw_wear(sizes: Sizes, rng: Generator) -> Wear:
+    """Draw the age of a pack, and the air around it."""
+    return Wear(
+        resistance_factor=between(rng.random(), sizes.truth.resistance_factor),
+        capacity_share=between(rng.random(), sizes.truth.capacity_share),
+        outside_c=between(rng.random(), sizes.truth.temperature_c),
+    )
+
+
+def draw_pack(chemistry: str, label: Label, sizes: Sizes, rng: Generator) -> Pack:
+    """Draw a true pack: faded, with risen resistance, in air of some temperature."""
+    return worn_pack(chemistry, label, sizes, draw_wear(sizes, rng))
+
+
+def worn_pack(chemistry: str, label: Label, sizes: Sizes, wear: Wear) -> Pack:
+    """A true pack.
 
     A new pack gives the energy of its label at 25 C within the label's hours; a faded one that much less charge.
     """
     cell = sizes.cells[chemistry]
     circuit = sizes.circuit
-    resistance_factor = between(rng.random(), sizes.truth.resistance_factor)
-    capacity_share = between(rng.random(), sizes.truth.capacity_share)
-    outside_c = between(rng.random(), sizes.truth.temperature_c)
-    used_table = NO_TABLE if table is None else table
     new = Pack(
         curve=CURVES[cell.curve],
         curve_v=np.array(cell.curve_v),
@@ -109,7 +127,7 @@ def draw_pack(chemistry: str, label: Label, sizes: Sizes, table: Table | None, r
         diffusion_sag_v=cell.diffusion_sag_v,
         ohm_activation_k=cell.activation_k[0],
         slow_activation_k=cell.activation_k[1],
-        cold_loss_per_k=0.0 if table is not None else cell.cold_loss_per_k,  # the table has its own cold
+        cold_loss_per_k=cell.cold_loss_per_k,
         heat_j_per_k=cell.heat_j_per_k_wh * label.energy_j / 3600.0,
         well_share=cell.well_share,
         well_per_h=cell.well_per_h,
@@ -120,22 +138,17 @@ def draw_pack(chemistry: str, label: Label, sizes: Sizes, table: Table | None, r
         low_charge_share=circuit.low_charge_share,
         cooling_s=circuit.cooling_s,
         outside_c=LABEL_C,
-        tabulated=table is not None,
-        table_v=used_table.voltage_v,
-        table_shares=used_table.shares,
-        table_rates_c=used_table.rates_c,
-        table_temperatures_c=used_table.temperatures_c,
     )
     label_w = label.energy_j / (3600.0 * sizes.truth.label_hours)
     new_j, _new_ah = discharge(new, full_state(new, 1.0), label_w, sizes.truth.trip_s)
     faded = new._replace(
-        true_ah=label.charge_ah * capacity_share * label.energy_j / new_j,
-        ohm_sag_v=cell.ohm_sag_v * resistance_factor,
-        slow_sag_v=cell.slow_sag_v * resistance_factor,
-        diffusion_sag_v=cell.diffusion_sag_v * resistance_factor,
+        true_ah=label.charge_ah * wear.capacity_share * label.energy_j / new_j,
+        ohm_sag_v=cell.ohm_sag_v * wear.resistance_factor,
+        slow_sag_v=cell.slow_sag_v * wear.resistance_factor,
+        diffusion_sag_v=cell.diffusion_sag_v * wear.resistance_factor,
     )
     _faded_j, learned_ah = discharge(faded, full_state(faded, 1.0), label_w, sizes.truth.trip_s)
-    return faded._replace(learned_ah=learned_ah, outside_c=outside_c)
+    return faded._replace(learned_ah=learned_ah, outside_c=wear.outside_c)
 
 
 def measured_curve(pack: Pack, sizes: Sizes, rng: Generator) -> Floats:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numba
 import numpy as np
@@ -13,7 +15,7 @@ from benchmarks.on_the_robot.gauges.ground import Ground
 from benchmarks.on_the_robot.gauges.sizes import TruthSizes
 
 STAND_STEP_S = 2.0  # s, chosen: step while the robot stops
-STATE_COLUMNS = 6
+STATE_COLUMNS = 5
 # Columns of a record; means are over the time since the record before.
 TIME_S, CELL, SPEED_MPS, VOLTAGE_V, CURRENT_A, POWER_W, ENERGY_J, SHARE, TEMPERATURE_C = range(9)
 RECORD_COLUMNS = 9
@@ -25,11 +27,11 @@ class WayOut:
 
     Attributes:
         records: Shape (updates, 9), in the columns above. The energy is what the way out has taken so far.
-        states: State of the pack at each update, shape (updates, 6).
+        states: State of the pack at each update; of a circuit, shape (updates, 5).
     """
 
     records: Floats
-    states: Floats
+    states: Floats | Sequence[Any]
 
     def column(self, index: int) -> Floats:
         """A column of the records, shape (updates,)."""
@@ -141,7 +143,7 @@ def drive_out(pack: Pack, state: Floats, ground: Ground, update_s: float, truth:
 
     Args:
         pack: The true pack.
-        state: Its state at the start, shape (6,); it stays as it is.
+        state: Its state at the start, shape (5,); it stays as it is.
         ground: The way.
         update_s: Time between updates of the companion, s.
         truth: Sizes of the truth.

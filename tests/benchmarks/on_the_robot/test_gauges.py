@@ -47,7 +47,6 @@ from benchmarks.on_the_robot.gauges.drive import SHARES_OF_WAY, Case, Drive, Out
 from benchmarks.on_the_robot.gauges.gauge import GAUGES, Gauge, shown_shares
 from benchmarks.on_the_robot.gauges.ground import Ground, draw_ground, home_energy_j, traction_w
 from benchmarks.on_the_robot.gauges.instruments import Conditions, Readings, draw_conditions, read
-from benchmarks.on_the_robot.gauges.pybamm_pack import Table
 from benchmarks.on_the_robot.gauges.robots import (
     Curve,
     Label,
@@ -131,7 +130,7 @@ def pack_of(chemistry: str, sizes: Sizes, seed: int = 0, pack_share: float = 1.0
     """A pack for a Husky, and its label."""
     place = sizes.robots["husky"]
     label = label_of(place.preset, place.cells[chemistry], sizes.cells[chemistry].label_v, pack_share)
-    return draw_pack(chemistry, label, sizes, None, rng(seed)), label
+    return draw_pack(chemistry, label, sizes, rng(seed)), label
 
 
 @dataclass(frozen=True)
@@ -304,21 +303,6 @@ def test_more_power_than_a_pack_can_give_collapses_its_voltage() -> None:
     assert voltage_v < pack.cutoff_v
     assert math.isfinite(current_a)
     assert voltage_v * current_a < 1e6
-
-
-def test_a_table_gives_its_voltage_under_a_steady_current() -> None:
-    place = SIZES.robots["husky"]
-    label = label_of(place.preset, place.cells["nmc"], SIZES.cells["nmc"].label_v, 1.0)
-    shares = np.linspace(0.0, 1.0, 11)
-    axis_c = np.array([-20.0, 40.0])
-    rates_c = np.array([0.0, 2.0])
-    volts = 3.0 + 1.2 * shares[:, None, None] - 0.2 * rates_c[None, :, None] + 0.0 * axis_c[None, None, :]
-    pack = draw_pack("nmc", label, at_25_c(SIZES), Table(volts, shares, rates_c, axis_c), rng(0))
-    state = full_state(pack, 1.0)
-    for _minute in range(60):
-        voltage_v, current_a = step(pack, state, 0.5 * label.energy_j / 3600.0, 60.0)
-    expected_v = 3.0 + 1.2 * height(pack, state) - 0.2 * current_a / pack.label_ah
-    assert voltage_v / pack.cells == pytest.approx(expected_v, abs=0.02)
 
 
 def test_forces_have_the_right_signs() -> None:
@@ -661,7 +645,7 @@ def test_another_seed_is_another_drive_and_rules_at_their_ends_turn_at_once_or_n
     args = replace(quick(Path("unused.csv"), drives=1, jobs=1), seed=2)
     (case,) = make_cases(args, "none", SIZES)
     (first_case,) = make_cases(quick(Path("unused.csv"), drives=1, jobs=1), "none", SIZES)
-    drive = run_drive(case, replace(SIZES, rules=rules), None)
+    drive = run_drive(case, replace(SIZES, rules=rules))
     assert case == replace(first_case, seed=2)
     never, at_once = drive.outcomes["half charge"], drive.outcomes["used x 1.2"]
     assert never.stranded and never.turned == 1.0 and math.isnan(never.left)
@@ -760,7 +744,7 @@ def test_homeward_accepts_the_robot_files(curve: Curve, tmp_path: Path) -> None:
     for name, chemistry, pack_share in product(SIZES.robots, CHEMISTRIES, SIZES.truth.pack_shares):
         place = SIZES.robots[name]
         label = label_of(place.preset, place.cells[chemistry], SIZES.cells[chemistry].label_v, pack_share)
-        pack = draw_pack(chemistry, label, SIZES, None, rng(1))
+        pack = draw_pack(chemistry, label, SIZES, rng(1))
         measured_v = measured_curve(pack, SIZES, rng(2)) if curve == "measured" else None
         path = robot_file(tmp_path, place.preset, label, chemistry, curve, measured_v)
         robot = load_robot(path)
