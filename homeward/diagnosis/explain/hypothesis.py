@@ -135,81 +135,107 @@ class Setting:
         fitted, assumed = float(self.theta[ROLLING]), float(self.parameters.start[ROLLING])
         return fitted if fitted > thresholds.MATERIAL_SHARE * assumed else assumed
 
-    def response(self, one: Hypothesis, size: float, shape: Numbers) -> Array:
+    def response(self, hypothesis: Hypothesis, size: float, shape: Numbers) -> Array:
         """Contribution of an effect of this size beyond the robot file's, per unit of size, shape (windows,)."""
-        known = {**self.parameters.nominal.effects, **self.present.effects}
-        lacking = {name: numbers for name, numbers in one.beside.items() if name not in known}
+        in_model = {**self.parameters.nominal.effects, **self.present.effects}
+        lacking = {name: numbers for name, numbers in hypothesis.beside.items() if name not in in_model}
         start, without = self.present, self.predicted
         if lacking:
             start = replace(start, effects={**start.effects, **lacking})
             without = self.parameters.predict(self.runs, self.theta, start)
-        given, others = one.in_file(self.parameters.nominal)
-        size = size if given + size <= one.entry.switch.high else -size
-        numbers = {**shape, **others, one.entry.switch.name: given + size}
-        added = replace(start, effects={**start.effects, one.id: numbers})
+        given, others = hypothesis.in_file(self.parameters.nominal)
+        if given + size > hypothesis.entry.switch.high:
+            size = -size
+        numbers = {**shape, **others, hypothesis.entry.switch.name: given + size}
+        added = replace(start, effects={**start.effects, hypothesis.id: numbers})
         return (self.parameters.predict(self.runs, self.theta, added) - without) / size
 
 
-def responses(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+def responses(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Forms of one constant size, at each of a few values of its other parameters, or at the robot file's."""
-    switch, (given, others) = one.entry.switch, one.in_file(setting.parameters.nominal)
-    shapes = [others] if given else list(one.shapes(setting))
-    low, high = one.limits(1)
+    switch = hypothesis.entry.switch
+    given, others = hypothesis.in_file(setting.parameters.nominal)
+    shapes = [others] if given else list(hypothesis.shapes(setting))
+    low, high = hypothesis.limits(1)
     for shape in shapes:
-        column = setting.response(one, TINY * max(abs(switch.low), switch.high), shape)
-        yield Term(one, column[:, None], low - given, high - given, int(len(shapes) > 1 and bool(shape)), shape)
+        column = setting.response(hypothesis, TINY * max(abs(switch.low), switch.high), shape)
+        searched = len(shapes) > 1 and bool(shape)
+        yield Term(hypothesis, column[:, None], low=low - given, high=high - given, hidden=int(searched), shape=shape)
 
 
-def rising(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+def rising(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Form as any increasing, piecewise linear function of its channel: the channel is identified before the form."""
-    values = setting.runs.context.get(one.rises_with.lstrip("-"))
-    if not one.rises_with or values is None or not np.isfinite(values).all():
+    values = setting.runs.context.get(hypothesis.rises_with.lstrip("-"))
+    if not hypothesis.rises_with or values is None or not np.isfinite(values).all():
         return
-    values = -values if one.rises_with.startswith("-") else values
-    values = np.abs(values) if any(of.magnitude for of in TESTED if of.name == one.rises_with) else values
-    if len(distinct := np.unique(np.round(values, 6))) < 3:
+    if hypothesis.rises_with.startswith("-"):
+        values = -values
+    if hypothesis.rises_with in {channel.name for channel in TESTED if channel.magnitude}:
+        values = np.abs(values)
+    distinct = np.unique(np.round(values, 6))
+    if len(distinct) < 3:
         return  # two values determine no form
     edges = np.unique(np.quantile(distinct, np.linspace(0.0, 1.0, _PIECES + 1)))
     steps = np.clip((values[:, None] - edges[:-1]) / np.diff(edges), 0.0, 1.0)
-    per_unit = setting.predicted[:, None] if one.entry.kind == "battery" else 1.0
+    per_unit = setting.predicted[:, None] if hypothesis.entry.kind == "battery" else 1.0
     most = np.full(steps.shape[1], float(np.max(np.abs(setting.runs.observed))))
-    yield Term(one, per_unit * steps, np.zeros(len(most)), most, fixed=True, flexible=True)
+    yield Term(hypothesis, per_unit * steps, np.zeros(len(most)), most, fixed=True, flexible=True)
 
 
-def levels(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+def levels(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Forms whose size has change points, in time or place, found from the residual, or a smooth profile by place."""
-    load = None if one.changes is None else one.load(one, setting)
-    if one.changes is None or load is None:
+    load = None if hypothesis.changes is None else hypothesis.load(hypothesis, setting)
+    if hypothesis.changes is None or load is None:
         return
     runs = setting.runs
-    rolling_kg = setting.rolling_kg if one.of_rolling else None
-    axes: tuple[Axis, ...] = ("time", "place") if one.by_place else ("time",)
+    rolling_kg = setting.rolling_kg if hypothesis.of_rolling else None
+    axes: tuple[Axis, ...] = ("time", "place") if hypothesis.by_place else ("time",)
     met_again = change_points.place_of(runs) is not None
     all_windows = np.ones(len(load), np.bool_)
     for axis in axes:
-        for schedule in one.search(axis, load, setting.residual, runs, all_windows, change_points.SHARES):
-            if one.is_switched and schedule.levels > 2:
+        for schedule in hypothesis.search(axis, load, setting.residual, runs, all_windows, change_points.SHARES):
+            if hypothesis.is_switched and schedule.levels > 2:
                 continue  # a switched load is on or off: more levels would fit a drift
-            if axis == "time" and one.by_place and met_again and schedule.changes > one.most_changes:
+            if axis == "time" and hypothesis.by_place and met_again and schedule.changes > hypothesis.most_changes:
                 continue  # the ground of a place does not change
-            typical = axis == "place" or change_points.may_change(one.changes, schedule, runs)
-            if not typical and (one.changes not in _PREFERENCES or schedule.changes > thresholds.RARE_CHANGES):
+            typical = axis == "place" or change_points.may_change(hypothesis.changes, schedule, runs)
+            if not typical and (hypothesis.changes not in _PREFERENCES or schedule.changes > thresholds.RARE_CHANGES):
                 continue
-            typical = typical and not one.seldom
-            rhythm, spread = one.rhythm(schedule, runs)
+            typical = typical and not hypothesis.seldom
+            rhythm, spread = hypothesis.rhythm(schedule, runs)
             cost = 1 if change_points.clearly_apart(schedule) else thresholds.COST_OF_A_CHANGE
             at_work = schedule.at_work()
+            low, high = hypothesis.limits(schedule.levels - 1, hypothesis.signed)
             yield Term(
-                one, load[:, None] * at_work, *one.limits(schedule.levels - 1, one.signed),
-                cost * schedule.changes + int(not typical), rhythm, axis, schedule, spread, typical=typical,
-                of_rolling_kg=rolling_kg, load=load, at_work=at_work,
-            )  # fmt: skip
-    for hats in change_points.profiles(runs) if one.by_place else []:
-        yield Term(one, load[:, None] * hats, *one.limits(hats.shape[1]), axis="place", of_rolling_kg=rolling_kg,
-                   load=load, at_work=hats)  # fmt: skip
+                hypothesis,
+                load[:, None] * at_work,
+                low=low,
+                high=high,
+                hidden=cost * schedule.changes + int(not typical),
+                shape=rhythm,
+                axis=axis,
+                schedule=schedule,
+                spread=spread,
+                typical=typical,
+                of_rolling_kg=rolling_kg,
+                load=load,
+                at_work=at_work,
+            )
+    for hats in change_points.profiles(runs) if hypothesis.by_place else []:
+        low, high = hypothesis.limits(hats.shape[1])
+        yield Term(
+            hypothesis,
+            load[:, None] * hats,
+            low=low,
+            high=high,
+            axis="place",
+            of_rolling_kg=rolling_kg,
+            load=load,
+            at_work=hats,
+        )
 
 
-def everywhere(one: Hypothesis, setting: Setting) -> Array:
+def everywhere(hypothesis: Hypothesis, setting: Setting) -> Array:
     """A load of one watt in all windows, shape (windows,)."""
     return np.ones(len(setting.runs.observed))
 
@@ -228,8 +254,8 @@ def temperatures(of: Parameter) -> Callable[[Setting], Iterator[Numbers]]:
     return shapes
 
 
-def _response(one: Hypothesis, setting: Setting) -> Array:
-    return setting.response(one, TINY * one.entry.switch.high, {})
+def _response(hypothesis: Hypothesis, setting: Setting) -> Array:
+    return setting.response(hypothesis, TINY * hypothesis.entry.switch.high, {})
 
 
 def _level_names(term: Term) -> list[tuple[str, str]]:
@@ -245,17 +271,17 @@ def level_name(name: str, size: int, sizes: int) -> str:
     return name if sizes == 1 else f"{name}_level_{size + 1}"
 
 
-def _as_effect(one: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
-    return replace(so_far, effects={**so_far.effects, one.id: dict(numbers)})
+def _as_effect(hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
+    return replace(so_far, effects={**so_far.effects, hypothesis.id: dict(numbers)})
 
 
-def _on_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
-    base = WithEffects(one.beside)
-    given, _ = one.in_file(drive.fit.parameters.nominal)
-    with_it = one.within(one, base, {**shape, one.entry.switch.name: given + size}, drive.runs)
+def _on_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
+    base = WithEffects(hypothesis.beside)
+    given, _ = hypothesis.in_file(drive.fit.parameters.nominal)
+    with_it = hypothesis.within(hypothesis, base, {**shape, hypothesis.entry.switch.name: given + size}, drive.runs)
     theta = drive.fit.theta
-    without = drive.predict(theta, base) if one.beside else drive.plain
-    return drive.there(one.lies_in) * (drive.predict(theta, with_it) - without)
+    without = drive.predict(theta, base) if hypothesis.beside else drive.plain
+    return drive.there(hypothesis.lies_in) * (drive.predict(theta, with_it) - without)
 
 
 @dataclass(frozen=True, eq=False)

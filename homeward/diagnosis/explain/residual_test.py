@@ -117,7 +117,8 @@ def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
     residual = runs.observed - fit.predicted
     design = np.column_stack([fit.jacobian, *(_indicators(number) for _, _, number in _binned(runs))])
     unexplained = residual - design @ _least_squares(design, residual)
-    changes = (_indicators(one.bin, one.weight) for one in _by_time(fit, runs, unexplained, cut_blocks(runs.run)))
+    of_time = _by_time(fit, runs, unexplained, cut_blocks(runs.run))
+    changes = (_indicators(test.bin, test.weight) for test in of_time)
     design = np.column_stack([design, *changes])
     steady = residual - design @ _least_squares(design, residual)
     return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady))
@@ -128,18 +129,21 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Genera
     residual = runs.observed - fit.predicted
     # Two families of tests, each with half of the false alarm rate. A change in one run does not predict another:
     # for time hold out stretches.
-    found = [
-        *_tested(fit, runs, list(_by_channel(fit, runs, residual, block.channels)), block.channels, fold, rng),
-        *_tested(fit, runs, list(_by_time(fit, runs, residual, block.time)), block.time, block.time % FOLDS, rng),
+    of_channels = list(_by_channel(fit, runs, residual, block.channels))
+    of_time = list(_by_time(fit, runs, residual, block.time))
+    tested = [
+        *_tested(fit, runs, of_channels, block.channels, fold, rng),
+        *_tested(fit, runs, of_time, block.time, block.time % FOLDS, rng),
     ]
-    best = max((one.held_out_gain for one in found if one.found and one.channel is not _TIME), default=0.0)
+    gains_by_channel = [result.held_out_gain for result in tested if result.found and result.channel is not _TIME]
+    best_by_channel = max(gains_by_channel, default=0.0)
 
-    def rank(one: Dependence) -> tuple[bool, float]:
+    def rank(result: Dependence) -> tuple[bool, bool, float]:
         # Every intermittent cause also depends on time, and a level per stretch is more flexible.
-        behind = one.channel is _TIME and one.held_out_gain < thresholds.TWICE * best
-        return not one.found, -one.held_out_gain if not behind else 1.0 - one.held_out_gain
+        behind = result.channel is _TIME and result.held_out_gain < thresholds.TWICE * best_by_channel
+        return not result.found, behind, -result.held_out_gain
 
-    return sorted(found, key=rank)
+    return sorted(tested, key=rank)
 
 
 def _tested(
@@ -154,18 +158,29 @@ def _tested(
     if folds:
         before = runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)
     p_values = _family_p_values(fit, residual, block, tests, rng)
-    for one, p_value in zip(tests, p_values.tolist(), strict=True):
-        design = np.column_stack([fit.jacobian, _indicators(one.bin, one.weight)])
-        after, gain = residual, 0.0
+    for test, p_value in zip(tests, p_values.tolist(), strict=True):
+        design = np.column_stack([fit.jacobian, _indicators(test.bin, test.weight)])
+        gain = 0.0
         if folds and before.any():
-            after = residual - held_out(lambda rows: design @ _least_squares(design[rows], residual[rows]), fold)  # noqa: B023  called at once
+            after = residual - _held_out_steps(design, residual, fold)
             gain = 1.0 - float(after @ after) / float(before @ before)
-        sure = gain * total > least and gain * total > channel_error(fit, runs, one.channel.name)
+        beyond_instruments = gain * total > max(least, channel_error(fit, runs, test.channel.name))
         effect = _least_squares(design, residual)[fit.jacobian.shape[1] :]
-        centre = np.array([np.mean(one.values[one.bin == number]) for number in range(len(effect))])
         yield Dependence(
-            one.channel, one.scaled, min(1.0, 2.0 * p_value) if sure else 1.0, gain, one.bin, centre, effect, one.weight
+            channel=test.channel,
+            scaled=test.scaled,
+            p_value=min(1.0, 2.0 * p_value) if beyond_instruments else 1.0,
+            held_out_gain=gain,
+            bin=test.bin,
+            centre=np.array([np.mean(test.values[test.bin == number]) for number in range(len(effect))]),
+            effect=effect,
+            weight=test.weight,
         )
+
+
+def _held_out_steps(design: Array, residual: Array, fold: Index) -> Array:
+    """Held-out prediction of the residual by the columns of a design, shape (windows,)."""
+    return held_out(lambda rows: design @ _least_squares(design[rows], residual[rows]), fold)
 
 
 def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
@@ -174,8 +189,10 @@ def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
     standing = ancillary_power(problem.nominal, runs.sensing_hz) if runs.unit == "W" else 0.0
     load = np.nan_to_num(np.maximum(problem.predict(runs, problem.start) - standing, 0.0))
     mean = float(load.mean())
-    changes = float(load.std()) > thresholds.HARDLY_CHANGES * mean > 0.0
-    return [(False, even), (True, load / mean)] if changes else [(False, even)]
+    weights = [(False, even)]
+    if float(load.std()) > thresholds.HARDLY_CHANGES * mean > 0.0:
+        weights.append((True, load / mean))
+    return weights
 
 
 def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
@@ -194,8 +211,12 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
             # Only the part that the refit cannot absorb is tested.
             slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
             statistics = (
-                _TestStatistic(per_block(one * residual[:, None], block), one.T @ fit.jacobian, np.arange(one.shape[1]))
-                for one in (bins, slope)
+                _TestStatistic(
+                    sums=per_block(columns * residual[:, None], block),
+                    columns=columns.T @ fit.jacobian,
+                    family=np.arange(columns.shape[1]),
+                )
+                for columns in (bins, slope)
             )
             yield _Test(channel, scaled, weight, values, number, tuple(statistics))
 
@@ -221,8 +242,8 @@ def _stretches(statistic: _TestStatistic, chosen: Array, run: Index, block: Inde
     """Stretch of each window: a run is cut in two where the CUSUM departs most, if by enough."""
     departure = _studentised(statistic.sums.sum(axis=0)[None], statistic.sums)[0]
     cut = np.zeros(len(run), dtype=np.intp)
-    for one in np.unique(statistic.family):
-        largest = max(np.flatnonzero(statistic.family == one), key=lambda index: departure[index])
+    for family in np.unique(statistic.family):
+        largest = max(np.flatnonzero(statistic.family == family), key=lambda index: departure[index])
         if departure[largest] >= thresholds.CLEAR**2:
             cut += (chosen[largest] > 0.0)[block]
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
@@ -290,7 +311,7 @@ def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence
 def _p_values(signs: Array, refitted: Array, statistic: _TestStatistic) -> Array:
     """P-value of each draw in one test, shape (draws,), from the draws' own distribution."""
     squared = _studentised(signs @ statistic.sums - refitted @ statistic.columns.T, statistic.sums)
-    families = [squared[:, statistic.family == one].max(axis=1) for one in np.unique(statistic.family)]
+    families = [squared[:, statistic.family == family].max(axis=1) for family in np.unique(statistic.family)]
     total = np.sum([np.zeros(len(signs)), *families], axis=0)
     at_least = len(signs) - np.searchsorted(np.sort(total), total * (1.0 - 1e-9))
     return np.asarray(at_least / len(signs))

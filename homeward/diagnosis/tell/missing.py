@@ -37,5 +37,5 @@ def not_named(evidence: Evidence) -> tuple[NotNamed, ...]:
     return tuple(furthest.values())
 
 
-def _description(one: Hypothesis) -> tuple[str, str, str, str, str]:
-    return one.id, one.name, one.entry.sentence, one.entry.equation, one.entry.source
+def _description(hypothesis: Hypothesis) -> tuple[str, str, str, str, str]:
+    return hypothesis.id, hypothesis.name, hypothesis.entry.sentence, hypothesis.entry.equation, hypothesis.entry.source

@@ -15,7 +15,7 @@ _ON_ABOVE_C = cooler.EFFECT.parameters[1]
 _OFF_ABOVE_C = 15.0  # thermostats of outdoor enclosures switch on at 5 and off at 15 degC (Stego KTO 011, data sheet)
 
 
-def _while_cold(one: Hypothesis, setting: Setting) -> Array | None:
+def _while_cold(hypothesis: Hypothesis, setting: Setting) -> Array | None:
     """Full power while cold enough for a thermostat, with the mean of a proportional heater."""
     temperature_c = setting.runs.context.get("temperature_c")
     if temperature_c is None or not (temperature_c < _OFF_ABOVE_C).any():

@@ -38,7 +38,7 @@ def _ways(setting: Setting) -> Iterator[Numbers]:
     yield from ({_OVER_M.name: one * setting.parameters.nominal.max_speed_mps} for one in _SECONDS)
 
 
-def share_of_the_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
+def share_of_the_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
     """Contribution to a test drive of an effect that is a share of the power drawn, shape (samples,)."""
     return size * np.maximum(drive.plain, 0.0)
 

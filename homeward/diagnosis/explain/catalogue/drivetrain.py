@@ -15,15 +15,15 @@ _UP_TO_W = regeneration.EFFECT.parameters[1]
 _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
 
 
-def _also_at_a_slip_angle(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+def _also_at_a_slip_angle(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Cornering drag of steered wheels, F_y^2 / C_alpha (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6), W."""
-    yield from responses(one, setting)
+    yield from responses(hypothesis, setting)
     speed, rate = (setting.runs.context.get(name) for name in ("speed_mps", "yaw_rate_radps"))
     if speed is not None and rate is not None:
         drag_w = np.abs(speed) * (speed * rate) ** 2
         most_w = float(np.max(np.abs(setting.runs.observed)))
         column = drag_w[:, None] / max(float(np.max(drag_w)), 1e-300)
-        yield Term(one, column, np.zeros(1), np.array([most_w]), fixed=True, flexible=True)
+        yield Term(hypothesis, column, np.zeros(1), np.array([most_w]), fixed=True, flexible=True)
 
 
 def _time_constants(setting: Setting) -> Iterator[Numbers]:

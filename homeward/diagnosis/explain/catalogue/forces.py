@@ -16,27 +16,27 @@ _STORM_MPS = 40.0  # chosen: above the lower limit of a hurricane, 33 m/s on the
 _EXPOSED = {"exposure": 1.0}
 
 
-def _rougher(one: Hypothesis, setting: Setting) -> Array:
+def _rougher(hypothesis: Hypothesis, setting: Setting) -> Array:
     """Contribution per unit of relative rise of the rolling resistance, W or A, shape (windows,)."""
     theta = setting.theta.copy()
     theta[ROLLING] += SMALL_STEP * setting.rolling_kg
     return (setting.parameters.predict(setting.runs, theta, setting.present) - setting.predicted) / SMALL_STEP
 
 
-def _rougher_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
+def _rougher_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
     rougher = drive.fit.theta.copy()
     rougher[ROLLING] *= 1.0 + max(size, -0.9)
-    return drive.there(one.lies_in) * (drive.predict(rougher) - drive.plain)
+    return drive.there(hypothesis.lies_in) * (drive.predict(rougher) - drive.plain)
 
 
-def _from_one_direction(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+def _from_one_direction(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """A steady wind, from ahead and from the left."""
     if headings := _headings(setting.runs):
         parts = [_blowing(setting, [part(heading) for heading in headings]) for part in (np.cos, np.sin)]
-        yield Term(one, np.column_stack(parts), *one.limits(2))
+        yield Term(hypothesis, np.column_stack(parts), *hypothesis.limits(2))
 
 
-def _against_the_way(one: Hypothesis, setting: Setting) -> Array | None:
+def _against_the_way(hypothesis: Hypothesis, setting: Setting) -> Array | None:
     """Without a heading, a wind that changes on the way."""
     runs = setting.runs
     if _headings(runs):
@@ -72,12 +72,12 @@ def _wind_names(term: Term) -> list[tuple[str, str]]:
     return [(level_name("headwind_mps", size, sizes), "m/s") for size in range(sizes)]
 
 
-def _in_the_wind(one: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
+def _in_the_wind(hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
     ahead, left = numbers.values()
     return _blown(so_far, [ahead * np.cos(heading) + left * np.sin(heading) for heading in _headings(runs)])
 
 
-def _windy_drive(one: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
+def _windy_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
     exposed = drive.fit.theta.copy()
     exposed[DRAG] = max(exposed[DRAG], drive.fit.parameters.start[DRAG])
     windy = _blown(WithEffects(), [size * np.cos(drive.runs.signals[0].context["heading_rad"])])

@@ -17,24 +17,24 @@ _LAG_BOUNDS_S = (-5.0, 5.0)  # of a lag that is fitted; chosen: beyond the longe
 _FIX_S = 5.0  # between the positions compared; chosen: so much is driven meanwhile that their noise adds little
 
 
-def _also_creeping(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+def _also_creeping(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Also a linear drift through all runs in their order, per unit of its final value."""
-    yield from levels(one, setting)
+    yield from levels(hypothesis, setting)
     passed = np.cumsum(setting.runs.duration_s)
-    yield Term(one, (passed / passed[-1])[:, None], *one.limits(1), axis="time")
+    yield Term(hypothesis, (passed / passed[-1])[:, None], *hypothesis.limits(1), axis="time")
 
 
-def _lags(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+def _lags(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """A constant delay of the power reading, linearised at each of several lags."""
     for lag_s in (sign * lag for lag in _LAGS_S for sign in (1.0, -1.0)):
         shape = {"lag_s": lag_s}
-        late = one.within(one, setting.present, shape, setting.runs)
+        late = hypothesis.within(hypothesis, setting.present, shape, setting.runs)
         change = setting.parameters.predict(setting.runs, setting.theta, late) - setting.predicted
         low, high = np.clip(sorted((0.5 * lag_s, 1.5 * lag_s)), *_LAG_BOUNDS_S)
-        yield Term(one, change[:, None] / lag_s, np.array([low]), np.array([high]), 1, shape)
+        yield Term(hypothesis, change[:, None] / lag_s, np.array([low]), np.array([high]), 1, shape)
 
 
-def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
+def _by_run(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """A speed reading that a position fix contradicts: its scale is estimated from the fix, not from power."""
     ratios = _ratios(setting.runs)
     if min(ratios) <= 0.0:
@@ -47,7 +47,7 @@ def _by_run(one: Hypothesis, setting: Setting) -> Iterator[Term]:
     change = setting.parameters.predict(setting.runs, setting.theta, off) - setting.predicted
     typical = float(np.mean(scale[scale != 0.0]))
     low, high = sorted((0.7 * typical, 1.3 * typical))
-    yield Term(one, change[:, None] / typical, np.array([low]), np.array([high]), fixed=True)
+    yield Term(hypothesis, change[:, None] / typical, np.array([low]), np.array([high]), fixed=True)
 
 
 def _ratios(runs: Runs) -> list[float]:
