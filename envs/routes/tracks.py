@@ -1,7 +1,7 @@
 """Recorded or planned tracks (GPX, FIT, positions in a CSV file) converted to elevation profiles.
 
 A track's elevation has noise on top of hills, and differentiating it gives false slopes. The steps from points to a
-profile, with the lengths below and the thresholds of `homeward.envs.routes.rules`:
+profile, with the lengths below and the thresholds of `homeward.envs.routes.thresholds`:
 
 1. Way. Distance between positions on a sphere, summed over points at least `SPACING_M` apart. Nearer ones are averaged,
    or the jitter of a standing robot would add up. A FIT file's own distance is used if it has one.

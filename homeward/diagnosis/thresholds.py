@@ -33,10 +33,10 @@ both), and the scale of a meter; a run is cut at a change point where the square
 square."""
 
 FAR_APART = 2.0 * CLEAR
-"""Standard errors beyond which two values differ where the errors themselves are not well known: those of a few ways or
-clustered stretches are half of the true ones (Cameron, Gelbach & Miller, 2008, table 2). Two levels of a schedule are
-as far apart in standard deviations of the residual: a window of one then lies beyond half-way to the other with
-p = 0.02, the normal tail beyond two."""
+"""Standard errors beyond which two values differ where the errors themselves are not well known: those of a few ways
+may be half of the true ones (chosen), and errors clustered by a dozen stretches are a quarter too small (Cameron,
+Gelbach & Miller, 2008, table 2). Two levels of a schedule are as far apart in standard deviations of the residual: a
+window of one then lies beyond half-way to the other with p = 0.02, the normal tail beyond two."""
 
 FEWEST_RUNS = 3
 """Number of runs from which whole runs are held out. Of two runs, a fit would rest on one."""
@@ -143,7 +143,7 @@ SAME_SCHEDULE = 0.02
 changes no test of schedules (tests/diagnosis/explain: change_points, proof, explanation)."""
 
 STOPS_MPS = 0.05
-"""Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.rules`, as a
+"""Mean speed of a window, up to which the robot stops in it: above STANDSTILL_MPS of `homeward.logs.thresholds`, as a
 short stop leaves no window without motion."""
 
 REVISITED = 1.8
@@ -197,7 +197,8 @@ LEAST_FALL = 2.0 * GAUGE_STEP
 # --- Runs: what can be used ----------------------------------------------------------------------------------------
 
 SHORTEST_RUN_S, FEWEST_SAMPLES = 5.0, 20
-"""Least duration and samples of a run that is used: ten averaging windows of two samples. Chosen."""
+"""Least duration and samples of a run that is used: ten averaging windows of two samples. Chosen. Fewest samples, or
+changes, from which the noise of a channel is estimated (within 16 %, 1 / sqrt(2 n)) and a fault of its logging seen."""
 
 HARDLY_CHANGES = 0.1
 """Relative spread of a speed (range over the largest) or load (standard deviation over the mean) up to which it hardly
@@ -211,7 +212,7 @@ GAP = 10.0
 
 STANDSTILL_SHARE = 0.02
 """Share of the robot's top speed up to which it stands. Chosen: for a robot of 1 m/s as STANDSTILL_MPS in
-`homeward.logs.rules`, above one step of a wheel encoder; faster robots have coarser ones."""
+`homeward.logs.thresholds`, above one step of a wheel encoder; faster robots have coarser ones."""
 
 # --- Instruments: noise, lags and faults estimated from a recording's own channels --------------------------------
 

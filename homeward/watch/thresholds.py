@@ -59,7 +59,8 @@ messages may be lost."""
 
 SHORTEST_INTERVAL_S = 0.1
 """Time, s, by which a new interval may exceed its limit in the typical one (LONGEST_INTERVAL in
-`homeward.companion.rules`). Chosen: so that a typical interval of zero, of messages that came at once, can grow."""
+`homeward.companion.thresholds`). Chosen: so that a typical interval of zero, of messages that came at once, can
+grow."""
 
 WITHOUT_MOTION_S = 2.0
 """Time without motion, s, after which the companion is updated without readings. Chosen: above the gaps of a topic."""
