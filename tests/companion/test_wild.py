@@ -61,7 +61,7 @@ def numbers_of(value: Any) -> list[float]:
 
 
 def test_no_reading_of_any_size_corrupts_the_advice_or_ends_it() -> None:
-    @settings(max_examples=150, deadline=None)
+    @settings(max_examples=100, deadline=None)
     @given(
         st.sampled_from(["here", (0.0, 0.0), None]),
         st.sampled_from([None, 21.0]),

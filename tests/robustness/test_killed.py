@@ -118,13 +118,19 @@ def is_whole(path: Path) -> bool:
 
 @contextlib.contextmanager
 def full_disk() -> Iterator[None]:
-    """A disk with some kilobytes left."""
+    """A disk with some kilobytes left.
+
+    Python would leave half a file of the bytecode of a module that is first imported there, and fail on it ever after.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (SMALL_BYTES, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "dont_write_bytecode", True)
+        patch.setenv("PYTHONDONTWRITEBYTECODE", "1")  # of processes that are started there
+        resource.setrlimit(resource.RLIMIT_FSIZE, (SMALL_BYTES, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @contextlib.contextmanager
