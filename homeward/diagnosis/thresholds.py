@@ -92,10 +92,9 @@ HALF = 0.5
 greater part of something is its cause: named effects of the residual, motion or the place of what a schedule explains,
 another effect that is known to be confounded of what the first explains. Trees are clearly better than named effects if
 they leave less than half of their squared error on unseen runs; where they are not, effects must explain half of what
-trees do (on ice and snow, turning, the true effect, explains 0.56 to 0.63 of it). A column is mixed with another if its
-projection on that is the greater part of it. Twice the range or half of it are equally useless, so that no trip counts
-as off by more. Of independent values a straight line between two has as large an error as a step: both have twice the
-variance of linear prediction where values correlate by a half."""
+trees do (on ice and snow, turning, the true effect, explains 0.56 to 0.63 of it). Twice the range or half of it are
+equally useless, so that no trip counts as off by more. Of independent values a straight line between two has as large
+an error as a step: both have twice the variance of linear prediction where values correlate by a half."""
 
 SIMPLER = 0.7
 """Ratio of two gains from which a simpler model is preferred though it explains less. Effects that channels show are

@@ -66,7 +66,8 @@ def clearly_apart(schedule: Schedule | None) -> bool:
 
 def profiles(runs: Runs) -> list[Array]:
     """Hat functions along the way from base, coarse to fine, shape (windows, hats) each: a basis of smooth profiles."""
-    if (place_m := place_of(runs)) is None:
+    place_m = place_of(runs)
+    if place_m is None:
         return []
     passed = (place_m - place_m.min())[:, None] / float(np.ptp(place_m))
     return [np.maximum(1.0 - np.abs(passed * (knots - 1) - np.arange(knots)), 0.0) for knots in _KNOTS]

@@ -66,10 +66,10 @@ class Empirical:
     def text(self) -> str:
         """The formula with its numbers, such as "P = 0.31 W f_s / f_max"."""
         parts = []
-        for one in self.terms:
-            unit = "" if one.unit == "1" else f" {one.unit}"
-            sign = "-" if one.coefficient < 0.0 else "+"
-            parts.append(f"{sign} {abs(one.coefficient):.3g}{unit} {one.text}".rstrip())
+        for term in self.terms:
+            unit = "" if term.unit == "1" else f" {term.unit}"
+            sign = "-" if term.coefficient < 0.0 else "+"
+            parts.append(f"{sign} {abs(term.coefficient):.3g}{unit} {term.text}".rstrip())
         formula = " ".join(parts)
         return f"{self.symbol} = {formula.removeprefix('+ ') if formula[0] == '+' else formula.replace('- ', '-', 1)}"
 

@@ -396,9 +396,11 @@ class Hypothesis:
         effect is at work, and a change must explain such `shares` of the squared residual, the largest first.
         """
         load, residual = load * chosen, residual * chosen
-        found = change_points.search(axis, load, residual, runs, self.signed, shares, several=self.is_sudden)
+        schedules = change_points.search(axis, load, residual, runs, self.signed, shares, several=self.is_sudden)
         # An effect that begins once was absent before, however long it lasts.
-        return [one.from_the_first() for one in found] if self.changes == "once" and self.signed else found
+        if self.changes == "once" and self.signed:
+            return [schedule.from_the_first() for schedule in schedules]
+        return schedules
 
     def missing(self, runs: Runs) -> tuple[str, ...]:
         """Channels that it needs and that no run has."""

@@ -184,9 +184,11 @@ def total_share(contribution: Array, runs: Runs) -> float:
 
 def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> str | None:
     """The values of a channel at which an effect is at work, in words; None if they overlap too little."""
-    if (values := runs.context.get(channel.name)) is None:
+    values = runs.context.get(channel.name)
+    if values is None:
         return None
-    values = np.abs(values) if channel.magnitude else values
+    if channel.magnitude:
+        values = np.abs(values)
     inside = _at_work(contribution)
     known = np.isfinite(values)
     if inside[known].all() or not inside[known].any():

@@ -158,7 +158,7 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     for j, group in enumerate(problem.groups):
         assumed = problem.start[j] * problem.to_group[j]
         known = assumed if runs.unit == "W" or (problem.current_known and group.name != "rest_current") else None
-        status, mixed = _status(fit, runs, j, moving)
+        status, mixed = _status(fit, j, moving)
         fitted, width = fit.theta[j] * problem.to_group[j], widths[j] * problem.to_group[j]
         if status == "fitted" and (
             width > max(abs(assumed), abs(fitted))
@@ -176,19 +176,22 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     return result
 
 
-def _status(fit: Refit, runs: Runs, j: int, excited: Mask) -> tuple[Status, tuple[str, ...]]:
-    if not excited[j]:
+def _status(fit: Refit, number: int, excited: Mask) -> tuple[Status, tuple[str, ...]]:
+    """Whether a group can be fitted; a confounded one with those whose columns make up most of its own."""
+    if not excited[number]:
         return "not excited", ()
-    groups, column = fit.parameters.groups, fit.jacobian[:, j]
-    others = np.flatnonzero(excited & (np.arange(len(excited)) != j))
+    column = fit.jacobian[:, number]
+    others = np.flatnonzero(excited & (np.arange(len(excited)) != number))
+    if not len(others):
+        return "fitted", ()
     beside = fit.jacobian[:, others]
-    weights = np.linalg.lstsq(beside, column, rcond=None)[0] if len(others) else np.zeros(0)
-    own = column - beside @ weights
-    size = np.abs(weights) * np.linalg.norm(beside, axis=0)
-    mixed = tuple(groups[o].symbol for o in others[size > thresholds.HALF * np.linalg.norm(column)])
-    if own @ own < thresholds.COLLINEAR * (column @ column):
-        return "confounded", mixed
-    return "fitted", ()
+    weights = np.linalg.lstsq(beside, column, rcond=None)[0]
+    own_part = column - beside @ weights
+    if own_part @ own_part >= thresholds.COLLINEAR * (column @ column):
+        return "fitted", ()
+    projection = np.abs(weights) * np.linalg.norm(beside, axis=0)
+    largest = others[projection >= thresholds.HALF * projection.max()]
+    return "confounded", tuple(fit.parameters.groups[index].symbol for index in largest)
 
 
 def standard_errors(jacobian: Array, residual: Array, block: Index) -> Array:

@@ -131,17 +131,18 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     """Noise of the instruments, estimated from the recordings; that of power at standstill."""
     runs, found = evidence.runs, dict[str, float]()
     stood = [run.observed[run.speed_mps == 0.0] for run in runs.signals]
-    if parts := [white_noise(one) for one in stood if len(one) >= thresholds.FEWEST_SAMPLES]:
-        found["power_noise"] = float(np.median(parts)) / mean_w
+    noises_w = [white_noise(power_w) for power_w in stood if len(power_w) >= thresholds.FEWEST_SAMPLES]
+    if noises_w:
+        found["power_noise"] = float(np.median(noises_w)) / mean_w
         found["reading_s"] = float(np.median([median_step_s(run.time_s) for run in runs.signals]))
     if graded := [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]:
         found["grade_noise"] = float(np.median(graded))
     charges = [run.context["soc"][np.isfinite(run.context["soc"])] for run in runs.signals if "soc" in run.context]
-    steps = np.concatenate([np.abs(np.diff(one)) for one in charges]) if charges else np.empty(0)
+    steps = np.concatenate([np.abs(np.diff(charge)) for charge in charges]) if charges else np.empty(0)
     if steps.any():
         stays = float(np.mean(steps == 0.0)) > thresholds.HALF
         found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
-        found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(one) for one in charges]))
+        found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(charge) for charge in charges]))
     most = {"reading_s": np.inf}
     return tuple(
         (name, rounded(min(one, most.get(name, physics_thresholds.MOST_ERROR)))) for name, one in found.items()

@@ -97,7 +97,7 @@ def why_open(estimate: Estimate) -> str:
     return {
         "fitted": "fitted",
         "not excited": "has no influence on these recordings",
-        "confounded": f"is confounded with {', '.join(mixed)}" if mixed else "varies by measurement noise only",
+        "confounded": f"is confounded with {', '.join(mixed)}",
         "too uncertain": "its interval is too wide",
         "at bound": "fitted at its physical bound, so not a measurement",
     }[estimate.status]

@@ -62,7 +62,6 @@ def estimate(evidence: Evidence, **changes: Any) -> Estimate:
     [
         ("not excited", (), "has no influence on these recordings"),
         ("confounded", ("c / Gamma", "turning"), "is confounded with c / Gamma, turning"),
-        ("confounded", (), "varies by measurement noise only"),
         ("too uncertain", (), "its interval is too wide"),
         ("at bound", (), "fitted at its physical bound, so not a measurement"),
     ],
