@@ -35,6 +35,7 @@ from homeward.logs.channels import Array, Index
 
 _SINGLES, _WHITE, _PAIRS = 6, 3, 3  # sets fitted in each round, the most promising first; chosen: bounds the time
 _WORTH_JUDGING = 0.5  # share of the least gain that a linearised replay must reach; chosen: bounds the time
+_DIGITS = 9  # of an error over that of the base, to which sets are compared: above rounding; chosen
 _PAIRED = 12  # single hypotheses that are screened in pairs; chosen: 66 pairs, which bounds the time
 
 
@@ -356,9 +357,14 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
     the others, best first.
 
     A schedule fits any intermittent cause at least as well as the cause itself: what channels show is preferred though
-    it explains less.
+    it explains less. Two effects of one load and one schedule differ by rounding only: the order of the catalogue
+    decides between them.
     """
-    better = sorted((each for each in tried if each.squared_error < base), key=lambda each: each.squared_error)
+
+    def error_then_place(each: _Tried) -> tuple[float, tuple[int, ...]]:
+        return round(each.squared_error / base, _DIGITS), each.added
+
+    better = sorted((each for each in tried if each.squared_error < base), key=error_then_place)
     if not better:
         return []
     best = better[0]
@@ -368,7 +374,7 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
             return base - each.squared_error >= thresholds.SIMPLER * (base - best.squared_error)
         return each.squared_error <= thresholds.NO_WORSE * best.squared_error
 
-    first = sorted((each for each in better if about_best(each)), key=lambda each: (each.rank, each.squared_error))
+    first = sorted((each for each in better if about_best(each)), key=lambda each: each.rank)
     return [*first, *(each for each in better if not about_best(each))]
 
 
