@@ -47,7 +47,9 @@ def locate(dependence: Dependence, runs: Runs) -> Location:
     limit = float(dependence.centre[split - 1 : split + 1].mean())
     channel = dependence.channel
     values = np.nan_to_num(runs.context[channel.name])
-    inside = known & ((np.abs(values) if channel.magnitude else values) > limit if above else values < limit)
+    if channel.magnitude:
+        values = np.abs(values)
+    inside = known & (values > limit if above else values < limit)
     condition = _words(channel, above, limit)
     outside = np.delete(np.arange(len(weight)), np.s_[split:] if above else np.s_[:split])
     rest = np.average(dependence.effect[outside], weights=weight[outside])

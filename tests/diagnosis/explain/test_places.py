@@ -76,6 +76,16 @@ def test_only_the_size_of_a_turn_counts_and_windows_without_the_channel_are_outs
     assert (found.excess[:20] == 0.0).all()
 
 
+def test_a_fast_turn_to_the_right_is_not_slower_than_a_limit() -> None:
+    turning = np.where(np.arange(80) % 2 == 0, SPEEDS, -SPEEDS)
+    excess_w = np.where(np.arange(10) < 5, 30.0, 0.0)
+    located = locate(
+        dependence(CHANNELS["yaw_rate_radps"], np.rint(10.0 * SPEEDS), excess_w), windows(80, yaw_rate_radps=turning)
+    )
+    assert located.condition == "turning slower than 0.45 rad/s"
+    np.testing.assert_array_equal(located.inside, SPEEDS < 0.45)
+
+
 @pytest.mark.parametrize("excess_w", [20.0, -20.0])
 @pytest.mark.parametrize(
     ("high", "said"),
