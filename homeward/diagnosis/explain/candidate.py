@@ -21,7 +21,7 @@ from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.held_out import Gain, gain, held_out
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import Array, Index, Mask
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,18 @@ class EffectSet:
     @property
     def terms(self) -> tuple[Term, ...]:
         """The effects, each in the form that was fitted."""
-        return self.model.model.terms if isinstance(self.model, Corrected) else ()
+        if isinstance(self.model, Corrected):
+            return self.model.model.terms
+        return ()
 
     @cached_property
     def predicted(self) -> Array:
         """Held-out prediction by replays, shape (windows,): each fold by the model fitted to the others."""
-        return held_out(lambda chosen: self.model.refitted(chosen, self.runs).replayed(self.runs), self.block % FOLDS)
+
+        def predict(training: Mask) -> Array:
+            return self.model.refitted(training, self.runs).replayed(self.runs)
+
+        return held_out(predict, self.block % FOLDS)
 
     @cached_property
     def squared_error(self) -> float:
@@ -62,21 +68,23 @@ class Candidate:
     with_it: EffectSet
     without: EffectSet
     noise: float  # squared error that noise of power explains; 0 beside other effects
-    at: Callable[[], tuple[Bench, int]]  # the hypotheses beside `without`, and which of them it is
+    find: Callable[[], tuple[Bench, int]]  # the hypotheses beside `without`, and which of them it is
 
     @cached_property
-    def _at(self) -> tuple[Bench, int]:
-        return self.at()
+    def _bench_and_index(self) -> tuple[Bench, int]:
+        return self.find()
 
     @property
     def bench(self) -> Bench:
         """The hypotheses beside the set without it."""
-        return self._at[0]
+        bench, _ = self._bench_and_index
+        return bench
 
     @property
     def index(self) -> int:
         """Which of them it is."""
-        return self._at[1]
+        _, index = self._bench_and_index
+        return index
 
     @property
     def term(self) -> Term:
@@ -91,18 +99,26 @@ class Candidate:
     @cached_property
     def gain(self) -> Gain:
         """Share of the squared held-out error of the set without it that it explains."""
-        before, after = self.without.predicted, self.with_it.predicted
-        return gain(self.runs.observed, before, after, self.with_it.block, self.with_it.rng)
+        return gain(
+            self.runs.observed,
+            self.without.predicted,
+            self.with_it.predicted,
+            self.with_it.block,
+            self.with_it.rng,
+        )
 
     @cached_property
     def searched_share(self) -> float:
         """The same with change points that are searched anew without the held-out windows."""
-        return self.gain.share if self.term.axis == "steady" else min(self.gain.share, self.bench.share(self.index))
+        if self.term.axis == "steady":
+            return self.gain.share
+        return min(self.gain.share, self.bench.share(self.index))
 
     @property
     def gain_beyond_noise(self) -> float:
         """That share of what noise of power does not explain."""
-        return self.searched_share / max(1.0 - self.noise / max(self.without.squared_error, 1e-300), 1e-9)
+        share_of_noise = self.noise / max(self.without.squared_error, 1e-300)
+        return self.searched_share / max(1.0 - share_of_noise, 1e-9)
 
     @property
     def explained(self) -> float:
@@ -117,10 +133,11 @@ class Candidate:
     @property
     def energy_share(self) -> float:
         """Share of the recorded energy that it adds and saves."""
-        model, duration_s = self.with_it.model, self.runs.duration_s
+        model = self.with_it.model
         assert isinstance(model, Corrected)
-        moved_j = float(np.abs(model.contribution[self.place] * duration_s).sum())
-        return moved_j / max(float(np.abs(self.runs.observed * duration_s).sum()), 1e-300)
+        changed_j = float(np.abs(model.contribution[self.place] * self.runs.duration_s).sum())
+        recorded_j = float(np.abs(self.runs.observed * self.runs.duration_s).sum())
+        return changed_j / max(recorded_j, 1e-300)
 
     @property
     def innovations_bic(self) -> float:
@@ -138,11 +155,14 @@ class Candidate:
         return self.bench.p_value(self.index, self.bench.independent(self.index), self.with_it.rng)
 
 
-def followed(bench: Bench, chosen: int) -> float:
+def followed(bench: Bench, index: int) -> float:
     """Share of the channels' errors that a hypothesis may absorb: all by place, where they repeat, and all of what is
     like a slope; in time one independent window for each of its levels."""
-    term = bench.candidates[chosen]
-    if term.axis != "time":
-        return float(term.axis == "place" or bool(term.hypothesis.map_channel))
-    changes = 1 if term.schedule is None else term.schedule.changes
-    return min(1.0, (changes + 1) / bench.independent(chosen))
+    term = bench.candidates[index]
+    if term.axis == "time":
+        changes = 1 if term.schedule is None else term.schedule.changes
+        levels = changes + 1
+        return min(1.0, levels / bench.independent(index))
+    if term.axis == "place" or term.hypothesis.map_channel:
+        return 1.0
+    return 0.0

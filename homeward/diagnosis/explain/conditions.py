@@ -6,7 +6,8 @@ evaluated. The result and the report carry every value, and the page "When an ef
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+import operator
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, Literal, TypeVar
 
@@ -20,6 +21,12 @@ if TYPE_CHECKING:
 
 Judged = TypeVar("Judged")
 Side = Literal["at least", "at most", "more than"]
+
+_HOLDS: Mapping[Side, Callable[[float, float], bool]] = {
+    "at least": operator.ge,
+    "at most": operator.le,
+    "more than": operator.gt,
+}
 
 
 @dataclass(frozen=True)
@@ -41,22 +48,23 @@ class Condition(Generic[Judged]):
         if value is None:
             return None
         limit = self.limit(judged)
-        holds = {"at least": value >= limit, "at most": value <= limit, "more than": value > limit}[self.side]
-        return Checked(self.name, float(value), self.side, limit, bool(holds))
+        holds = _HOLDS[self.side](value, limit)
+        return Checked(condition=self.name, value=float(value), side=self.side, limit=limit, holds=bool(holds))
 
 
 def check_names(names: Collection[str]) -> None:
     """Raise a `ValueError` for a name that is no condition's."""
-    known = [*(condition.name for condition in CONDITIONS), *(condition.name for condition in TOGETHER)]
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise ValueError(f"{unknown[0]!r} is no condition; these are: {', '.join(known)}")
+    condition_names = [condition.name for condition in CONDITIONS]
+    condition_names += [condition.name for condition in TOGETHER]
+    for name in names:
+        if name not in condition_names:
+            raise ValueError(f"{name!r} is no condition; these are: {', '.join(condition_names)}")
 
 
-def judge(judged: Judged, without: Collection[str], conditions: Sequence[Condition[Judged]]) -> tuple[Checked, ...]:
+def judge(judged: Judged, waived: Collection[str], conditions: Sequence[Condition[Judged]]) -> tuple[Checked, ...]:
     """Check a candidate, or all named effects, against conditions in their order, up to the first that does not hold.
 
-    Conditions `without` which an experiment runs are checked as well, and refuse nothing.
+    Conditions that an experiment has `waived` are checked as well, and refuse nothing.
     """
     checks = []
     for condition in conditions:
@@ -64,40 +72,55 @@ def judge(judged: Judged, without: Collection[str], conditions: Sequence[Conditi
         if checked is None:
             continue
         checks.append(checked)
-        if not checked.holds and condition.name not in without:
+        if not checked.holds and condition.name not in waived:
             break
     return tuple(checks)
 
 
-def passes(checks: Collection[Checked], without: Collection[str] = ()) -> bool:
+def passes(checks: Collection[Checked], waived: Collection[str] = ()) -> bool:
     """Whether no check refuses."""
-    return all(checked.holds or checked.condition in without for checked in checks)
+    return all(checked.holds or checked.condition in waived for checked in checks)
 
 
-def _least_gain(candidate: Candidate) -> float:
-    of_fault = not candidate.term.hypothesis.physical
-    return thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE if of_fault else thresholds.SMALLEST_GAIN_TO_NAME
+def _is_in_time_beside_others(candidate: Candidate) -> bool:
+    return candidate.term.axis == "time" and bool(candidate.without.terms)
 
 
-def _times_instruments(candidate: Candidate) -> float:
-    by_instruments = max(meter_error(candidate.runs), candidate.channel_error)
-    return candidate.explained / max(by_instruments, 1e-300)
+def _energy_share(candidate: Candidate) -> float | None:
+    if candidate.term.axis == "steady":
+        return None
+    return candidate.energy_share
 
 
 def _evidence(candidate: Candidate) -> float | None:
-    if candidate.term.axis == "steady":
+    term = candidate.term
+    if term.axis == "steady":
         return None
-    beside = bool(candidate.without.terms) and candidate.term.axis == "time"
-    sudden = candidate.term.schedule is not None and candidate.term.hypothesis.is_sudden
-    return candidate.innovations_bic if beside or sudden else candidate.delta_bic
+    is_sudden = term.schedule is not None and term.hypothesis.is_sudden
+    # Levels also follow the drift that another effect leaves: only steps stand out of the innovations.
+    if is_sudden or _is_in_time_beside_others(candidate):
+        return candidate.innovations_bic
+    return candidate.delta_bic
 
 
-def _apart(candidate: Candidate) -> float | None:
+def _distance_of_levels(candidate: Candidate) -> float | None:
     schedule = candidate.term.schedule
-    beside = bool(candidate.without.terms) and candidate.term.axis == "time"
-    if schedule is None or not beside or candidate.gain.share > thresholds.HALF:
+    if schedule is None or not _is_in_time_beside_others(candidate):
+        return None
+    if candidate.gain.share > thresholds.HALF:
         return None
     return schedule.apart
+
+
+def _least_gain(candidate: Candidate) -> float:
+    if candidate.term.hypothesis.physical:
+        return thresholds.SMALLEST_GAIN_TO_NAME
+    return thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE
+
+
+def _times_instruments(candidate: Candidate) -> float:
+    error_by_instruments = max(meter_error(candidate.runs), candidate.channel_error)
+    return candidate.explained / max(error_by_instruments, 1e-300)
 
 
 def _beyond_motion(candidate: Candidate) -> float | None:
@@ -108,75 +131,116 @@ def _beyond_motion(candidate: Candidate) -> float | None:
 
 CONDITIONS: tuple[Condition[Candidate], ...] = (
     Condition(
-        "energy", "share of the recorded energy that it adds or saves",
-        "an effect whose size changes", "at least", lambda candidate: thresholds.GAIN_ERROR,
-        f"{thresholds.GAIN_ERROR:.1%}",
-        "GAIN_ERROR",
-        lambda candidate: None if candidate.term.axis == "steady" else candidate.energy_share,
+        name="energy",
+        asks="share of the recorded energy that it adds or saves",
+        applies_to="an effect whose size changes",
+        value=_energy_share,
+        side="at least",
+        limit=lambda candidate: thresholds.GAIN_ERROR,
+        limit_in_words=f"{thresholds.GAIN_ERROR:.1%}",
+        origin="GAIN_ERROR",
     ),
     Condition(
-        "evidence",
-        "reduction of BIC by it; of a load that switches, and beside another effect, from the innovations of the "
+        name="evidence",
+        asks="reduction of BIC by it; of a load that switches, and beside another effect, from the innovations of the "
         "residual, of which its steps must stand out",
-        "an effect whose size changes", "at least", lambda candidate: thresholds.STRONG_BIC,
-        f"{thresholds.STRONG_BIC:g}", "STRONG_BIC",
-        _evidence,
+        applies_to="an effect whose size changes",
+        value=_evidence,
+        side="at least",
+        limit=lambda candidate: thresholds.STRONG_BIC,
+        limit_in_words=f"{thresholds.STRONG_BIC:g}",
+        origin="STRONG_BIC",
     ),
     Condition(
-        "apart", "distance of its levels, in standard deviations of their residual",
-        "a schedule beside another effect that explains less than half of the rest", "more than",
-        lambda candidate: thresholds.FAR_APART, f"{thresholds.FAR_APART:g}",
-        "FAR_APART",
-        _apart,
+        name="apart",
+        asks="distance of its levels, in standard deviations of their residual",
+        applies_to="a schedule beside another effect that explains less than half of the rest",
+        value=_distance_of_levels,
+        side="more than",
+        limit=lambda candidate: thresholds.FAR_APART,
+        limit_in_words=f"{thresholds.FAR_APART:g}",
+        origin="FAR_APART",
     ),
     Condition(
-        "gain",
-        "share of the held-out squared error of the model without it, less noise of power, that it explains",
-        "every effect", "at least", _least_gain,
-        f"{thresholds.SMALLEST_GAIN_TO_NAME:.0%}, of a fault of an instrument "
+        name="gain",
+        asks="share of the held-out squared error of the model without it, less noise of power, that it explains",
+        applies_to="every effect",
+        value=lambda candidate: candidate.gain_beyond_noise,
+        side="at least",
+        limit=_least_gain,
+        limit_in_words=f"{thresholds.SMALLEST_GAIN_TO_NAME:.0%}, of a fault of an instrument "
         f"{thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE:.0%}",
-        "SMALLEST_GAIN_TO_NAME, SMALLEST_GAIN_OF_THE_FLEXIBLE",
-        lambda candidate: candidate.gain_beyond_noise,
+        origin="SMALLEST_GAIN_TO_NAME, SMALLEST_GAIN_OF_THE_FLEXIBLE",
     ),
     Condition(
-        "interval", "lower end of the 95 % interval of this share, by block bootstrap",
-        "every effect", "more than", lambda candidate: 0.0, "0", "definition of an interval",
-        lambda candidate: candidate.gain.ci95[0],
+        name="interval",
+        asks="lower end of the 95 % interval of this share, by block bootstrap",
+        applies_to="every effect",
+        value=lambda candidate: candidate.gain.ci95[0],
+        side="more than",
+        limit=lambda candidate: 0.0,
+        limit_in_words="0",
+        origin="definition of an interval",
     ),
     Condition(
-        "instruments", "what it explains, over what errors of the channels and of the meter's scale explain",
-        "every effect", "more than", lambda candidate: 1.0, "1", "errors of the recording's own channels",
-        _times_instruments,
+        name="instruments",
+        asks="what it explains, over what errors of the channels and of the meter's scale explain",
+        applies_to="every effect",
+        value=_times_instruments,
+        side="more than",
+        limit=lambda candidate: 1.0,
+        limit_in_words="1",
+        origin="errors of the recording's own channels",
     ),
     Condition(
-        "motion", "share that it explains, less the share that trees on the motion explain",
-        "an effect whose size changes, beside another", "more than", lambda candidate: 0.0, "0",
-        "the robot's motion is a rival",
-        _beyond_motion,
+        name="motion",
+        asks="share that it explains, less the share that trees on the motion explain",
+        applies_to="an effect whose size changes, beside another",
+        value=_beyond_motion,
+        side="more than",
+        limit=lambda candidate: 0.0,
+        limit_in_words="0",
+        origin="the robot's motion is a rival",
     ),
     Condition(
-        "placebo", "share of placebos in which the same search scores as high",
-        "every effect", "at most", lambda candidate: thresholds.FALSE_ALARM_RATE,
-        f"{thresholds.FALSE_ALARM_RATE:.0%}", "FALSE_ALARM_RATE",
-        lambda candidate: candidate.p_value,
+        name="placebo",
+        asks="share of placebos in which the same search scores as high",
+        applies_to="every effect",
+        value=lambda candidate: candidate.p_value,
+        side="at most",
+        limit=lambda candidate: thresholds.FALSE_ALARM_RATE,
+        limit_in_words=f"{thresholds.FALSE_ALARM_RATE:.0%}",
+        origin="FALSE_ALARM_RATE",
     ),
-)  # fmt: skip
+)
 
 
-def _least_beside_motion(together: Together) -> float:
+def _share_beside_a_residual(together: Together) -> float | None:
+    if not together.leaves_a_residual:
+        return None
+    return together.share
+
+
+def _least_over_motion(together: Together) -> float:
     if together.is_scheduled:
         return 1.0
-    return thresholds.HALF if together.beats_trees else thresholds.SIMPLER
+    if together.beats_trees:
+        return thresholds.HALF
+    return thresholds.SIMPLER
 
 
-def _beside_motion(together: Together) -> float:
-    named, by_motion = together.share, together.residual.by_motion
+def _over_motion(together: Together) -> float:
+    by_effects = together.share
+    by_motion = together.residual.by_motion
     if together.is_scheduled:
-        named, by_motion = together.by_schedules, together.schedules_by_motion
-    return named / by_motion if by_motion > 0.0 else float("inf")
+        by_effects = together.by_schedules
+        by_motion = together.schedules_by_motion
+    if by_motion > 0.0:
+        return by_effects / by_motion
+    return float("inf")
 
 
-def _beside_place(together: Together) -> float | None:
+def _place_over_schedule(together: Together) -> float | None:
     if not together.is_scheduled:
         return None
     return together.schedules_by_place / max(together.by_schedules, 1e-300)
@@ -185,43 +249,63 @@ def _beside_place(together: Together) -> float | None:
 def _beyond_channel(together: Together) -> float | None:
     if not together.hides_another_channel:
         return None
-    return together.by_each - together.residual.most.held_out_gain
+    return together.by_each - together.residual.strongest.held_out_gain
 
 
 TOGETHER: tuple[Condition[Together], ...] = (
     Condition(
-        "recorded", "effects, of the first and its rivals, that are maps of a channel which some run lacks",
-        "all", "at most", lambda together: 0.0, "0", "record the channel",
-        lambda together: float(together.unrecorded_channels),
+        name="recorded",
+        asks="effects, of the first and its rivals, that are maps of a channel which some run lacks",
+        applies_to="all",
+        value=lambda together: float(together.unrecorded_channels),
+        side="at most",
+        limit=lambda together: 0.0,
+        limit_in_words="0",
+        origin="record the channel",
     ),
     Condition(
-        "rest", "share of the squared held-out error of the refit that they explain",
-        "effects that leave a residual above noise, which depends on none of the channels of the first", "at least",
-        lambda together: thresholds.HALF, f"{thresholds.HALF:.0%}", "HALF",
-        lambda together: together.share if together.leaves_a_residual else None,
+        name="rest",
+        asks="share of the squared held-out error of the refit that they explain",
+        applies_to="effects that leave a residual above noise, which depends on none of the channels of the first",
+        value=_share_beside_a_residual,
+        side="at least",
+        limit=lambda together: thresholds.HALF,
+        limit_in_words=f"{thresholds.HALF:.0%}",
+        origin="HALF",
     ),
     Condition(
-        "motion together", "what they explain over what trees on the motion and its history explain; "
+        name="motion together",
+        asks="what they explain over what trees on the motion and its history explain; "
         "of a schedule, both beside the effects that channels show",
-        "all", "more than", _least_beside_motion,
-        f"1 of a schedule; otherwise {thresholds.SIMPLER:g}, or {thresholds.HALF:g} if trees on the motion do not "
-        "leave less than half of their squared error on unseen runs",
-        "SIMPLER, HALF",
-        _beside_motion,
+        applies_to="all",
+        value=_over_motion,
+        side="more than",
+        limit=_least_over_motion,
+        limit_in_words=f"1 of a schedule; otherwise {thresholds.SIMPLER:g}, or {thresholds.HALF:g} if trees on the "
+        "motion do not leave less than half of their squared error on unseen runs",
+        origin="SIMPLER, HALF",
     ),
     Condition(
-        "place", "what the place and the height climbed explain over what the schedule explains",
-        "a schedule that is not of the ground", "at most", lambda together: thresholds.HALF,
-        f"{thresholds.HALF:g}", "HALF",
-        _beside_place,
+        name="place",
+        asks="what the place and the height climbed explain over what the schedule explains",
+        applies_to="a schedule that is not of the ground",
+        value=_place_over_schedule,
+        side="at most",
+        limit=lambda together: thresholds.HALF,
+        limit_in_words=f"{thresholds.HALF:g}",
+        origin="HALF",
     ),
     Condition(
-        "channel", "share that they explain, less what the channel explains on which the residual depended most",
-        "effects that this channel shows none of, where the residual still depends on it", "at least",
-        lambda together: 0.0, "0", "the channel is identified before the form",
-        _beyond_channel,
+        name="channel",
+        asks="share that they explain, less what the channel explains on which the residual depended most",
+        applies_to="effects that this channel shows none of, where the residual still depends on it",
+        value=_beyond_channel,
+        side="at least",
+        limit=lambda together: 0.0,
+        limit_in_words="0",
+        origin="the channel is identified before the form",
     ),
-)  # fmt: skip
+)
 
 BEFORE_PLACEBOS = tuple(condition for condition in CONDITIONS if condition.name != "placebo")
 """Those that a rival must meet: that noise would score as high as the named effect is refuted already."""

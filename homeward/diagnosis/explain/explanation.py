@@ -36,24 +36,27 @@ class Explanation:
 def explain(
     fit: Refit,
     runs: Runs,
-    found: list[Dependence],
+    tested: list[Dependence],
     block: Index,
     fold: Index,
     rng: np.random.Generator,
     progress: Callable[[str], None],
-    without: Collection[str] = (),
+    waived: Collection[str] = (),
 ) -> Explanation:
-    """Explain the residual of a refit by `found`, its dependences on channels and time, significant ones first.
+    """Explain the residual of a refit by `tested`, its dependences on channels and time, significant ones first.
 
-    Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each. An empty
-    `found` gives an empty explanation.
+    Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each. Conditions
+    that an experiment has `waived` refuse nothing. An empty `tested` gives an empty explanation.
     """
-    if not found:
+    if not tested:
         return Explanation()
     progress("locating")
-    search = _Search(Residual(fit, runs, found[0], block, fold, rng), found, progress, without)
+    residual = Residual(fit=fit, runs=runs, strongest=tested[0], block=block, by_run=fold, rng=rng)
+    search = _Search(residual, tested, progress, waived)
     naming = search.naming()
-    return search.with_effects(naming) if naming.named else search.without_effects(naming)
+    if naming.named:
+        return search.with_effects(naming)
+    return search.without_effects(naming)
 
 
 @dataclass(frozen=True)
@@ -61,65 +64,84 @@ class _Search:
     """The search for an explanation of a residual."""
 
     residual: Residual
-    found: list[Dependence]
+    tested: list[Dependence]
     progress: Callable[[str], None]
-    without: Collection[str]  # conditions that refuse nothing
+    waived: Collection[str]  # conditions that refuse nothing
 
     def naming(self, varying: bool = True) -> Naming:
         """The effects that meet their own conditions."""
-        its = self.residual
-        return name_missing(its.fit, its.runs, its.block, its.rng, self.progress, varying, self.without)
+        residual = self.residual
+        return name_missing(
+            residual.fit, residual.runs, residual.block, residual.rng, self.progress, varying, self.waived
+        )
 
     @cached_property
     def location(self) -> Location | None:
         """Where the residual depends most on a channel, if it does."""
-        most = self.residual.most
-        return locate(most, self.residual.runs) if most.found else None
+        strongest = self.residual.strongest
+        if not strongest.found:
+            return None
+        return locate(strongest, self.residual.runs)
 
     def with_effects(self, naming: Naming) -> Explanation:
         """The named effects if all together meet their conditions; otherwise what else explains the residual."""
         together = Together(naming, self.residual)
-        checks = judge(together, self.without, TOGETHER)
-        if not passes(checks, self.without):
+        checks = judge(together, self.waived, TOGETHER)
+        if not passes(checks, self.waived):
             return self._refused(together, checks)
         remaining = together.remaining
         return Explanation(replace(naming, together=checks), self.location, remaining=remaining)
 
     def _refused(self, together: Together, checks: tuple[Checked, ...]) -> Explanation:
         """What stands where the named effects do not meet the condition that was checked last."""
-        naming, runs, failed = together.naming, self.residual.runs, checks[-1].condition
-        nothing = replace(naming.nothing_named(), together=checks)
+        runs = self.residual.runs
+        failed = checks[-1].condition
+        nothing_named = replace(together.naming.nothing_named(), together=checks)
         if failed == "recorded" or (failed == "rest" and unrecorded(runs)):
-            return Explanation(replace(nothing, unrecorded=True))
+            return Explanation(replace(nothing_named, unrecorded=True))
         if together.is_scheduled and failed in ("motion together", "place"):
-            # The cause was recorded: what channels show may be nearly all of it.
-            again = self.naming(varying=False)
-            if again.named:
-                shown = Together(again, self.residual)
-                if shown.share >= thresholds.SIMPLER * together.first.held_out_gain:
-                    again = replace(again, ranking=naming.ranking, absorbed=naming.absorbed, together=checks)
-                    return Explanation(again, self.location, remaining=shown.remaining)
+            explanation = self._by_channels(together, checks)
+            if explanation is not None:
+                return explanation
         if not together.is_scheduled:
-            return self.without_effects(nothing)
-        where = self.location or where_at_work(together.first.term, together.corrected.contribution[0], runs)
-        return Explanation(nothing, where, self.residual.formula)
+            return self.without_effects(nothing_named)
+        location = self.location
+        if location is None:
+            location = where_at_work(together.first.term, together.corrected.contribution[0], runs)
+        return Explanation(nothing_named, location, self.residual.formula)
+
+    def _by_channels(self, together: Together, checks: tuple[Checked, ...]) -> Explanation | None:
+        """The effects that channels show, where they explain nearly as much as a refused schedule did.
+
+        The cause of the schedule was recorded, so that they may be nearly all of it.
+        """
+        shown_naming = self.naming(varying=False)
+        if not shown_naming.named:
+            return None
+        shown = Together(shown_naming, self.residual)
+        is_nearly_as_much = shown.share >= thresholds.SIMPLER * together.first.held_out_gain
+        if not is_nearly_as_much:
+            return None
+        naming = _with_scores_of(together.naming, shown_naming, checks)
+        return Explanation(naming, self.location, remaining=shown.remaining)
 
     def without_effects(self, naming: Naming) -> Explanation:
         """What explains the residual where no effect is named."""
-        its = self.residual
-        shown_by = [dependence.channel.name for dependence in self.found if dependence.found]
-        if only_unrecorded_channels(shown_by, its.runs):
+        residual = self.residual
+        shown_by = [dependence.channel.name for dependence in self.tested if dependence.found]
+        if only_unrecorded_channels(shown_by, residual.runs):
             return Explanation(replace(naming, unrecorded=True))
         if self.location is not None:
-            return Explanation(naming, self.location, its.formula)
-        if its.by_motion >= thresholds.HALF:
-            if not is_material(its.fit, its.runs):
+            return Explanation(naming, self.location, residual.formula)
+        if residual.by_motion >= thresholds.HALF:
+            if not is_material(residual.fit, residual.runs):
                 return Explanation(naming)
             # Where most of what motion explains shows.
-            return Explanation(naming, locate(its.most, its.runs), its.formula)
-        in_time = [dependence for dependence in self.found if dependence.channel.name == "time_s"]
-        if in_time and unexplained(its.fit, its.runs):
-            return Explanation(naming, locate(in_time[0], its.runs))
+            location = locate(residual.strongest, residual.runs)
+            return Explanation(naming, location, residual.formula)
+        in_time = [dependence for dependence in self.tested if dependence.channel.name == "time_s"]
+        if in_time and unexplained(residual.fit, residual.runs):
+            return Explanation(naming, locate(in_time[0], residual.runs))
         return Explanation(self._instead_of_parameters(naming))
 
     def _instead_of_parameters(self, naming: Naming) -> Naming:
@@ -127,16 +149,24 @@ class _Search:
 
         It is tried where the refit absorbs all that is missing.
         """
-        its = self.residual
-        taken_up = not is_material(its.fit, its.runs) or times_noise(its.fit, its.runs) <= 1.0
-        held = needless(its.fit, its.runs) if taken_up else None
-        if held is None:
+        fit = self.residual.fit
+        runs = self.residual.runs
+        is_absorbed = not is_material(fit, runs) or times_noise(fit, runs) <= 1.0
+        if not is_absorbed:
             return naming
-        restricted = replace(its, fit=holding(its.fit, its.runs, held))
-        again = replace(self, residual=restricted).naming(varying=False)
-        if not again.named:
+        needless_groups = needless(fit, runs)
+        if needless_groups is None:
             return naming
-        checks = judge(Together(again, restricted), self.without, TOGETHER)
-        if not passes(checks, self.without):
+        restricted = replace(self.residual, fit=holding(fit, runs, needless_groups))
+        effects_instead = replace(self, residual=restricted).naming(varying=False)
+        if not effects_instead.named:
             return naming
-        return replace(again, ranking=naming.ranking, absorbed=naming.absorbed, together=checks)
+        checks = judge(Together(effects_instead, restricted), self.waived, TOGETHER)
+        if not passes(checks, self.waived):
+            return naming
+        return _with_scores_of(naming, effects_instead, checks)
+
+
+def _with_scores_of(scored: Naming, naming: Naming, checks: tuple[Checked, ...]) -> Naming:
+    """A second naming with the scores of the first, in which all hypotheses were tried."""
+    return replace(naming, ranking=scored.ranking, absorbed=scored.absorbed, together=checks)

@@ -22,7 +22,7 @@ from homeward.logs.channels import Array, Index, Mask
 MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
 """Channels of the robot's motion; place and time are left out, as they may be confounded with any change."""
 
-_REMEMBERS_S = (10.0, 30.0, 100.0, 300.0)  # time constants, from a converter to a gearbox; chosen: about threefold each
+_TIME_CONSTANTS_S = (10.0, 30.0, 100.0, 300.0)  # from a converter to a gearbox; chosen: about threefold each
 
 
 def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: Index) -> float:
@@ -31,18 +31,20 @@ def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: Index) -> float:
 
 
 def _held_out_error(model: Fitted, runs: Runs, fold: Index) -> float:
-    residual = runs.observed - held_out(lambda chosen: model.fitted_to(chosen, runs.observed).predicted, fold)
+    """Squared error of a model, held out by fold and summed over windows."""
+    residual = runs.observed - held_out(lambda training: model.fitted_to(training, runs.observed).predicted, fold)
     return float(residual @ residual)
 
 
 def motion_gain(fit: Fitted, runs: Runs, fold: Index, rng: Generator) -> float:
     """Share of a model's squared error, held out by fold, that trees on the motion and its history explain."""
-    return _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, MOTION, _history(fit, runs)))
+    error = _error_of_trees(fit, runs, fold, rng, channels=MOTION, features=_history(fit, runs))
+    return _gain(fit, runs, fold, error)
 
 
-def _gain(fit: Fitted, runs: Runs, fold: Index, after: float) -> float:
-    """Share of a fit's squared held-out error that is gone where `after` is left."""
-    return 1.0 - after / max(_held_out_error(fit, runs, fold), 1e-300)
+def _gain(fit: Fitted, runs: Runs, fold: Index, remaining_error: float) -> float:
+    """Share of a fit's squared held-out error that is gone where `remaining_error` remains."""
+    return 1.0 - remaining_error / max(_held_out_error(fit, runs, fold), 1e-300)
 
 
 def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> float:
@@ -53,12 +55,15 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> 
     history of the motion is confounded with time: in fewer runs, stretches are held out, cut from each `block`, of
     shape (windows,), and motion must explain nearly as much.
     """
-    fold, by = cut_folds(runs, block)
+    fold, held_out_by = cut_folds(runs, block)
     by_motion = motion_gain(fit, runs, fold, rng)
-    if by == "block":
+    if held_out_by == "block":
         return by_motion / thresholds.NEARLY_ALL
-    by_clock = _gain(fit, runs, fold, _by_trees(fit, runs, fold, rng, (), [runs.elapsed_s]))
-    return by_motion / thresholds.HALF if by_motion > by_clock else 0.0
+    error_by_clock = _error_of_trees(fit, runs, fold, rng, channels=(), features=[runs.elapsed_s])
+    by_clock = _gain(fit, runs, fold, error_by_clock)
+    if by_motion > by_clock:
+        return by_motion / thresholds.HALF
+    return 0.0
 
 
 def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
@@ -66,40 +71,61 @@ def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
 
     What changes in the same places on other days does not depend on time. 0 of fewer than three runs.
     """
-    place_m, sine = runs.context.get("place_m"), np.sin(runs.context.get("grade_rad", np.zeros(len(runs.run))))
-    if place_m is None or len(runs.signals) < thresholds.FEWEST_RUNS:
+    if "place_m" not in runs.context or len(runs.signals) < thresholds.FEWEST_RUNS:
         return 0.0
-    climbed_m = np.nan_to_num(sine) * runs.context["speed_mps"] * runs.duration_s
+    fold = runs.run
+    features = [_climbed_m(runs)]
+    error = _error_of_trees(fit, runs, fold, rng, channels=("place_m",), features=features)
+    return _gain(fit, runs, fold, error)
+
+
+def _climbed_m(runs: Runs) -> Array:
+    """Height climbed since the start of each run, m, shape (windows,); level where the grade is unknown."""
+    grade_rad = runs.context.get("grade_rad", np.zeros(len(runs.run)))
+    rate_of_climb = np.nan_to_num(np.sin(grade_rad)) * runs.context["speed_mps"]
+    climbed_m = rate_of_climb * runs.duration_s
     for run in range(len(runs.signals)):
-        climbed_m[runs.run == run] = np.cumsum(climbed_m[runs.run == run])
-    return _gain(fit, runs, runs.run, _by_trees(fit, runs, runs.run, rng, ("place_m",), [climbed_m]))
+        in_run = runs.run == run
+        climbed_m[in_run] = np.cumsum(climbed_m[in_run])
+    return climbed_m
 
 
 def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, rng: Generator) -> bool:
     """Whether trees on the present motion, beside a fit, leave less than half of the squared error of a model with
     effects, held out by fold, shape (windows,): by run, where there are enough."""
-    return _by_trees(fit, runs, fold, rng, MOTION) < thresholds.HALF * _held_out_error(named, runs, fold)
+    error = _error_of_trees(fit, runs, fold, rng, channels=MOTION)
+    return error < thresholds.HALF * _held_out_error(named, runs, fold)
 
 
-def _by_trees(
-    fit: Fitted, runs: Runs, fold: Index, rng: Generator, channels: Sequence[str], beside: Sequence[Array] = ()
+def _error_of_trees(
+    fit: Fitted, runs: Runs, fold: Index, rng: Generator, channels: Sequence[str], features: Sequence[Array] = ()
 ) -> float:
-    """Held-out squared error of boosted trees on channels and further features, beside a fit."""
+    """Held-out squared error of boosted trees on channels and further features, (windows,) each, beside a fit."""
 
-    def predicted(chosen: Mask) -> Array:
-        return black_box(runs, fit.fitted_to(chosen, runs.observed).predicted, chosen, rng, channels, beside)
+    def predict(training: Mask) -> Array:
+        by_fit = fit.fitted_to(training, runs.observed).predicted
+        return black_box(runs, by_fit, training, rng, channels, features)
 
-    return float(((runs.observed - held_out(predicted, fold)) ** 2).sum())
+    residual = runs.observed - held_out(predict, fold)
+    return float((residual**2).sum())
 
 
 def _history(fit: Fitted, runs: Runs) -> list[Array]:
     """Load and speed after first-order low-pass filters of several time constants: heat, wetness, stirred-up ground."""
-    each = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
+    speed_mps = np.abs(runs.context["speed_mps"])
+    return [
+        _low_pass(values, time_constant_s, runs)
+        for values in (fit.predicted, speed_mps)
+        for time_constant_s in _TIME_CONSTANTS_S
+    ]
 
-    def remembered(values: Array, constant_s: float) -> Array:
-        kept = [float(np.exp(-float(np.median(runs.duration_s[own])) / constant_s)) for own in each]
-        parts = (lfilter([1.0 - keep], [1.0, -keep], values[own]) for own, keep in zip(each, kept, strict=True))
-        return np.concatenate(list(parts))
 
-    loads = fit.predicted, np.abs(runs.context["speed_mps"])
-    return [remembered(values, constant_s) for values in loads for constant_s in _REMEMBERS_S]
+def _low_pass(values: Array, time_constant_s: float, runs: Runs) -> Array:
+    """First-order low-pass of values, shape (windows,), that starts at zero in each run."""
+    filtered = []
+    for run in np.unique(runs.run):
+        in_run = runs.run == run
+        window_s = float(np.median(runs.duration_s[in_run]))
+        pole = float(np.exp(-window_s / time_constant_s))
+        filtered.append(lfilter([1.0 - pole], [1.0, -pole], values[in_run]))
+    return np.concatenate(filtered)

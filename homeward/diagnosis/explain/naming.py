@@ -214,7 +214,7 @@ class _Search:
         forms = [_with_plain(candidate.bench, candidate.index) for candidate in candidates]
         together = self._fitted([*before.effects.terms, *forms])
         candidates = [
-            replace(candidate, with_it=together, at=partial(self._at, candidate.bench, candidate.index))
+            replace(candidate, with_it=together, find=partial(self._at, candidate.bench, candidate.index))
             for candidate in candidates
         ]
         checked = []
@@ -323,7 +323,7 @@ class _Search:
                 continue
             with_it = EffectSet(each.model, self.runs, self.block, self.rng)
             at = partial(self._at, named.bench, each.added[0])
-            rival = replace(named, place=len(named.without.terms), with_it=with_it, at=at)
+            rival = replace(named, place=len(named.without.terms), with_it=with_it, find=at)
             if passes(judge(rival, self.without, BEFORE_PLACEBOS), self.without):
                 rivals.setdefault(form.effect, _with_plain(named.bench, each.added[0]))
         return tuple(rivals.values())

@@ -34,7 +34,7 @@ class Residual:
 
     fit: Refit
     runs: Runs
-    most: Dependence  # with the largest gain
+    strongest: Dependence  # with the largest gain
     block: Index  # (windows,): windows of one block are dependent
     by_run: Index  # (windows,): whole runs that are held out together, where there are enough
     rng: Generator
@@ -100,17 +100,18 @@ class Together:
     @property
     def unrecorded_channels(self) -> int:
         """How many of the first and its rivals are maps of a channel that some run lacks."""
-        meant = (self.first.term, *self.first.rivals)
-        return sum(lacks_its_channel(term.hypothesis, self.runs) for term in meant)
+        possible = (self.first.term, *self.first.rivals)
+        return sum(lacks_its_channel(term.hypothesis, self.runs) for term in possible)
 
     @cached_property
     def leaves_a_residual(self) -> bool:
         """Whether a residual is left that noise does not explain and the channels of the first do not show."""
-        most = self.residual.most
-        if most.found and most.channel.name in self.first.term.hypothesis.channels:
+        strongest = self.residual.strongest
+        if strongest.found and strongest.channel.name in self.first.term.hypothesis.channels:
             return False
         if unrecorded(self.runs):
-            return is_autocorrelated(self.runs.observed - self.corrected.predicted, self.runs)
+            remaining = self.runs.observed - self.corrected.predicted
+            return is_autocorrelated(remaining, self.runs)
         return unexplained(self.corrected, self.runs)
 
     @cached_property
@@ -126,14 +127,17 @@ class Together:
         shown = [term for term in self.corrected.model.terms if term.axis != "time"]
         if not shown:
             return residual.fit
-        held = holding(residual.fit, self.runs, self.corrected.groups.held)
-        return fit_model(held, shown, self.runs, residual.block)
+        fit = holding(residual.fit, self.runs, self.corrected.groups.held)
+        return fit_model(fit, shown, self.runs, residual.block)
 
     @cached_property
     def by_schedules(self) -> float:
         """Share of what the effects that channels show leave that those with a schedule explain."""
         share = explained(self._beside_channels, self.corrected, self.runs, self.residual.fold)
-        return share if self._beside_channels is not self.residual.fit else max(self.first.held_out_gain, share)
+        no_channel_shows_any = self._beside_channels is self.residual.fit
+        if no_channel_shows_any:
+            return max(self.first.held_out_gain, share)
+        return share
 
     @cached_property
     def schedules_by_motion(self) -> float:
@@ -150,13 +154,14 @@ class Together:
     @cached_property
     def remaining(self) -> RemainingDependence | None:
         """The residual that they leave where, by the test of the refit's, it depends on a channel."""
-        runs, residual = self.runs, self.residual
-        blocks = independent_blocks(self.corrected, runs)
-        most = dependences(self.corrected, runs, blocks, residual.by_run, residual.rng)[0]
-        if not most.found or most.channel.name == "time_s":
+        by_run = self.residual.by_run
+        rng = self.residual.rng
+        blocks = independent_blocks(self.corrected, self.runs)
+        strongest = dependences(self.corrected, self.runs, blocks, by_run, rng)[0]
+        if not strongest.found or strongest.channel.name == "time_s":
             return None
-        formula = propose(self.corrected, runs, blocks.channels, residual.by_run, residual.rng)
-        return RemainingDependence(most.channel.name, locate(most, runs), formula)
+        formula = propose(self.corrected, self.runs, blocks.channels, by_run, rng)
+        return RemainingDependence(strongest.channel.name, locate(strongest, self.runs), formula)
 
     @property
     def hides_another_channel(self) -> bool:
@@ -164,17 +169,22 @@ class Together:
 
         A state of charge that falls in every run is confounded with time.
         """
-        most = self.residual.most
-        if not most.found or most.channel.name == "soc" or self.remaining is None:
+        strongest = self.residual.strongest
+        channel = strongest.channel.name
+        if not strongest.found or channel == "soc" or self.remaining is None:
             return False
-        meant: list[Term] = [term for effect in self.naming.named for term in (effect.term, *effect.rivals)]
-        covered = {channel for term in meant for channel in term.hypothesis.channels}
-        return most.channel.name not in covered and self.remaining.channel == most.channel.name
+        if self.remaining.channel != channel:
+            return False
+        possible: list[Term] = []
+        for effect in self.naming.named:
+            possible += [effect.term, *effect.rivals]
+        return not any(channel in term.hypothesis.channels for term in possible)
 
     @property
     def by_each(self) -> float:
         """Share of the residual that they explain one after the other."""
-        return 1.0 - float(np.prod([1.0 - effect.held_out_gain for effect in self.naming.named]))
+        remaining = [1.0 - effect.held_out_gain for effect in self.naming.named]
+        return 1.0 - float(np.prod(remaining))
 
 
 def lacks_its_channel(hypothesis: Hypothesis, runs: Runs) -> bool:
@@ -185,4 +195,7 @@ def lacks_its_channel(hypothesis: Hypothesis, runs: Runs) -> bool:
 def only_unrecorded_channels(shown_by: list[str], runs: Runs) -> bool:
     """Whether effects of channels that some run lacks would explain a dependence on all these channels."""
     lacking = [effect for effect in CATALOGUE.values() if lacks_its_channel(effect, runs)]
-    return bool(shown_by) and {*shown_by} <= {channel for effect in lacking for channel in effect.channels}
+    if not shown_by:
+        return False
+    unrecorded_channels = {channel for effect in lacking for channel in effect.channels}
+    return set(shown_by) <= unrecorded_channels
