@@ -42,28 +42,44 @@ class Manoeuvre:
     switched_on: Array | float = 1.0  # 0: everything is off
     known_mass: Array | float = 0.0  # carried on top, over the robot's own
     step_s: Array | float = 1.0
-    there: Mapping[str, Array | float] = field(default_factory=dict)  # share of the recordings' load, ground, route
+    present: Mapping[str, Array | float] = field(default_factory=dict)  # share of the recordings' load, ground, route
 
     def signals(self, robot: Robot, unit: Unit, mean_c: float) -> Signals:
         """The drive of a robot as a recording; headings count from where the wind comes from."""
-        fastest, steps_s = robot.max_speed_mps, _each(self.step_s)
-        time_s = np.concatenate([[0.0], np.cumsum(steps_s[:-1])])
-        speed, sensing_hz = fastest * _each(self.speed), robot.max_sensing_hz * _each(self.sensing)
-        turning = _each(self.turning) * (fastest / robot.track_m if robot.track_m > 0.0 else 1.0)
-        heading = _ACROSS_RAD + np.cumsum(turning * steps_s) if self.heading_rad is None else self.heading_rad
+        step_s = _per_sample(self.step_s)
+        time_s = np.concatenate([[0.0], np.cumsum(step_s[:-1])])
+        speed_mps = robot.max_speed_mps * _per_sample(self.speed)
+        sensing_hz = robot.max_sensing_hz * _per_sample(self.sensing)
+        # Wheels at half of the top speed, in opposite directions; without a track width a rate of its own.
+        fastest_turn_radps = robot.max_speed_mps / robot.track_m if robot.track_m > 0.0 else 1.0
+        turning_radps = _per_sample(self.turning) * fastest_turn_radps
+        heading_rad = self.heading_rad
+        if heading_rad is None:
+            heading_rad = _ACROSS_RAD + np.cumsum(turning_radps * step_s)
+        temperature_c = mean_c if self.temperature_c is None else self.temperature_c
         return Signals(
-            "menu", unit, time_s, speed, np.gradient(speed, time_s), _each(self.grade_rad), sensing_hz,
-            turning + self.yaw_rate_radps, _each(mean_c if self.temperature_c is None else self.temperature_c),
-            fastest * _each(self.base_distance_s), np.ones(SAMPLES), np.zeros(SAMPLES),
-            {"speed_mps": speed, "sensing_hz": sensing_hz, "heading_rad": heading},
-        )  # fmt: skip
+            name="menu",
+            unit=unit,
+            time_s=time_s,
+            speed_mps=speed_mps,
+            accel_mps2=np.gradient(speed_mps, time_s),
+            grade_rad=_per_sample(self.grade_rad),
+            sensing_hz=sensing_hz,
+            yaw_rate_radps=turning_radps + self.yaw_rate_radps,
+            temperature_c=_per_sample(temperature_c),
+            base_distance_m=robot.max_speed_mps * _per_sample(self.base_distance_s),
+            direction=np.ones(SAMPLES),
+            observed=np.zeros(SAMPLES),
+            context={"speed_mps": speed_mps, "sensing_hz": sensing_hz, "heading_rad": heading_rad},
+        )
 
 
 class Drive:
     """A manoeuvre of the refitted robot: its simulated recording, without any effect and with some."""
 
     def __init__(self, fit: Refit, manoeuvre: Manoeuvre, unit: Unit, mean_c: float) -> None:
-        self.fit, self.manoeuvre = fit, manoeuvre
+        self.fit = fit
+        self.manoeuvre = manoeuvre
         self.runs = average([manoeuvre.signals(fit.parameters.nominal, unit, mean_c)])
         self.plain = self.predict(fit.theta)
 
@@ -72,63 +88,126 @@ class Drive:
 
         A hidden slope is on the route where it was found, and not on chosen level ground.
         """
-        return 1.0 if what is None else {"route": 0.0, **self.manoeuvre.there}.get(what, 1.0)
+        if what is None:
+            return 1.0
+        present = {"route": 0.0, **self.manoeuvre.present}
+        return present.get(what, 1.0)
 
     def predict(self, theta: Array, extra: WithEffects | None = None) -> Array:
         """Simulated power, W, or current, A, shape (samples,); zero where everything is off."""
-        predict = self.fit.parameters.predict
-        power, on_top = predict(self.runs, theta, extra), self.manoeuvre.known_mass
-        if np.any(on_top):
-            loaded, on_top_kg = theta.copy(), KNOWN_MASS * self.fit.parameters.nominal.mass_kg
-            loaded[ROLLING] *= 1.0 + on_top_kg / theta[MASS]
-            loaded[MASS] += on_top_kg
-            power = np.where(np.greater(on_top, 0.0), predict(self.runs, loaded, extra), power)
+        parameters = self.fit.parameters
+        power = parameters.predict(self.runs, theta, extra)
+        is_loaded = np.greater(self.manoeuvre.known_mass, 0.0)
+        if np.any(is_loaded):
+            on_top_kg = KNOWN_MASS * parameters.nominal.mass_kg
+            loaded_theta = theta.copy()
+            loaded_theta[ROLLING] *= 1.0 + on_top_kg / theta[MASS]  # C_rr stays as it is
+            loaded_theta[MASS] += on_top_kg
+            power = np.where(is_loaded, parameters.predict(self.runs, loaded_theta, extra), power)
         return power * self.manoeuvre.switched_on
 
 
-def _each(level: Array | float) -> Array:
+def _per_sample(level: Array | float) -> Array:
     return np.full(SAMPLES, level, dtype=np.float64)
 
 
-def _held(*levels: float, times: int = 1) -> Array:
-    """Levels held in turn for equally long, the whole series some times over."""
+def _in_turn(*levels: float, times: int = 1) -> Array:
+    """Levels in turn, each for equally long, the whole series some times over."""
     series = np.tile(levels, times)
-    return np.asarray(series[np.arange(SAMPLES) * len(series) // SAMPLES], dtype=np.float64)
+    index = np.arange(SAMPLES) * len(series) // SAMPLES
+    return np.asarray(series[index], dtype=np.float64)
 
 
 _STOP_AND_GO = np.tile([0.0, 0.0, 0.5, 1.0, 1.0, 0.5], SAMPLES // 6)  # speeding up and slowing down within two seconds
 _OUT_AND_BACK = np.minimum(np.arange(SAMPLES), SAMPLES - 1 - np.arange(SAMPLES))
 
 MENU = (
-    Manoeuvre("three_speeds", "drive straight over level ground, slowly, at medium and at top speed, with stops",
-              speed=_held(0.0, 0.35, 0.7, 1.0, times=3)),
-    Manoeuvre("stop_and_go", "stop and go: speed up and brake as hard as the robot can, again and again",
-              speed=_STOP_AND_GO),
-    Manoeuvre("on_the_spot", "turn on the spot, or as tightly as the robot can, both ways, slowly and fast",
-              turning=_held(0.0, 1.0, -1.0, 0.5, -0.5, times=3)),
-    Manoeuvre("figure_eight", "drive figures of eight at half speed on level ground",
-              speed=0.5, turning=_held(0.5, -0.5, times=10)),
-    Manoeuvre("slope", "drive up and down slopes of known angle, a gentle one and a steep one, at two speeds",
-              speed=_held(0.4, 0.7), grade_rad=_held(0.0, 0.05, -0.05, 0.1, -0.1, times=2)),
-    Manoeuvre("both_ways", "drive the same level straight both ways, into the wind and with it, at two speeds",
-              speed=_held(0.5, 1.0), heading_rad=_held(0.0, np.pi, times=5)),
-    Manoeuvre("on_and_off", "stand with everything switched on, then with everything off, a few times",
-              sensing=_held(1.0, 0.0, times=3), switched_on=_held(1.0, 0.0, times=3)),
-    Manoeuvre("sweep", "stand and step the sensing rate from zero to its maximum",
-              sensing=_held(0.0, 0.25, 0.5, 0.75, 1.0, times=2)),
-    Manoeuvre("known_mass", "drive the same straight as it is, then with all load off, then with a known mass on top",
-              speed=0.7, known_mass=_held(0.0, 0.0, KNOWN_MASS), there={"load": _held(1.0, 0.0, 0.0)}),
-    Manoeuvre("full_load", "drive at top speed for an hour, starting with cold motors",
-              speed=1.0, step_s=3600.0 / SAMPLES),
-    Manoeuvre("cold_and_warm", "stand and drive the same way on a cold morning and at a warm noon",
-              speed=_held(0.0, 0.7, times=2), temperature_c=_held(0.0, 30.0)),
-    Manoeuvre("long_pause", "drive the same route twice with a pause of an hour or more in between",
-              speed=_held(1.0, 0.0, 1.0), step_s=_held(12.0, 36.0, 12.0), there={"route": 1.0}),
-    Manoeuvre("far_and_back", "drive the same route far out from base and back",
-              speed=0.7, step_s=6.0, base_distance_s=0.7 * 6.0 * _OUT_AND_BACK, heading_rad=_held(0.0, np.pi),
-              there={"route": 1.0}),
-    Manoeuvre("other_ground", "drive the same loop here and then on other ground",
-              speed=0.5, yaw_rate_radps=10.0 * np.pi / SAMPLES, heading_rad=np.linspace(0.0, 10.0 * np.pi, SAMPLES),
-              there={"ground": _held(1.0, 0.0), "route": _held(1.0, 0.0)}),
-)  # fmt: skip
+    Manoeuvre(
+        id="three_speeds",
+        sentence="drive straight over level ground, slowly, at medium and at top speed, with stops",
+        speed=_in_turn(0.0, 0.35, 0.7, 1.0, times=3),
+    ),
+    Manoeuvre(
+        id="stop_and_go",
+        sentence="stop and go: speed up and brake as hard as the robot can, again and again",
+        speed=_STOP_AND_GO,
+    ),
+    Manoeuvre(
+        id="on_the_spot",
+        sentence="turn on the spot, or as tightly as the robot can, both ways, slowly and fast",
+        turning=_in_turn(0.0, 1.0, -1.0, 0.5, -0.5, times=3),
+    ),
+    Manoeuvre(
+        id="figure_eight",
+        sentence="drive figures of eight at half speed on level ground",
+        speed=0.5,
+        turning=_in_turn(0.5, -0.5, times=10),
+    ),
+    Manoeuvre(
+        id="slope",
+        sentence="drive up and down slopes of known angle, a gentle one and a steep one, at two speeds",
+        speed=_in_turn(0.4, 0.7),
+        grade_rad=_in_turn(0.0, 0.05, -0.05, 0.1, -0.1, times=2),
+    ),
+    Manoeuvre(
+        id="both_ways",
+        sentence="drive the same level straight both ways, into the wind and with it, at two speeds",
+        speed=_in_turn(0.5, 1.0),
+        heading_rad=_in_turn(0.0, np.pi, times=5),
+    ),
+    Manoeuvre(
+        id="on_and_off",
+        sentence="stand with everything switched on, then with everything off, a few times",
+        sensing=_in_turn(1.0, 0.0, times=3),
+        switched_on=_in_turn(1.0, 0.0, times=3),
+    ),
+    Manoeuvre(
+        id="sweep",
+        sentence="stand and step the sensing rate from zero to its maximum",
+        sensing=_in_turn(0.0, 0.25, 0.5, 0.75, 1.0, times=2),
+    ),
+    Manoeuvre(
+        id="known_mass",
+        sentence="drive the same straight as it is, then with all load off, then with a known mass on top",
+        speed=0.7,
+        known_mass=_in_turn(0.0, 0.0, KNOWN_MASS),
+        present={"load": _in_turn(1.0, 0.0, 0.0)},
+    ),
+    Manoeuvre(
+        id="full_load",
+        sentence="drive at top speed for an hour, starting with cold motors",
+        speed=1.0,
+        step_s=3600.0 / SAMPLES,
+    ),
+    Manoeuvre(
+        id="cold_and_warm",
+        sentence="stand and drive the same way on a cold morning and at a warm noon",
+        speed=_in_turn(0.0, 0.7, times=2),
+        temperature_c=_in_turn(0.0, 30.0),
+    ),
+    Manoeuvre(
+        id="long_pause",
+        sentence="drive the same route twice with a pause of an hour or more in between",
+        speed=_in_turn(1.0, 0.0, 1.0),
+        step_s=_in_turn(12.0, 36.0, 12.0),
+        present={"route": 1.0},
+    ),
+    Manoeuvre(
+        id="far_and_back",
+        sentence="drive the same route far out from base and back",
+        speed=0.7,
+        step_s=6.0,
+        base_distance_s=0.7 * 6.0 * _OUT_AND_BACK,
+        heading_rad=_in_turn(0.0, np.pi),
+        present={"route": 1.0},
+    ),
+    Manoeuvre(
+        id="other_ground",
+        sentence="drive the same loop here and then on other ground",
+        speed=0.5,
+        yaw_rate_radps=10.0 * np.pi / SAMPLES,
+        heading_rad=np.linspace(0.0, 10.0 * np.pi, SAMPLES),
+        present={"ground": _in_turn(1.0, 0.0), "route": _in_turn(1.0, 0.0)},
+    ),
+)
 """Everything that may be advised, quick ones first."""

@@ -38,25 +38,38 @@ class Location:
 
 def locate(dependence: Dependence, runs: Runs) -> Location:
     """Find the split of a channel's values that separates the excess best, and describe it in words."""
-    if dependence.channel.name == "time_s":
+    channel = dependence.channel
+    if channel.name == "time_s":
         return _locate_in_time(dependence, runs)
-    known = dependence.bin >= 0
-    weight = np.bincount(dependence.bin[known], minlength=len(dependence.effect)).astype(np.float64) + 1e-9
-    split, above = _best_split(dependence.effect, weight)
+    recorded = dependence.bin >= 0
+    # A trace of a window in each bin: an empty one does not divide by zero.
+    windows = np.bincount(dependence.bin[recorded], minlength=len(dependence.effect)).astype(np.float64) + 1e-9
+    split, above = _best_split(dependence.effect, windows)
     # The mean of the two bin centres: the common edge may lie in the noise around a frequent value.
     limit = float(dependence.centre[split - 1 : split + 1].mean())
-    channel = dependence.channel
     values = np.nan_to_num(runs.context[channel.name])
     if channel.magnitude:
         values = np.abs(values)
-    inside = known & (values > limit if above else values < limit)
-    condition = _words(channel, above, limit)
-    outside = np.delete(np.arange(len(weight)), np.s_[split:] if above else np.s_[:split])
-    rest = np.average(dependence.effect[outside], weights=weight[outside])
-    excess = np.where(known, dependence.effect[dependence.bin] - rest, 0.0) * dependence.weight
+    inside = recorded & _beyond(values, limit, above)
+    bins = np.arange(len(windows))
+    outside = bins < split if above else bins >= split
+    level_of_rest = np.average(dependence.effect[outside], weights=windows[outside])
+    excess = np.where(recorded, dependence.effect[dependence.bin] - level_of_rest, 0.0) * dependence.weight
+    words = _words(channel, above, limit)
+    share = _shares(excess, runs) * inside
     return Location(
-        condition, inside, excess, _cut(inside, _shares(excess, runs) * inside, runs, condition, pause_s=np.inf)
+        condition=words,
+        inside=inside,
+        excess=excess,
+        places=_cut(inside, share, runs, words, pause_s=np.inf),
     )
+
+
+def _beyond(values: Array, limit: float, above: bool) -> Mask:
+    """Whether values are above a limit or, if not `above`, below it."""
+    if above:
+        return values > limit
+    return values < limit
 
 
 def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
@@ -65,12 +78,22 @@ def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
 
     The chosen side is the rarer one if the other is twice as large, or else the one where more is drawn than predicted.
     """
-    low, below = np.cumsum(weight), np.cumsum(weight * effect)
-    high = low[-1] - low[:-1]
-    difference = (below[-1] - below[:-1]) / high - below[:-1] / low[:-1]
-    k = int(np.argmax(low[:-1] * high * difference**2))
-    is_exception = thresholds.TWICE * min(low[k], high[k]) < max(low[k], high[k])
-    return k + 1, bool(high[k] < low[k] if is_exception else difference[k] > 0.0)
+    weights = np.cumsum(weight)
+    sums = np.cumsum(weight * effect)
+    weight_below = weights[:-1]
+    weight_above = weights[-1] - weight_below
+    mean_above = (sums[-1] - sums[:-1]) / weight_above
+    mean_below = sums[:-1] / weight_below
+    difference = mean_above - mean_below
+    between_sides = weight_below * weight_above * difference**2
+    last_below = int(np.argmax(between_sides))
+
+    size_below = weight_below[last_below]
+    size_above = weight_above[last_below]
+    # A clear minority is the condition, whether it draws more or less.
+    is_exception = thresholds.TWICE * min(size_below, size_above) < max(size_below, size_above)
+    upper = size_above < size_below if is_exception else difference[last_below] > 0.0
+    return last_below + 1, bool(upper)
 
 
 def _plain(value: float) -> str:
@@ -84,51 +107,87 @@ def _plain(value: float) -> str:
 
 def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
     """The stretches of each run that lie furthest from the level of all runs."""
-    effect, number = dependence.effect, dependence.bin
-    weight = np.bincount(number, minlength=len(effect)).astype(np.float64)
-    middle = float(np.quantile(effect, 0.5, weights=weight, method="inverted_cdf"))
-    spread = effect - middle
-    far = np.abs(spread) > thresholds.HALF * np.max(np.abs(spread))
-    rest = np.average(effect[~far], weights=weight[~far]) if (~far).any() else middle
-    excess = (effect - rest)[number] * dependence.weight
-    inside = far[number]
-    return Location("in some stretches of time", inside, excess, _cut(inside, _shares(excess, runs), runs, None))
+    effect = dependence.effect
+    windows = np.bincount(dependence.bin, minlength=len(effect)).astype(np.float64)
+    median = float(np.quantile(effect, 0.5, weights=windows, method="inverted_cdf"))
+    deviation = np.abs(effect - median)
+    far = deviation > thresholds.HALF * np.max(deviation)
+    near = ~far
+    level_of_rest = np.average(effect[near], weights=windows[near]) if near.any() else median
+    excess = (effect - level_of_rest)[dependence.bin] * dependence.weight
+    inside = far[dependence.bin]
+    return Location(
+        condition="in some stretches of time",
+        inside=inside,
+        excess=excess,
+        places=_cut(inside, _shares(excess, runs), runs, condition=None),
+    )
 
 
 def stretches(inside: Mask, runs: Runs, pause_s: float = 0.0) -> Iterator[tuple[int, slice]]:
     """Run and windows of each stretch; a stretch continues over pauses that are shorter than this."""
     for run in range(len(runs.signals)):
-        here = np.flatnonzero(inside & (runs.run == run))
-        ends = np.flatnonzero((np.diff(here) > 1) & (np.diff(runs.time_s[here]) >= pause_s))
-        for part in np.split(here, ends + 1) if len(here) else ():
-            yield run, slice(int(part[0]), int(part[-1]) + 1)
+        windows = np.flatnonzero(inside & (runs.run == run))
+        if not len(windows):
+            continue
+        is_interrupted = np.diff(windows) > 1
+        is_pause = np.diff(runs.time_s[windows]) >= pause_s
+        last_of_stretch = np.flatnonzero(is_interrupted & is_pause)
+        for stretch in np.split(windows, last_of_stretch + 1):
+            yield run, slice(int(stretch[0]), int(stretch[-1]) + 1)
 
 
 def _shares(excess: Array, runs: Runs) -> Array:
     """Share of each window in the energy (or charge) of an excess, shape (windows,)."""
     energy = np.abs(excess * runs.duration_s)
-    return np.asarray(energy / (float(energy.sum()) or 1.0))
+    total = float(energy.sum())
+    if total == 0.0:
+        return np.zeros(len(energy))
+    return np.asarray(energy / total)
 
 
 def _cut(
-    inside: Mask, share: Array, runs: Runs, condition: str | None, pause_s: float = 0.0, edge: float = 0.0
+    inside: Mask, share: Array, runs: Runs, condition: str | None, pause_s: float = 0.0, to_edges: bool = False
 ) -> tuple[Place, ...]:
-    """Each stretch with its share of the excess; from the middle of its first window or, if `edge` is 1, its start."""
-    half_s, places = edge * runs.duration_s / 2.0, []
-    for run, part in stretches(inside, runs, pause_s):
-        start_s, end_s = float((runs.time_s - half_s)[part][0]), float((runs.time_s + half_s)[part][-1])
-        words = _when(start_s, end_s, runs, runs.run == run) if condition is None else condition
-        places.append(Place(runs.names[run], start_s, end_s, words, float(share[part].sum())))
-    return tuple(places)
+    """Each stretch with its share of the excess, from the middle of its first window to that of its last or, if
+    `to_edges`, from edge to edge."""
+    start_s, end_s = runs.time_s, runs.time_s
+    if to_edges:
+        start_s = runs.time_s - runs.duration_s / 2.0
+        end_s = runs.time_s + runs.duration_s / 2.0
+    located = []
+    for run, stretch in stretches(inside, runs, pause_s):
+        first_s = float(start_s[stretch][0])
+        last_s = float(end_s[stretch][-1])
+        words = condition
+        if words is None:
+            words = _when(first_s, last_s, runs, runs.run == run)
+        place = Place(
+            recording=runs.names[run],
+            start_s=first_s,
+            end_s=last_s,
+            condition=words,
+            share_of_excess=float(share[stretch].sum()),
+        )
+        located.append(place)
+    return tuple(located)
 
 
-def _when(start_s: float, end_s: float, runs: Runs, here: Mask) -> str:
+def _when(start_s: float, end_s: float, runs: Runs, in_run: Mask) -> str:
     """When a stretch lies in its run, in words."""
-    time_s, edge_s = runs.time_s[here], 1.01 * float(runs.duration_s[here][0])
-    start, end = _plain(start_s - time_s[0]), _plain(end_s - time_s[0])
-    if start_s - time_s[0] <= edge_s:
-        return WHOLE_RUN if time_s[-1] - end_s <= edge_s else f"before {end} s"
-    return f"after {start} s" if time_s[-1] - end_s <= edge_s else f"from {start} to {end} s"
+    time_s = runs.time_s[in_run]
+    start = _plain(start_s - time_s[0])
+    end = _plain(end_s - time_s[0])
+    window_s = 1.01 * float(runs.duration_s[in_run][0])  # and 1 % for rounding
+    from_the_start = start_s - time_s[0] <= window_s
+    to_the_end = time_s[-1] - end_s <= window_s
+    if from_the_start and to_the_end:
+        return WHOLE_RUN
+    if from_the_start:
+        return f"before {end} s"
+    if to_the_end:
+        return f"after {start} s"
+    return f"from {start} to {end} s"
 
 
 def _at_work(contribution: Array) -> Mask:
@@ -143,45 +202,66 @@ def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Ma
     Without a condition in words, the words give the time of a stretch in its run; without `inside`, shape (windows,),
     the effect is at work where its contribution, shape (windows,), exceeds `AT_WORK` of its 0.99 quantile.
     """
-    inside = _at_work(contribution) if inside is None else inside
-    return _cut(inside, _shares(contribution, runs), runs, condition, thresholds.SHORTEST_LEVEL * WINDOW_S, edge=1.0)
+    if inside is None:
+        inside = _at_work(contribution)
+    share = _shares(contribution, runs)
+    return _cut(inside, share, runs, condition, pause_s=thresholds.SHORTEST_LEVEL * WINDOW_S, to_edges=True)
 
 
 def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
     """Where an effect was at work, stretch by stretch, each with its condition in plain words."""
     if term.axis == "time":
-        on = None if term.schedule is None else term.schedule.level > 0
-        return places_of(contribution, runs, None, on)
+        inside = None if term.schedule is None else term.schedule.level > 0
+        return places_of(contribution, runs, None, inside)
     channels = {channel.name: channel for channel in TESTED}
-    conditions = (_condition_of(channels[name], contribution, runs) for name in term.hypothesis.channels)
-    return places_of(contribution, runs, next(filter(None, conditions), term.hypothesis.otherwise))
+    for name in term.hypothesis.channels:
+        words = _condition_of(channels[name], contribution, runs)
+        if words is not None:
+            return places_of(contribution, runs, words)
+    return places_of(contribution, runs, term.hypothesis.otherwise)
 
 
 def where_at_work(term: Term, contribution: Array, runs: Runs) -> Location:
     """The stretches of an effect whose name was rejected, as a location."""
-    found = places(term, contribution, runs)
-    return Location("in some stretches of time", _at_work(contribution), contribution, found)
+    return Location(
+        condition="in some stretches of time",
+        inside=_at_work(contribution),
+        excess=contribution,
+        places=places(term, contribution, runs),
+    )
 
 
-def condition(found: Sequence[Place]) -> str:
+def condition(located: Sequence[Place]) -> str:
     """One phrase for all the places of an effect."""
-    if not found:
+    conditions = {place.condition for place in located}
+    if not conditions:
         return "nowhere"
-    return found[0].condition if len({place.condition for place in found}) == 1 else largest(found)
+    if len(conditions) == 1:
+        return located[0].condition
+    return largest(located)
 
 
-def largest(found: Sequence[Place]) -> str:
+def largest(located: Sequence[Place]) -> str:
     """The place that holds most, and how many more there are."""
-    first, more = max(found, key=lambda place: place.share_of_excess), len(found) - 1
-    name = PurePath(first.recording).name
-    start = f"all through {name}" if first.condition == WHOLE_RUN else f"{first.condition} in {name}"
-    return start + (f" and in {more} more stretch{'es' if more > 1 else ''} of time" if more else "")
+    place = max(located, key=lambda place: place.share_of_excess)
+    recording = PurePath(place.recording).name
+    phrase = f"{place.condition} in {recording}"
+    if place.condition == WHOLE_RUN:
+        phrase = f"all through {recording}"
+    smaller = len(located) - 1
+    if smaller == 0:
+        return phrase
+    if smaller == 1:
+        return f"{phrase} and in 1 more stretch of time"
+    return f"{phrase} and in {smaller} more stretches of time"
 
 
 def total_share(contribution: Array, runs: Runs) -> float:
     """Ratio of the energy (or charge) of an effect to all that was recorded."""
-    drawn = float(np.abs(runs.observed * runs.duration_s).sum())
-    return float(np.abs(contribution * runs.duration_s).sum()) / drawn if drawn > 0.0 else 0.0
+    recorded = float(np.abs(runs.observed * runs.duration_s).sum())
+    if recorded > 0.0:
+        return float(np.abs(contribution * runs.duration_s).sum()) / recorded
+    return 0.0
 
 
 def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> str | None:
@@ -189,22 +269,29 @@ def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> 
     values = runs.context.get(channel.name)
     if values is None:
         return None
+    recorded = np.isfinite(values)
+    inside = _at_work(contribution)[recorded]
+    if inside.all() or not inside.any():
+        return None
+    values = values[recorded]
     if channel.magnitude:
         values = np.abs(values)
-    inside = _at_work(contribution)
-    known = np.isfinite(values)
-    if inside[known].all() or not inside[known].any():
-        return None
-    values, inside = values[known], inside[known]
     quantiles = np.unique(np.round(np.quantile(values, np.linspace(0.01, 0.99, 99)), _DECIMALS))
-    best, limit, above = 0.0, 0.0, True
-    for middle in ((quantiles[1:] + quantiles[:-1]) / 2.0).tolist():
-        for side, meant in ((True, values > middle), (False, values < middle)):
-            overlap = float((meant & inside).sum()) / float((meant | inside).sum())
-            if overlap > best:
-                best, limit, above = overlap, middle, side
-    return _words(channel, above, limit) if best > thresholds.HALF else None
+    limits = (quantiles[1:] + quantiles[:-1]) / 2.0
+    # The split whose side is most like the windows at work.
+    splits = [(limit, above) for limit in limits.tolist() for above in (True, False)]
+    overlaps = [_overlap(_beyond(values, limit, above), inside) for limit, above in splits]
+    if max(overlaps, default=0.0) <= thresholds.HALF:
+        return None
+    limit, above = splits[int(np.argmax(overlaps))]
+    return _words(channel, above, limit)
+
+
+def _overlap(condition: Mask, inside: Mask) -> float:
+    """Windows in both sets over windows in either (Jaccard index)."""
+    return float((condition & inside).sum()) / float((condition | inside).sum())
 
 
 def _words(channel: ResidualChannel, above: bool, limit: float) -> str:
-    return f"{channel.above if above else channel.below} {_plain(limit)} {channel.unit}".strip()
+    phrase = channel.above if above else channel.below
+    return f"{phrase} {_plain(limit)} {channel.unit}".strip()
