@@ -22,7 +22,7 @@ from homeward.physics import Robot
 
 _ITERATIONS = 6  # most Gauss-Newton steps: a fit ends where the error no longer falls; chosen
 _PASSES = 3  # of fitting to loads that depend on what is fitted; chosen: bounds the time
-_HALVED = (1.0, 0.5, 0.25, 0.125)  # shares of a step; chosen: if an eighth does not improve, the fit ends
+_SHARES_OF_A_STEP = (1.0, 0.5, 0.25, 0.125)  # chosen: if an eighth does not improve, the fit ends
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Unknown:
     high: float
     term: int  # which of the terms it belongs to
     column: int | None  # of the term, or None for a parameter of the kernel
-    given: float = 0.0  # value in the robot file or, of a parameter of the kernel, where its search starts
+    reference: float = 0.0  # value in the robot file or, of a parameter of the kernel, where its search starts
 
     @property
     def name(self) -> str:
@@ -58,9 +58,9 @@ class Model:
         return np.array([(unknown.low, unknown.high) for unknown in self.unknowns]).reshape(-1, 2).T
 
     @cached_property
-    def given(self) -> Array:
+    def reference(self) -> Array:
         """Values from which contributions count, shape (unknowns,)."""
-        return np.array([unknown.given for unknown in self.unknowns])
+        return np.array([unknown.reference for unknown in self.unknowns])
 
     def of(self, index: int) -> list[int]:
         """Indices of the unknowns of a term."""
@@ -68,7 +68,8 @@ class Model:
 
     def _added(self, index: int, values: Array) -> Array:
         """What a term adds by its columns at these values, shape (windows,)."""
-        return np.asarray(self.terms[index].columns @ (values - self.given)[self.of(index)])
+        sizes = (values - self.reference)[self.of(index)]
+        return np.asarray(self.terms[index].columns @ sizes)
 
     def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
         """Prediction, (windows,), by parameters and a value per unknown, without term `leave_out` if given."""
@@ -76,15 +77,19 @@ class Model:
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
                 added += self._added(index, values)
-        return self.parameters.predict(runs, theta, self.within(runs, values, leave_out)) + added
+        within = self.within(runs, values, leave_out)
+        return self.parameters.predict(runs, theta, within) + added
 
     def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
         """The terms that are not linear in their sizes, as additions to the replay."""
         within = WithEffects()
         for index, term in enumerate(self.terms):
-            if not term.linear and index != leave_out:
-                fitted = {self.unknowns[number].parameter: float(values[number]) for number in self.of(index)}
-                within = term.hypothesis.within(term.hypothesis, within, {**term.shape, **fitted}, runs)
+            if term.linear or index == leave_out:
+                continue
+            numbers = dict(term.shape)
+            for number in self.of(index):
+                numbers[self.unknowns[number].parameter] = float(values[number])
+            within = term.hypothesis.within(term.hypothesis, within, numbers, runs)
         return within
 
     def setting(self, runs: Runs, theta: Array, values: Array) -> Setting:
@@ -97,14 +102,26 @@ class Model:
             plain = term.plain
             if plain is None or plain.columns.shape[1] != 1:
                 continue
-            column = plain.columns[:, 0]
-            closest = float(column @ self._added(index, values)) / max(float(column @ column), 1e-300)
-            size = float(np.clip(closest, plain.low[0], plain.high[0]))
-            given, _ = plain.hypothesis.in_file(self.parameters.nominal)
-            numbers = {**plain.shape, plain.hypothesis.entry.switch.name: given + size}
+            size_in_file, _ = plain.hypothesis.in_file(self.parameters.nominal)
+            size = size_in_file + _closest_size(plain, self._added(index, values))
+            numbers = {**plain.shape, plain.hypothesis.entry.switch.name: size}
             within = plain.hypothesis.within(plain.hypothesis, within, numbers, runs)
-        alone = self.parameters.predict(runs, theta, within)
-        return Setting(runs, self.parameters, theta, within, alone, runs.observed - alone)
+        predicted = self.parameters.predict(runs, theta, within)
+        return Setting(
+            runs=runs,
+            parameters=self.parameters,
+            theta=theta,
+            present=within,
+            predicted=predicted,
+            residual=runs.observed - predicted,
+        )
+
+
+def _closest_size(term: Term, added: Array) -> float:
+    """Size at which a term of one size is closest to what another adds, shape (windows,), within its bounds."""
+    column = term.columns[:, 0]
+    projected = float(column @ added) / max(float(column @ column), 1e-300)
+    return float(np.clip(projected, term.low[0], term.high[0]))
 
 
 @dataclass(frozen=True)
@@ -154,16 +171,17 @@ class Corrected:
     def fitted_to(self, chosen: Mask, observed: Array) -> Corrected:
         """The same fitted to the chosen windows only, linearised at this fit."""
         residual = (observed - self.predicted)[chosen]
-        step, theta, values = _stepped(self.groups, self.model, self.values, self.jacobian[chosen], residual)
+        step = _best_step(self.groups, self.model, self.values, self.jacobian[chosen], residual)
+        theta, values = _moved(self.groups, self.model, self.values, step)
         groups = dataclasses.replace(self.groups, theta=theta, predicted=self.predicted + self.jacobian @ step)
         return dataclasses.replace(self, values=values, groups=groups)
 
     def refitted(self, chosen: Mask, runs: Runs) -> Corrected:
         """The same fitted to the chosen windows only, by replays, with further steps where one overshoots."""
-        start = (self.theta, self.values, self.predicted, self.jacobian)
-        theta, values, predicted, _ = _descended(self.groups, self.model, runs, chosen, start, to_first=True)
-        groups = dataclasses.replace(self.groups, theta=theta, predicted=predicted)
-        return dataclasses.replace(self, values=values, groups=groups)
+        start = _Point(self.theta, self.values, self.predicted, self.jacobian)
+        end = _descended(self.groups, self.model, runs, chosen, start, to_first=True)
+        groups = dataclasses.replace(self.groups, theta=end.theta, predicted=end.predicted)
+        return dataclasses.replace(self, values=end.values, groups=groups)
 
     def replayed(self, runs: Runs) -> Array:
         """Prediction by a replay with these parameters and effects, shape (windows,)."""
@@ -177,11 +195,12 @@ class Corrected:
         for number in self.model.of(index):
             unknown = self.model.unknowns[number]
             low, high = self.ci95[number]
-            size = share * float(self.values[number])
-            parameters[unknown.parameter] = Value(size, (share * low, share * high), unknown.unit)
-        for tried in term.hypothesis.entry.parameters:
-            if tried.name in term.spread:
-                parameters[tried.name] = Value(term.shape[tried.name], term.spread[tried.name], tried.unit)
+            value = share * float(self.values[number])
+            parameters[unknown.parameter] = Value(value, (share * low, share * high), unknown.unit)
+        for parameter in term.hypothesis.entry.parameters:
+            name = parameter.name
+            if name in term.spread:
+                parameters[name] = Value(term.shape[name], term.spread[name], parameter.unit)
         return parameters
 
     def sizes(self, index: int) -> Array:
@@ -190,8 +209,10 @@ class Corrected:
 
     def share(self, index: int) -> float:
         """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects."""
-        of_kg = self.model.terms[index].of_rolling_kg
-        return 1.0 if of_kg is None else of_kg / max(float(self.theta[ROLLING]), 1e-9)
+        rolling_kg = self.model.terms[index].of_rolling_kg
+        if rolling_kg is None:
+            return 1.0
+        return rolling_kg / max(float(self.theta[ROLLING]), 1e-9)
 
 
 def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Corrected:
@@ -200,38 +221,68 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     Groups that the refit holds are not fitted; intervals are clustered by `block`, shape (windows,).
     """
     fit = _without_spanned(fit, terms, runs)
-    everything = np.ones(len(runs.observed), np.bool_)
+    groups = len(fit.parameters.groups)
     model = Model(fit.parameters, tuple(terms), _unknowns(terms, fit.parameters.nominal))
+    all_windows = np.ones(len(runs.observed), np.bool_)
     theta, values = _start(fit, model, runs)
+    point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, theta, values))
     # The load per unit of a size depends on the groups, such as a share of the power.
-    depends = any(term.at_work is not None for term in terms)
-    for again in range(_PASSES if depends else 1):
-        if again:
-            model = _at(model, runs, theta, values)
-        predicted = model.predict(runs, theta, values)
-        start = (theta, values, predicted, _jacobian(model, runs, theta, values, predicted, fit.held))
-        theta, values, predicted, jacobian = _descended(fit, model, runs, everything, start)
-    groups = fit.jacobian.shape[1]
-    spread = covariance(jacobian, runs.observed - predicted, block)[groups:, groups:]
-    spread = spread + np.outer(values, values) * thresholds.GAIN_ERROR**2
-    freedom = max(int(block.max()) + 1 - jacobian.shape[1], 1)
-    widths = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(np.diag(spread), 0.0))
-    intervals = tuple(
-        (float(max(value - width, unknown.low)), float(min(value + width, unknown.high)))
-        for unknown, value, width in zip(model.unknowns, values, widths, strict=True)
-    )
-    contribution = [predicted - model.predict(runs, theta, values, leave_out=index) for index in range(len(terms))]
+    loads_depend_on_groups = any(term.at_work is not None for term in terms)
+    if loads_depend_on_groups:
+        for _ in range(_PASSES - 1):
+            model = _with_loads_at(model, runs, point.theta, point.values)
+            start = _linearised(fit, model, runs, point.theta, point.values)
+            point = _descended(fit, model, runs, all_windows, start)
+    contribution = [
+        point.predicted - model.predict(runs, point.theta, point.values, leave_out=index) for index in range(len(terms))
+    ]
     return Corrected(
         model=model,
-        values=values,
-        ci95=intervals,
-        groups=dataclasses.replace(fit, theta=theta, predicted=predicted, jacobian=jacobian[:, :groups]),
-        beside=jacobian[:, groups:],
+        values=point.values,
+        ci95=_intervals(model, point, runs, block),
+        groups=dataclasses.replace(
+            fit, theta=point.theta, predicted=point.predicted, jacobian=point.jacobian[:, :groups]
+        ),
+        beside=point.jacobian[:, groups:],
         contribution=tuple(contribution),
     )
 
 
-def _at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
+@dataclass(frozen=True)
+class _Point:
+    """A point of the descent: the fitted numbers, their prediction, and its derivatives."""
+
+    theta: Array  # (groups,)
+    values: Array  # (unknowns,)
+    predicted: Array  # (windows,)
+    jacobian: Array  # (windows, groups + unknowns)
+
+
+def _linearised(fit: Refit, model: Model, runs: Runs, theta: Array, values: Array) -> _Point:
+    """Prediction and derivatives at these parameters and values; groups that `fit` holds have no derivative."""
+    predicted = model.predict(runs, theta, values)
+    return _Point(theta, values, predicted, _jacobian(model, runs, theta, values, predicted, fit.held))
+
+
+def _intervals(model: Model, point: _Point, runs: Runs, block: Index) -> tuple[tuple[float, float], ...]:
+    """95 % interval of each unknown within its bounds, by Student's t with the freedom that blocks leave."""
+    groups = len(model.parameters.groups)
+    residual = runs.observed - point.predicted
+    spread = covariance(point.jacobian, residual, block)[groups:, groups:]
+    # A meter's scale is uncertain, and every size with it.
+    spread = spread + np.outer(point.values, point.values) * thresholds.GAIN_ERROR**2
+    blocks = int(block.max()) + 1
+    freedom = max(blocks - point.jacobian.shape[1], 1)
+    widths = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(np.diag(spread), 0.0))
+    intervals = []
+    for unknown, value, width in zip(model.unknowns, point.values, widths, strict=True):
+        low = float(max(value - width, unknown.low))
+        high = float(min(value + width, unknown.high))
+        intervals.append((low, high))
+    return tuple(intervals)
+
+
+def _with_loads_at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
     """The model with the loads of its terms computed at these parameters instead of the refit's."""
     setting = model.setting(runs, theta, values)
     return dataclasses.replace(model, terms=tuple(_with_load_of(term, setting) for term in model.terms))
@@ -248,39 +299,60 @@ def _with_load_of(term: Term, setting: Setting) -> Term:
     return dataclasses.replace(term, load=load, columns=load[:, None] * term.at_work, of_rolling_kg=rolling_kg)
 
 
-def _descended(
-    fit: Refit, model: Model, runs: Runs, chosen: Mask, start: tuple[Array, Array, Array, Array], to_first: bool = False
-) -> tuple[Array, Array, Array, Array]:
+@dataclass(frozen=True)
+class _Trial:
+    """A share of a step, at its replay."""
+
+    share: float
+    theta: Array  # (groups,)
+    values: Array  # (unknowns,)
+    predicted: Array  # (windows,)
+    squared_error: float  # over the windows that are fitted
+
+
+def _descended(fit: Refit, model: Model, runs: Runs, chosen: Mask, start: _Point, to_first: bool = False) -> _Point:
     """Gauss-Newton over the chosen windows, each step halved until its replay is better than that before.
 
-    Takes and returns parameters, values, their prediction and its Jacobian; `fit` gives the free groups and bounds. If
-    `to_first`, it stops after a whole step that is better: near a fit the linear model holds.
+    `fit` gives the free groups and bounds. If `to_first`, it stops after a whole step that is better, with the
+    derivatives of its start: near a fit the linear model holds.
     """
-    theta, values, predicted, jacobian = start
-    error = float(np.sum((runs.observed - predicted)[chosen] ** 2))
+    point = start
+    error = _squared_error(runs, point.predicted, chosen)
     for _ in range(_ITERATIONS):
-        at = dataclasses.replace(fit, theta=theta)
-        residual = (runs.observed - predicted)[chosen]
-        _, to_theta, to_values = _stepped(at, model, values, jacobian[chosen], residual)
-        for share in _HALVED:
-            tried_theta = theta + share * (to_theta - theta)
-            # A whole step to a bound may exceed it by rounding.
-            tried_values = np.clip(values + share * (to_values - values), *model.bounds)
-            replayed = model.predict(runs, tried_theta, tried_values)
-            after = float(np.sum((runs.observed - replayed)[chosen] ** 2))
-            if after < error:
-                break
-        else:
+        trial = _better_trial(fit, model, runs, chosen, point, error)
+        if trial is None:
             break
-        theta, values, predicted = tried_theta, tried_values, replayed
-        if to_first and share == 1.0:
-            break
-        hardly_falls = after > error * (1.0 - 1e-7)
-        error = after
-        jacobian = _jacobian(model, runs, theta, values, predicted, fit.held)
+        if to_first and trial.share == 1.0:
+            return _Point(trial.theta, trial.values, trial.predicted, point.jacobian)
+        hardly_falls = trial.squared_error > error * (1.0 - 1e-7)
+        error = trial.squared_error
+        jacobian = _jacobian(model, runs, trial.theta, trial.values, trial.predicted, fit.held)
+        point = _Point(trial.theta, trial.values, trial.predicted, jacobian)
         if hardly_falls:
             break
-    return theta, values, predicted, jacobian
+    return point
+
+
+def _better_trial(fit: Refit, model: Model, runs: Runs, chosen: Mask, point: _Point, error: float) -> _Trial | None:
+    """The largest share of a Gauss-Newton step whose replay lowers the squared error; None if none does."""
+    at_point = dataclasses.replace(fit, theta=point.theta)
+    residual = (runs.observed - point.predicted)[chosen]
+    step = _best_step(at_point, model, point.values, point.jacobian[chosen], residual)
+    whole_theta, whole_values = _moved(at_point, model, point.values, step)
+    for share in _SHARES_OF_A_STEP:
+        theta = point.theta + share * (whole_theta - point.theta)
+        # A whole step to a bound may exceed it by rounding.
+        values = np.clip(point.values + share * (whole_values - point.values), *model.bounds)
+        predicted = model.predict(runs, theta, values)
+        squared_error = _squared_error(runs, predicted, chosen)
+        if squared_error < error:
+            return _Trial(share, theta, values, predicted, squared_error)
+    return None
+
+
+def _squared_error(runs: Runs, predicted: Array, chosen: Mask) -> float:
+    """Of a prediction, summed over the chosen windows."""
+    return float(np.sum((runs.observed - predicted)[chosen] ** 2))
 
 
 def immaterial(fit: Refit, runs: Runs) -> Mask:
@@ -298,9 +370,12 @@ def _without_spanned(fit: Refit, terms: Sequence[Term], runs: Runs) -> Refit:
     if not flexible:
         return fit
     columns = np.column_stack(flexible)
-    residual = fit.jacobian - columns @ np.linalg.lstsq(columns, fit.jacobian, rcond=None)[0]
+    weights, *_ = np.linalg.lstsq(columns, fit.jacobian, rcond=None)
+    residual = fit.jacobian - columns @ weights
     spanned = (residual**2).sum(axis=0) < thresholds.COLLINEAR * (fit.jacobian**2).sum(axis=0)
-    return holding(fit, runs, fit.held | spanned) if spanned.any() else fit
+    if not spanned.any():
+        return fit
+    return holding(fit, runs, fit.held | spanned)
 
 
 def _unknowns(terms: Sequence[Term], nominal: Robot) -> tuple[Unknown, ...]:
@@ -314,26 +389,27 @@ def _unknowns(terms: Sequence[Term], nominal: Robot) -> tuple[Unknown, ...]:
 
 
 def _sizes(index: int, term: Term, nominal: Robot) -> list[Unknown]:
+    # Shares of the rolling resistance count from none, whatever the file has of the effect.
     in_file = nominal.effects.get(term.effect, {}) if term.of_rolling_kg is None else {}
     # Bounds of a column that is linear near one size only, such as a lag, do not hold where it is replayed.
     lows, highs = (term.low, term.high) if term.linear else term.hypothesis.limits(len(term.low))
     sizes = []
     for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
-        given = in_file.get(name, 0.0)
-        # A linear column adds to what the file has of the effect.
-        low = float(lows[column]) + (given if term.linear else 0.0)
-        sizes.append(
-            Unknown(
-                effect=term.effect,
-                parameter=name,
-                unit=unit,
-                low=low,
-                high=float(highs[column]),
-                term=index,
-                column=column,
-                given=given,
-            )
+        reference = in_file.get(name, 0.0)
+        low = float(lows[column])
+        if term.linear:
+            low += reference  # a linear column adds to what the file has of the effect
+        size = Unknown(
+            effect=term.effect,
+            parameter=name,
+            unit=unit,
+            low=low,
+            high=float(highs[column]),
+            term=index,
+            column=column,
+            reference=reference,
         )
+        sizes.append(size)
     return sizes
 
 
@@ -347,7 +423,7 @@ def _searched_parameters(index: int, term: Term) -> list[Unknown]:
             high=parameter.high,
             term=index,
             column=None,
-            given=term.shape[parameter.name],
+            reference=term.shape[parameter.name],
         )
         for parameter in term.hypothesis.searched
         if parameter.name in term.shape
@@ -356,25 +432,33 @@ def _searched_parameters(index: int, term: Term) -> list[Unknown]:
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     """Starting parameters and values, by the terms' columns at the shapes that were tried."""
-    beside = []
-    for unknown in model.unknowns:
-        columns = model.terms[unknown.term].columns
-        beside.append(np.zeros(len(columns)) if unknown.column is None else columns[:, unknown.column])
-    jacobian = np.column_stack([fit.jacobian, *beside])
-    _, theta, values = _stepped(fit, model, model.given, jacobian, runs.observed - fit.predicted)
-    return theta, values
+    columns = [_tried_column(model.terms[unknown.term], unknown) for unknown in model.unknowns]
+    jacobian = np.column_stack([fit.jacobian, *columns])
+    step = _best_step(fit, model, model.reference, jacobian, runs.observed - fit.predicted)
+    return _moved(fit, model, model.reference, step)
 
 
-def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: Array, held: Mask) -> Array:
+def _tried_column(term: Term, unknown: Unknown) -> Array:
+    """Column of an unknown before any replay, shape (windows,); 0 for a parameter of the kernel."""
+    if unknown.column is None:
+        return np.zeros(len(term.columns))
+    return term.columns[:, unknown.column]
+
+
+def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: Array, fixed: Mask) -> Array:
     """Derivatives of the prediction at theta and values, which is `predicted`, shape (windows,), by the groups and the
-    unknowns, (windows, columns); 0 for groups that are `held`."""
-    columns = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), held)
+    unknowns, (windows, columns); 0 for groups that are `fixed`."""
+    columns = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), fixed)
     for index, unknown in enumerate(model.unknowns):
         term = model.terms[unknown.term]
         if unknown.column is not None and term.linear:
             columns.append(term.columns[:, unknown.column])
             continue
-        step = SMALL_STEP * (abs(values[index]) or SMALL_STEP * (unknown.high - unknown.low))
+        size = abs(values[index])
+        if size == 0.0:
+            size = SMALL_STEP * (unknown.high - unknown.low)
+        step = SMALL_STEP * size
+        # A difference quotient forwards or, at the upper bound, backwards.
         if values[index] + step > unknown.high:
             step = -step
         moved = values.copy()
@@ -383,15 +467,23 @@ def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: 
     return np.column_stack(columns)
 
 
-def _stepped(at: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> tuple[Array, Array, Array]:
-    """Best physical step from a fit and values, and the parameters and values after it."""
-    step = bounded(jacobian.T @ jacobian, jacobian.T @ residual, *_bounds(at, model, values))
+def _best_step(fit: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> Array:
+    """Physical step of the groups (in units of `scale`) and of the unknowns that lowers the squared error most."""
+    low, high = _bounds(fit, model, values)
+    return bounded(jacobian.T @ jacobian, jacobian.T @ residual, low, high)
+
+
+def _moved(fit: Refit, model: Model, values: Array, step: Array) -> tuple[Array, Array]:
+    """Parameters and values after a step from a fit and values, within their bounds."""
     groups = len(model.parameters.groups)
-    return step, at.moved(step[:groups]), np.clip(values + step[groups:], *model.bounds)
+    return fit.moved(step[:groups]), np.clip(values + step[groups:], *model.bounds)
 
 
-def _bounds(at: Refit, model: Model, values: Array) -> tuple[Array, Array]:
+def _bounds(fit: Refit, model: Model, values: Array) -> tuple[Array, Array]:
     """Least and largest physical step of the groups (in units of `scale`) and of the unknowns."""
-    low, high = at.freedom()
-    least, most = model.bounds
-    return np.concatenate([low, least - values - 1e-12]), np.concatenate([high, most - values + 1e-12])
+    low, high = fit.freedom()
+    lowest, highest = model.bounds
+    # The margin keeps a value at a bound inside, whatever its rounding.
+    low_of_values = lowest - values - 1e-12
+    high_of_values = highest - values + 1e-12
+    return np.concatenate([low, low_of_values]), np.concatenate([high, high_of_values])
