@@ -82,6 +82,7 @@ def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
 def _climbed_m(runs: Runs) -> Array:
     """Height climbed since the start of each run, m, shape (windows,); level where the grade is unknown."""
     grade_rad = runs.context.get("grade_rad", np.zeros(len(runs.run)))
+    # Per metre driven a slope climbs its sine.
     rate_of_climb = np.nan_to_num(np.sin(grade_rad)) * runs.context["speed_mps"]
     climbed_m = rate_of_climb * runs.duration_s
     for run in range(len(runs.signals)):
@@ -126,6 +127,7 @@ def _low_pass(values: Array, time_constant_s: float, runs: Runs) -> Array:
     for run in np.unique(runs.run):
         in_run = runs.run == run
         window_s = float(np.median(runs.duration_s[in_run]))
+        # Discrete form of dy/dt = (x - y) / time constant, exact for a constant load within a window.
         pole = float(np.exp(-window_s / time_constant_s))
         filtered.append(lfilter([1.0 - pole], [1.0, -pole], values[in_run]))
     return np.concatenate(filtered)
