@@ -31,9 +31,12 @@ from homeward.diagnosis.fit.held_out import held_out
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Checked
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import Array, Index, Mask
 
-_SINGLES, _WHITE, _PAIRS = 6, 3, 3  # sets fitted in each round, the most promising first; chosen: bounds the time
+# Sets fitted in each round, the most promising first; chosen: bounds the time.
+_SINGLES = 6
+_BY_INNOVATIONS = 3
+_PAIRS = 3
 _WORTH_JUDGING = 0.5  # share of the least gain that a linearised replay must reach; chosen: bounds the time
 _DIGITS = 9  # of an error over that of the base, to which sets are compared: above rounding; chosen
 _PAIRED = 12  # single hypotheses that are screened in pairs; chosen: 66 pairs, which bounds the time
@@ -94,14 +97,15 @@ def name_missing(
     rng: Generator,
     progress: Callable[[str], None],
     varying: bool = True,
-    without: Collection[str] = (),
+    waived: Collection[str] = (),
 ) -> Naming:
     """Name the effects that explain the residual of the refit; windows of one block, (windows,), are dependent.
 
-    Effects whose size changes for no recorded reason are tried only if `varying`. Conditions `without` which an
-    experiment runs refuse nothing.
+    Effects whose size changes for no recorded reason are tried only if `varying`. Conditions that an experiment has
+    `waived` refuse nothing.
     """
-    search = _Search(fit, holding(fit, runs, immaterial(fit, runs)), runs, block, rng, varying, without)
+    material = holding(fit, runs, immaterial(fit, runs))
+    search = _Search(fit=fit, material=material, runs=runs, block=block, rng=rng, varying=varying, waived=waived)
     selection = _Selection(EffectSet(fit, runs, block, rng))
     naming = Naming()
     while len(selection.named) < thresholds.MOST_EFFECTS:
@@ -109,11 +113,13 @@ def name_missing(
         bench = search.bench(selection.effects)
         if not selection.named:
             naming = Naming(ranking=_rank(bench), absorbed=bench.absorbed())
-        further = search.further(selection, bench)
-        if further is None:
+        extended = search.extended(selection, bench)
+        if extended is None:
             break
-        selection = further
-    corrected = selection.effects.model if isinstance(selection.effects.model, Corrected) else None
+        selection = extended
+    model = selection.effects.model
+    # Where nothing is named, the set is empty and its model the refit.
+    corrected = model if isinstance(model, Corrected) else None
     return replace(naming, named=selection.named, corrected=corrected, refused=tuple(search.refused))
 
 
@@ -135,145 +141,192 @@ class _Search:
     block: Index
     rng: Generator
     varying: bool
-    without: Collection[str]
+    waived: Collection[str]  # conditions that refuse nothing
     refused: list[Refused] = field(default_factory=list)
 
     def bench(self, effects: EffectSet) -> Bench:
         """The hypotheses that can be tried beside these effects."""
-        runs, model = self.runs, effects.model
-        setting, misread = Setting.of(self.fit, runs), np.zeros(len(runs.observed))
+        model = effects.model
+        residual = self.runs.observed - model.predicted
+        setting = Setting.of(self.fit, self.runs)
+        misread = np.zeros(len(residual))
+        # Further effects act on the robot with those that are named.
         if isinstance(model, Corrected):
-            setting, misread = model.model.setting(runs, model.theta, model.values), model.misread
-        setting = replace(setting, residual=runs.observed - model.predicted)
-        candidates = terms(setting, tuple(term.effect for term in effects.terms), self.varying)
+            setting = model.model.setting(self.runs, model.theta, model.values)
+            misread = model.misread
+        setting = replace(setting, residual=residual)
+        effects_in_model = tuple(term.effect for term in effects.terms)
+        candidates = terms(setting, leave_out=effects_in_model, varying=self.varying)
         candidates = not_contradicted(candidates, model.jacobian, setting, misread, self.block)
         return Bench(
-            model, tuple(candidates), runs, setting.residual, self.block, channel_error=channel_error(self.fit, runs)
+            model=model,
+            candidates=tuple(candidates),
+            runs=self.runs,
+            target=residual,
+            block=self.block,
+            channel_error=channel_error(self.fit, self.runs),
         )
 
-    def further(self, before: _Selection, bench: Bench) -> _Selection | None:
+    def extended(self, selection: _Selection, bench: Bench) -> _Selection | None:
         """The effects with one or two more: the simplest of the sets that predict about best and meet all
         conditions."""
-        tried = self._tried(before.effects, bench)
-        base = self.runs.squared_error(self._held_out(before.effects.model))
-        refused: list[_Tried] = []  # by the placebos only
-        for each in _simplest_first(tried, base):
-            if not self._promises(each, tried, before, base) or any(_outdone(each, other, base) for other in refused):
+        trials = self._trials(selection.effects, bench)
+        base_error = self.runs.squared_error(self._held_out(selection.effects.model))
+        standing = trials
+        no_better_than_placebos: list[_Trial] = []
+        for trial in _simplest_first(trials, base_error):
+            if not self._promises(trial, trials, selection, base_error):
                 continue
-            standing = [other for other in tried if all(other is not barred for barred in refused)]
-            selection, checks = self._judged(before, bench, each, standing)
-            if selection is not None:
-                return selection
-            if checks[-1].condition == "placebo" and len(each.added) == 1:
-                refused.append(each)
+            if any(_outdone(trial, refused, base_error) for refused in no_better_than_placebos):
+                continue
+            judged, checks = self._judged(selection, bench, trial, standing)
+            if judged is not None:
+                return judged
+            if checks[-1].condition == "placebo" and trial.is_single:
+                no_better_than_placebos.append(trial)
+                standing = [rival for rival in standing if rival is not trial]
         return None
 
-    def _promises(self, each: _Tried, tried: Sequence[_Tried], before: _Selection, base: float) -> bool:
+    def _promises(self, trial: _Trial, trials: Sequence[_Trial], selection: _Selection, base_error: float) -> bool:
         """Whether a set may meet the least gain: by its linearised replay, each of its effects reaches half of it."""
-        noise = 0.0 if before.named else power_noise(self.runs)
-        least = _WORTH_JUDGING * thresholds.SMALLEST_GAIN_TO_NAME
-        if len(each.added) == 1:
-            return base - each.squared_error >= least * (base - noise)
-        parts = [other.squared_error for other in tried if len(other.added) == 1 and other.added[0] in each.added]
-        return all(part - each.squared_error >= least * part for part in parts)
+        noise = 0.0 if selection.named else power_noise(self.runs)
+        least_share = _WORTH_JUDGING * thresholds.SMALLEST_GAIN_TO_NAME
+        if trial.is_single:
+            return base_error - trial.squared_error >= least_share * (base_error - noise)
+        error_of_halves = [half.squared_error for half in trials if half.is_single and half.indices[0] in trial.indices]
+        return all(error - trial.squared_error >= least_share * error for error in error_of_halves)
 
-    def _tried(self, before: EffectSet, bench: Bench) -> list[_Tried]:
+    def _trials(self, effects: EffectSet, bench: Bench) -> list[_Trial]:
         """The promising sets beside these effects, each at its own joint replay."""
-        has_room = len(before.terms) + 2 <= thresholds.MOST_EFFECTS
-        screened = [*_screened(bench), *(_screened_pairs(bench) if has_room else [])]
-        return [self._replayed(before, bench, added) for added in screened]
+        trials = self._trials_of_singles(effects, bench)
+        has_room_for_a_pair = len(effects.terms) + 2 <= thresholds.MOST_EFFECTS
+        if has_room_for_a_pair:
+            trials += [self._replayed(effects, bench, pair) for pair in _screened_pairs(bench)]
+        return trials
 
-    def _tried_alone(self, before: EffectSet, bench: Bench) -> list[_Tried]:
+    def _trials_of_singles(self, effects: EffectSet, bench: Bench) -> list[_Trial]:
         """Those of one effect more."""
-        return [self._replayed(before, bench, added) for added in _screened(bench)]
+        return [self._replayed(effects, bench, single) for single in _screened(bench)]
 
-    def _replayed(self, before: EffectSet, bench: Bench, added: tuple[int, ...]) -> _Tried:
-        forms = tuple(bench.candidates[index] for index in added)
-        fitted = fit_model(self.material, [*before.terms, *forms], self.runs, self.block)
-        error = self.runs.squared_error(self._held_out(fitted))
+    def _replayed(self, effects: EffectSet, bench: Bench, indices: tuple[int, ...]) -> _Trial:
+        forms = tuple(bench.candidates[index] for index in indices)
+        model = fit_model(self.material, [*effects.terms, *forms], self.runs, self.block)
+        squared_error = self.runs.squared_error(self._held_out(model))
         if any(form.axis != "steady" for form in forms):
             # Change points that are searched anew without the held-out windows.
-            error = max(error, (1.0 - bench.share(*added)) * bench.squared_error(*added))
-        return _Tried(added, forms, fitted, error, all(bench.is_in_steps(index) for index in added))
+            searched_error = (1.0 - bench.share(*indices)) * bench.squared_error(*indices)
+            squared_error = max(squared_error, searched_error)
+        return _Trial(
+            indices=indices,
+            forms=forms,
+            model=model,
+            squared_error=squared_error,
+            sudden=all(bench.is_in_steps(index) for index in indices),
+        )
 
     def _held_out(self, model: Fitted) -> Array:
         """Held-out prediction, shape (windows,), by the model linearised at its joint replay."""
-        return held_out(lambda chosen: model.fitted_to(chosen, self.runs.observed).predicted, self.block % FOLDS)
+
+        def predict(training: Mask) -> Array:
+            return model.fitted_to(training, self.runs.observed).predicted
+
+        return held_out(predict, self.block % FOLDS)
 
     def _judged(
-        self, before: _Selection, bench: Bench, each: _Tried, tried: Sequence[_Tried]
+        self, selection: _Selection, bench: Bench, trial: _Trial, trials: Sequence[_Trial]
     ) -> tuple[_Selection | None, tuple[Checked, ...]]:
         """The set with the evidence for each effect that it adds, or None and the checks of one that is refused."""
-        as_tried = EffectSet(each.model, self.runs, self.block, self.rng)
-        candidates = self._candidates(before, bench, each, tried, as_tried)
+        as_tried = EffectSet(trial.model, self.runs, self.block, self.rng)
+        candidates = self._candidates(selection, bench, trial, trials, as_tried)
         for candidate in candidates:
             checks = self._checks(candidate, BEFORE_REPLAYS)
-            if not passes(checks, self.without):
+            if not passes(checks, self.waived):
                 return None, checks
         # Each in its best form beside the others: a parameter of one may show only there.
         forms = [_with_plain(candidate.bench, candidate.index) for candidate in candidates]
-        together = self._fitted([*before.effects.terms, *forms])
+        effects = self._fitted([*selection.effects.terms, *forms])
         candidates = [
-            replace(candidate, with_it=together, find=partial(self._at, candidate.bench, candidate.index))
+            replace(candidate, with_it=effects, find=partial(self._at_index, candidate.bench, candidate.index))
             for candidate in candidates
         ]
-        checked = []
+        checks_of_all = []
         for candidate in candidates:
             checks = self._checks(candidate, CONDITIONS)
-            if not passes(checks, self.without):
+            if not passes(checks, self.waived):
                 return None, checks
-            checked.append(checks)
+            checks_of_all.append(checks)
+        # Trials stand beside the selection; each effect of a pair stands beside the other one.
+        trials_of_rivals = trials if len(candidates) == 1 else None
         named = [
-            Named(
-                candidate.term,
-                candidate.delta_bic,
-                candidate.searched_share,
-                candidate.gain.ci95,
-                candidate.p_value,
-                self._rivals(candidate, tried if len(candidates) == 1 else None),
-                checks,
-            )
-            for candidate, checks in zip(candidates, checked, strict=True)
+            self._named(candidate, checks, trials_of_rivals)
+            for candidate, checks in zip(candidates, checks_of_all, strict=True)
         ]
-        return self._without_needless(_Selection(together, (*before.named, *named)), len(named)), checked[-1]
+        extended = _Selection(effects, (*selection.named, *named))
+        return self._without_needless(extended, new=len(named)), checks_of_all[-1]
+
+    def _named(self, candidate: Candidate, checks: tuple[Checked, ...], trials: Sequence[_Trial] | None) -> Named:
+        """A candidate that meets the conditions, with the evidence for it."""
+        return Named(
+            term=candidate.term,
+            delta_bic=candidate.delta_bic,
+            held_out_gain=candidate.searched_share,
+            gain_ci95=candidate.gain.ci95,
+            p_value=candidate.p_value,
+            rivals=self._rivals(candidate, trials),
+            checks=checks,
+        )
 
     def _checks(self, candidate: Candidate, conditions: Sequence[Condition[Candidate]]) -> tuple[Checked, ...]:
-        checks = judge(candidate, self.without, conditions)
-        if not passes(checks, self.without):
+        checks = judge(candidate, self.waived, conditions)
+        if not passes(checks, self.waived):
             self.refused.append(Refused(candidate.term.effect, checks))
         return checks
 
     def _candidates(
-        self, before: _Selection, bench: Bench, each: _Tried, tried: Sequence[_Tried], with_it: EffectSet
+        self,
+        selection: _Selection,
+        bench: Bench,
+        trial: _Trial,
+        trials: Sequence[_Trial],
+        with_it: EffectSet,
     ) -> list[Candidate]:
         """Each effect that a set adds, beside the set without it."""
-        parts = {other.added[0]: other.model for other in tried if len(other.added) == 1}
+        models_of_singles = {single.indices[0]: single.model for single in trials if single.is_single}
         candidates = []
-        for position, index in enumerate(each.added):
-            others = [other for other in each.added if other != index]
-            without, at = before.effects, partial(self._at, bench, index)
-            if others:
-                model = parts.get(others[0]) or self._replayed(before.effects, bench, (others[0],)).model
+        for position, index in enumerate(trial.indices):
+            without = selection.effects
+            find = partial(self._at_index, bench, index)
+            partners = tuple(partner for partner in trial.indices if partner != index)
+            if partners:
+                model = models_of_singles.get(partners[0])
+                if model is None:
+                    model = self._replayed(selection.effects, bench, partners).model
                 without = EffectSet(model, self.runs, self.block, self.rng)
-                at = partial(self._beside, without, bench.candidates[index])
-            noise = 0.0 if without.terms else power_noise(self.runs)
-            candidates.append(Candidate(len(before.named) + position, with_it, without, noise, at))
+                find = partial(self._beside, without, bench.candidates[index])
+            candidate = Candidate(
+                place=len(selection.named) + position,
+                with_it=with_it,
+                without=without,
+                noise=0.0 if without.terms else power_noise(self.runs),
+                find=find,
+            )
+            candidates.append(candidate)
         return candidates
 
     @staticmethod
-    def _at(bench: Bench, index: int) -> tuple[Bench, int]:
+    def _at_index(bench: Bench, index: int) -> tuple[Bench, int]:
         return bench, index
 
     def _beside(self, without: EffectSet, form: Term) -> tuple[Bench, int]:
         """The hypotheses beside the other half of a pair, and the best form of this one there."""
         bench = self.bench(without)
-        same = [
+        forms = [
             index
             for index, candidate in enumerate(bench.candidates)
             if (candidate.effect, candidate.axis) == (form.effect, form.axis)
         ]
-        if same:
-            return bench, max(same, key=bench.delta_bic)
+        if forms:
+            return bench, max(forms, key=bench.delta_bic)
         # Its schedule is not found again: it stands as it was tried.
         bench = replace(bench, candidates=(*bench.candidates, form))
         return bench, len(bench.candidates) - 1
@@ -281,63 +334,79 @@ class _Search:
     def _without_needless(self, selection: _Selection, new: int) -> _Selection:
         """The effects that are still needed beside the `new` effects: without each, held-out windows are predicted
         worse by the least share of what it leaves."""
+        effects = selection.effects
         named = list(selection.named)
-        for old in selection.named[: len(named) - new]:
-            rest = [each for each in named if each is not old]
-            without = self._fitted([each.term for each in rest])
-            gained = 1.0 - selection.effects.squared_error / max(without.squared_error, 1e-300)
-            if gained < thresholds.SMALLEST_GAIN_TO_NAME:
-                named, selection = rest, _Selection(without, tuple(rest))
-        terms_of = selection.effects.terms
-        return _Selection(
-            selection.effects, tuple(replace(effect, term=term) for effect, term in zip(named, terms_of, strict=True))
-        )
+        earlier = selection.named[: len(named) - new]
+        for effect in earlier:
+            remaining = [needed for needed in named if needed is not effect]
+            without = self._fitted([needed.term for needed in remaining])
+            gain = 1.0 - effects.squared_error / max(without.squared_error, 1e-300)
+            if gain < thresholds.SMALLEST_GAIN_TO_NAME:
+                effects = without
+                named = remaining
+        as_fitted = [replace(effect, term=term) for effect, term in zip(named, effects.terms, strict=True)]
+        return _Selection(effects, tuple(as_fitted))
 
     def _fitted(self, forms: Sequence[Term]) -> EffectSet:
         """Effects fitted together, flexible ones in the form of a robot file where that fits as well."""
         if not forms:
             return EffectSet(self.fit, self.runs, self.block, self.rng)
-        fitted = fit_model(self.material, forms, self.runs, self.block)
+        model = fit_model(self.material, forms, self.runs, self.block)
         if any(form.plain is not None for form in forms):
-            expressed = fit_model(self.material, [form.plain or form for form in forms], self.runs, self.block)
-            errors = [self.runs.squared_error(model.predicted) for model in (expressed, fitted)]
-            fitted = expressed if errors[0] <= thresholds.NO_WORSE * errors[1] else fitted
-        fitted = profiled(self.material, fitted, self.runs, self.block).model
-        return EffectSet(fitted, self.runs, self.block, self.rng)
+            plain_forms = [form.plain or form for form in forms]
+            plain = fit_model(self.material, plain_forms, self.runs, self.block)
+            plain_error = self.runs.squared_error(plain.predicted)
+            if plain_error <= thresholds.NO_WORSE * self.runs.squared_error(model.predicted):
+                model = plain
+        model = profiled(self.material, model, self.runs, self.block).model
+        return EffectSet(model, self.runs, self.block, self.rng)
 
-    def _rivals(self, named: Candidate, tried: Sequence[_Tried] | None) -> tuple[Term, ...]:
+    def _rivals(self, named: Candidate, trials: Sequence[_Trial] | None) -> tuple[Term, ...]:
         """Other effects whose own joint replay meets the conditions and explains as much as a named one, best first.
 
         That is nearly all of it or, of effects that are known to be confounded and that no recorded channel
-        separates, half of it.
+        separates, half of it. Without `trials` beside the set without it, those of single effects are made.
         """
-        tried = self._tried_alone(named.without, named.bench) if tried is None else tried
-        base = self.runs.squared_error(self._held_out(named.without.model))
-        own = self._replayed(named.without, named.bench, (named.index,)).squared_error
+        if trials is None:
+            trials = self._trials_of_singles(named.without, named.bench)
+        base_error = self.runs.squared_error(self._held_out(named.without.model))
+        explained = base_error - self._replayed(named.without, named.bench, (named.index,)).squared_error
+        singles = [trial for trial in trials if trial.is_single]
         rivals: dict[str, Term] = {}
-        for each in sorted((each for each in tried if len(each.added) == 1), key=lambda other: other.squared_error):
-            form = each.forms[0]
-            alike = form.hypothesis.looks_like(named.term.hypothesis, self.runs)
-            least = thresholds.HALF if alike else thresholds.RIVAL_SHARE
-            if form.effect == named.term.effect or base - each.squared_error < least * (base - own):
+        for trial in sorted(singles, key=lambda single: single.squared_error):
+            (form,) = trial.forms
+            if form.effect == named.term.effect:
                 continue
-            with_it = EffectSet(each.model, self.runs, self.block, self.rng)
-            at = partial(self._at, named.bench, each.added[0])
-            rival = replace(named, place=len(named.without.terms), with_it=with_it, find=at)
-            if passes(judge(rival, self.without, BEFORE_PLACEBOS), self.without):
-                rivals.setdefault(form.effect, _with_plain(named.bench, each.added[0]))
+            confounded = form.hypothesis.looks_like(named.term.hypothesis, self.runs)
+            least_share = thresholds.HALF if confounded else thresholds.RIVAL_SHARE
+            if base_error - trial.squared_error < least_share * explained:
+                continue
+            (index,) = trial.indices
+            rival = replace(
+                named,
+                place=len(named.without.terms),
+                with_it=EffectSet(trial.model, self.runs, self.block, self.rng),
+                find=partial(self._at_index, named.bench, index),
+            )
+            if passes(judge(rival, self.waived, BEFORE_PLACEBOS), self.waived):
+                rivals.setdefault(form.effect, _with_plain(named.bench, index))
         return tuple(rivals.values())
 
 
 @dataclass(frozen=True)
-class _Tried:
+class _Trial:
     """Hypotheses that are added to a set, in their joint replay."""
 
-    added: tuple[int, ...]  # their indices among the hypotheses of the bench
+    indices: tuple[int, ...]  # among the hypotheses of the bench
     forms: tuple[Term, ...]
     model: Corrected
     squared_error: float  # held out, summed over windows
     sudden: bool  # whether their sizes change in steps
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it adds one effect, and no pair."""
+        return len(self.indices) == 1
 
     @property
     def steady(self) -> bool:
@@ -348,11 +417,12 @@ class _Tried:
     def rank(self) -> tuple[int, bool, bool, bool]:
         """Simpler is less: few effects, physics before a fault of an instrument, what channels show before a
         schedule, and a change that is typical of the effect before another."""
-        faults = any(not form.hypothesis.physical for form in self.forms)
-        return len(self.forms), faults, not self.steady, any(not form.typical for form in self.forms)
+        has_a_fault = any(not form.hypothesis.physical for form in self.forms)
+        is_atypical = any(not form.typical for form in self.forms)
+        return len(self.forms), has_a_fault, not self.steady, is_atypical
 
 
-def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
+def _simplest_first(trials: Sequence[_Trial], base_error: float) -> list[_Trial]:
     """Sets that predict better than the base: first those that predict about best, the simplest of them first, then
     the others, best first.
 
@@ -361,29 +431,33 @@ def _simplest_first(tried: Sequence[_Tried], base: float) -> list[_Tried]:
     decides between them.
     """
 
-    def error_then_place(each: _Tried) -> tuple[float, tuple[int, ...]]:
-        return round(each.squared_error / base, _DIGITS), each.added
+    def error_then_place(trial: _Trial) -> tuple[float, tuple[int, ...]]:
+        return round(trial.squared_error / base_error, _DIGITS), trial.indices
 
-    better = sorted((each for each in tried if each.squared_error < base), key=error_then_place)
+    better = sorted((trial for trial in trials if trial.squared_error < base_error), key=error_then_place)
     if not better:
         return []
-    best = better[0]
+    smallest_error = better[0].squared_error
+    steady_is_best = better[0].steady
 
-    def about_best(each: _Tried) -> bool:
-        if each.steady and not best.steady:
-            return base - each.squared_error >= thresholds.SIMPLER * (base - best.squared_error)
-        return each.squared_error <= thresholds.NO_WORSE * best.squared_error
+    def predicts_about_best(trial: _Trial) -> bool:
+        if trial.steady and not steady_is_best:
+            return base_error - trial.squared_error >= thresholds.SIMPLER * (base_error - smallest_error)
+        return trial.squared_error <= thresholds.NO_WORSE * smallest_error
 
-    first = sorted((each for each in better if about_best(each)), key=lambda each: each.rank)
-    return [*first, *(each for each in better if not about_best(each))]
+    about_best = sorted((trial for trial in better if predicts_about_best(trial)), key=lambda trial: trial.rank)
+    worse = [trial for trial in better if not predicts_about_best(trial)]
+    return [*about_best, *worse]
 
 
-def _outdone(each: _Tried, refused: _Tried, base: float) -> bool:
+def _outdone(trial: _Trial, refused: _Trial, base_error: float) -> bool:
     """Whether a set that only placebos refuse explains more: what channels show is not barred by a schedule, nor steps
     by a drift."""
-    if (each.steady and not refused.steady) or (each.sudden and not refused.sudden):
+    if trial.steady and not refused.steady:
         return False
-    return base - each.squared_error < thresholds.RIVAL_SHARE * (base - refused.squared_error)
+    if trial.sudden and not refused.sudden:
+        return False
+    return base_error - trial.squared_error < thresholds.RIVAL_SHARE * (base_error - refused.squared_error)
 
 
 def _screened(bench: Bench) -> list[tuple[int, ...]]:
@@ -391,25 +465,32 @@ def _screened(bench: Bench) -> list[tuple[int, ...]]:
 
     By BIC and by innovations: a slow cause that is not found makes the residual correlated, and steps stand out of it.
     """
-    best = _promising(bench)
-    by_innovations = sorted(best, key=bench.innovations_bic, reverse=True)
+    by_bic = _promising(bench)
+    by_innovations = sorted(by_bic, key=bench.innovations_bic, reverse=True)
     steady = [index for index in by_innovations if bench.candidates[index].axis == "steady"]
     in_steps = [index for index in by_innovations if bench.is_in_steps(index)]
-    chosen = [*best[:_SINGLES], *steady[:_WHITE], *in_steps[:_WHITE]]
-    return [(index,) for index in dict.fromkeys(chosen)]
+    screened = [*by_bic[:_SINGLES], *steady[:_BY_INNOVATIONS], *in_steps[:_BY_INNOVATIONS]]
+    return [(index,) for index in dict.fromkeys(screened)]
 
 
 def _screened_pairs(bench: Bench) -> list[tuple[int, int]]:
     """Pairs of hypotheses that promise most together."""
-    effects = [candidate.effect for candidate in bench.candidates]
-    best = _promising(bench)
-    by_share = sorted(best, key=lambda index: -float(bench.shares[index]))
-    tried = dict.fromkeys([*best[:_PAIRED], *by_share[:_PAIRED]])
-    pairs = [pair for pair in combinations(tried, 2) if effects[pair[0]] != effects[pair[1]]]
+    by_bic = _promising(bench)
+    by_share = sorted(by_bic, key=lambda index: -float(bench.shares[index]))
+    screened = dict.fromkeys([*by_bic[:_PAIRED], *by_share[:_PAIRED]])
+    pairs = [
+        (index, partner)
+        for index, partner in combinations(screened, 2)
+        if bench.candidates[index].effect != bench.candidates[partner].effect
+    ]
     if not pairs:
         return []
-    independent = bench.independent(best[0])
-    return sorted(pairs, key=lambda pair: -bench.score(bench.share(*pair), independent, *pair))[:_PAIRS]
+    independent = bench.independent(by_bic[0])
+
+    def score(pair: tuple[int, int]) -> float:
+        return bench.score(bench.share(*pair), independent, *pair)
+
+    return sorted(pairs, key=lambda pair: -score(pair))[:_PAIRS]
 
 
 def _promising(bench: Bench) -> list[int]:
@@ -423,28 +504,39 @@ def _promising(bench: Bench) -> list[int]:
 
 def _rank(bench: Bench) -> tuple[Ranked, ...]:
     """The best form of each effect and of what its size depends on."""
-    best = [(bench.candidates[index], index) for index in _best_forms(bench, bench.shares)]
-    ranked = [Ranked(term.effect, term.axis, bench.delta_bic(index), bench.share(index)) for term, index in best]
+    ranked = []
+    for index in _best_forms(bench, bench.shares):
+        term = bench.candidates[index]
+        row = Ranked(
+            effect=term.effect,
+            axis=term.axis,
+            delta_bic=bench.delta_bic(index),
+            held_out_gain=bench.share(index),
+        )
+        ranked.append(row)
     return tuple(sorted(ranked, key=lambda row: -row.delta_bic))
 
 
 def _best_forms(bench: Bench, scores: Array) -> list[int]:
     """The best of each effect and of what its size depends on, best first."""
-    first: dict[tuple[str, str], int] = {}
+    best_form: dict[tuple[str, str], int] = {}
     for index in np.argsort(-scores, kind="stable").tolist():
         term = bench.candidates[index]
-        first.setdefault((term.effect, term.axis), index)
-    return list(first.values())
+        best_form.setdefault((term.effect, term.axis), index)
+    return list(best_form.values())
 
 
-def _with_plain(bench: Bench, chosen: int) -> Term:
-    """The chosen form; if a robot file cannot express it, with the best form that one can."""
-    term = bench.candidates[chosen]
+def _with_plain(bench: Bench, index: int) -> Term:
+    """This form; if a robot file cannot express it, with the best form that one can."""
+    term = bench.candidates[index]
     if not term.flexible:
         return term
-    plain = [
-        index
-        for index, other in enumerate(bench.candidates)
-        if other.effect == term.effect and other.axis == "steady" and not other.flexible
+    plain_forms = [
+        number
+        for number, candidate in enumerate(bench.candidates)
+        if candidate.effect == term.effect and candidate.axis == "steady" and not candidate.flexible
     ]
-    return replace(term, plain=bench.candidates[max(plain, key=bench.share)]) if plain else term
+    if not plain_forms:
+        return term
+    best_plain_form = max(plain_forms, key=bench.share)
+    return replace(term, plain=bench.candidates[best_plain_form])
