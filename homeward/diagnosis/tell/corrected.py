@@ -40,40 +40,45 @@ def is_expressible(term: Term) -> bool:
 
 def _stays(term: Term) -> bool:
     """Whether an effect begins once and is then at work to the end, as in the robot's present state."""
-    one = term.schedule
-    if one is None or term.axis != "time" or one.levels != 2:
+    schedule = term.schedule
+    if schedule is None or term.axis != "time" or schedule.levels != 2:
         return False
-    return bool(one.level[-1] == 1) and int(np.count_nonzero(np.diff(one.level))) == 1
+    is_on_at_the_end = bool(schedule.level[-1] == 1)
+    changes = int(np.count_nonzero(np.diff(schedule.level)))
+    return is_on_at_the_end and changes == 1
 
 
 def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
     """Separate what a robot file can express of a fit from what it cannot: times, places, and instruments."""
     if isinstance(model, Refit):
         return FileContent(model.theta, {}, WithEffects())
-    terms, theta = model.model.terms, model.theta
+    theta = model.theta
     effects: dict[str, dict[str, float]] = {}
     met = replace(model.model.within(runs, model.values), effects={})
     before: dict[str, Mask] = {}
     given = model.parameters.nominal.effects
     reading = np.zeros(len(runs.observed))
-    for index, term in enumerate(terms):
+    for index, term in enumerate(model.model.terms):
+        in_given_file = given.get(term.effect, {})
         if term.of_rolling_kg is not None:
             smoothest, gain, roughness = _ground(model, index, runs)
-            of_gain, of_typical = term.hypothesis.entry.parameters
-            given_gain, given_typical = (given.get(term.effect, {}).get(of.name, 0.0) for of in (of_gain, of_typical))
+            gain_entry, typical_entry = term.hypothesis.entry.parameters
+            given_gain = in_given_file.get(gain_entry.name, 0.0)
+            given_typical = in_given_file.get(typical_entry.name, 0.0)
+            # It was fitted on top of the given file's typical roughness; a file holds that of the smoothest ground.
             theta = theta.copy()
             theta[ROLLING] *= smoothest * (1.0 + given_gain * given_typical)
-            typical = float(np.average(roughness, weights=np.abs(runs.context["speed_mps"]) * runs.duration_s))
-            effects[term.effect] = {of_gain.name: gain, of_typical.name: typical}
+            driven_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
+            typical = float(np.average(roughness, weights=driven_m))
+            effects[term.effect] = {gain_entry.name: gain, typical_entry.name: typical}
             met = replace(met, roughness=roughness)
         elif is_expressible(term):
-            shape = given.get(term.effect, {})
-            effects[term.effect] = {**shape, **_numbers(model, index), **term.hypothesis.reach(runs)}
+            effects[term.effect] = {**in_given_file, **_numbers(model, index), **term.hypothesis.reach(runs)}
             if _stays(term) and term.schedule is not None:
                 before[term.effect] = term.schedule.level == 0
         elif term.misread:
             reading += term.columns @ model.sizes(index)
-    return FileContent(theta, effects, met, reading, before, given)
+    return FileContent(theta=theta, effects=effects, met=met, reading=reading, before=before, given=given)
 
 
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
@@ -84,28 +89,34 @@ def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Arr
     term = model.model.terms[index]
     switch = term.hypothesis.entry.switch
     assert term.at_work is not None
-    share = model.share(index)
-    rolls = 1.0 + np.clip(term.at_work @ model.sizes(index) * share, switch.low, switch.high)
+    rise = term.at_work @ model.sizes(index) * model.share(index)
+    over_fitted = 1.0 + np.clip(rise, switch.low, switch.high)  # C_rr of each window over the fitted one, (windows,)
     driven = np.abs(runs.context["speed_mps"]) > 0.0
-    ends = (0.0, 1.0) if term.schedule is not None else _ENDS
-    smoothest, roughest = np.quantile(rolls[driven], ends).tolist()
+    ends = _ENDS
+    if term.schedule is not None:
+        ends = (0.0, 1.0)
+    smoothest, roughest = np.quantile(over_fitted[driven], ends).tolist()
     gain = roughest / smoothest - 1.0
     if gain <= 0.0:
-        return smoothest, 0.0, np.zeros(len(rolls))
-    return smoothest, gain, np.clip((rolls / smoothest - 1.0) / gain, 0.0, 1.0)
+        return smoothest, 0.0, np.zeros(len(over_fitted))
+    roughness = np.clip((over_fitted / smoothest - 1.0) / gain, 0.0, 1.0)
+    return smoothest, gain, roughness
 
 
 _ENDS = (0.05, 0.95)  # quantiles; chosen: a twentieth of what was driven is left out at each end
 
 
 def _numbers(model: Corrected, index: int) -> dict[str, float]:
+    """The numbers of an effect that a robot file has: those of its form, and over them the fitted ones."""
     term = model.model.terms[index]
-    one, switch = term.hypothesis, term.hypothesis.entry.switch
-    known = {parameter.name for parameter in (*one.entry.parameters, *one.searched)}
-    numbers = {name: value.value for name, value in model.parameters_of(index).items() if name in known}
+    hypothesis = term.hypothesis
+    switch = hypothesis.entry.switch
+    allowed = {parameter.name for parameter in (*hypothesis.entry.parameters, *hypothesis.searched)}
+    of_form = {name: value for name, value in term.shape.items() if name in allowed}
+    fitted = {name: value.value for name, value in model.parameters_of(index).items() if name in allowed}
     if term.of_rolling_kg is not None:
-        numbers[switch.name] = float(np.clip(numbers[switch.name], switch.low, switch.high))
-    return {**{name: value for name, value in term.shape.items() if name in known}, **numbers}
+        fitted[switch.name] = float(np.clip(fitted[switch.name], switch.low, switch.high))
+    return {**of_form, **fitted}
 
 
 def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
@@ -115,19 +126,19 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
     """
     *ancillary, rolling_kg, drag, mass_kg = content.theta.tolist()
     if content.effects:
-        effects = {name: {key: rounded(value) for key, value in one.items()} for name, one in content.effects.items()}
-        robot = with_effects_of(robot, effects)
+        robot = with_effects_of(robot, _rounded_effects(content.effects))
     if unit == "W":
         robot = with_ancillary(robot, *ancillary)
     else:
         robot = dataclasses.replace(robot, rest_current_a=rounded(max(ancillary[0], 0.0)))
         if thrust_n_per_a(robot) == 0.0:
             return robot
+    rolling_resistance = float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0))
     return dataclasses.replace(
         robot,
         mass_kg=_unless_equal(robot.mass_kg, mass_kg),
         drag_ns2_per_m2=_unless_equal(robot.drag_ns2_per_m2, drag),
-        rolling_resistance=_unless_equal(robot.rolling_resistance, float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0))),
+        rolling_resistance=_unless_equal(robot.rolling_resistance, rolling_resistance),
     )
 
 
@@ -137,19 +148,24 @@ def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
     With what no file contains: ground, errors of instruments, and the time before an effect began.
     """
     predicted = predict(runs, robot, content.met)
-    masks = np.array(list(content.before.values()), np.bool_).reshape(-1, len(predicted))
-    for absent in np.unique(masks, axis=1).T:
+    not_begun = np.array(list(content.before.values()), np.bool_).reshape(-1, len(predicted))  # (effects, windows)
+    # One replay for each set of effects that are absent together; effects of the given file are as that has them.
+    for absent in np.unique(not_begun, axis=1).T:
         if absent.any():
-            names = {effect for effect, lacks in zip(content.before, absent, strict=True) if lacks}
-            effects = {name: numbers for name, numbers in robot.effects.items() if name not in names}
-            effects |= {name: numbers for name, numbers in content.given.items() if name in names}
-            earlier = predict(runs, dataclasses.replace(robot, effects=effects), content.met)
-            predicted = np.where((absent == masks.T).all(axis=1), earlier, predicted)
+            absent_effects = {effect for effect, is_absent in zip(content.before, absent, strict=True) if is_absent}
+            effects = {effect: numbers for effect, numbers in robot.effects.items() if effect not in absent_effects}
+            effects |= {effect: numbers for effect, numbers in content.given.items() if effect in absent_effects}
+            without_them = predict(runs, dataclasses.replace(robot, effects=effects), content.met)
+            windows = (absent == not_begun.T).all(axis=1)
+            predicted = np.where(windows, without_them, predicted)
     return content.reading + predicted
 
 
 def _unless_equal(before: float, after: float) -> float:
-    return before if math.isclose(after, before) else rounded(after)
+    """The number after a fit, rounded; the one before where they hardly differ, so that no digit of it is lost."""
+    if math.isclose(after, before):
+        return before
+    return rounded(after)
 
 
 def rounded(value: float) -> float:
@@ -157,16 +173,21 @@ def rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
+def _rounded_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    return {effect: _rounded_numbers(numbers) for effect, numbers in effects.items()}
+
+
+def _rounded_numbers(numbers: Mapping[str, float]) -> dict[str, float]:
+    return {name: rounded(value) for name, value in numbers.items()}
+
+
 def rounded_robot(before: Robot, after: Robot) -> Robot:
     """The robot with the numbers that differ from those before rounded to the six digits of a robot file."""
-    values: dict[str, Any] = {}
+    values: dict[str, Any] = {"effects": _rounded_effects(after.effects)}
     for quantity in dataclasses.fields(Robot):
-        old, new = getattr(before, quantity.name), getattr(after, quantity.name)
+        new = getattr(after, quantity.name)
         if isinstance(new, float):
-            values[quantity.name] = _unless_equal(old, new)
-    values["effects"] = {
-        effect: {name: rounded(value) for name, value in numbers.items()} for effect, numbers in after.effects.items()
-    }
+            values[quantity.name] = _unless_equal(getattr(before, quantity.name), new)
     return dataclasses.replace(after, **values)
 
 
@@ -192,21 +213,30 @@ def comments(before: Robot, after: Robot, numbers: Sequence[FileNumber] = ()) ->
 
     The number of an effect is named as `effect.number`.
     """
-    said = {}
+    origins = {}
     for number in numbers:
-        low, high = number.ci95
-        sure = "proven" if number.proven else "fitted, not proven"
-        for name in _FIELDS.get(number.name.split(" / ")[0], (number.name.replace(" ", "."),)):
-            unit = "" if number.unit == "1" else f" {number.unit}"
-            said[name] = f"{sure}: {number.name} = {number.value:.4g} ({low:.4g} to {high:.4g}){unit}"
+        symbol = number.name.split(" / ")[0]
+        as_effect = number.name.replace(" ", ".")
+        for name in _FIELDS.get(symbol, (as_effect,)):
+            origins[name] = _origin(number)
     changed = {}
     for quantity in dataclasses.fields(Robot):
-        old, new = getattr(before, quantity.name), getattr(after, quantity.name)
+        old = getattr(before, quantity.name)
+        new = getattr(after, quantity.name)
         if isinstance(new, float) and new != old:
-            how = said.get(quantity.name, "from the recorded state of charge against the energy drawn")
-            changed[quantity.name] = f"by diagnose.py, {how}; it was {old:.6g}"
-    for effect, own in after.effects.items():
-        for name in own:
-            if f"{effect}.{name}" in said:
-                changed[f"{effect}.{name}"] = f"by diagnose.py, {said[f'{effect}.{name}']}"
+            origin = origins.get(quantity.name, "from the recorded state of charge against the energy drawn")
+            changed[quantity.name] = f"by diagnose.py, {origin}; it was {old:.6g}"
+    for effect, effect_numbers in after.effects.items():
+        for number_name in effect_numbers:
+            name = f"{effect}.{number_name}"
+            if name in origins:
+                changed[name] = f"by diagnose.py, {origins[name]}"
     return changed
+
+
+def _origin(number: FileNumber) -> str:
+    """How sure a fitted number is, what it was fitted as, and its interval, in words."""
+    certainty = "proven" if number.proven else "fitted, not proven"
+    unit = "" if number.unit == "1" else f" {number.unit}"
+    low, high = number.ci95
+    return f"{certainty}: {number.name} = {number.value:.4g} ({low:.4g} to {high:.4g}){unit}"

@@ -7,7 +7,7 @@ weather, and faults of instruments.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -60,14 +60,19 @@ def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index
     One group after the other is held, first that whose assumed value raises the error least: of two confounded groups,
     the other is then identifiable. Windows of different `block`, shape (windows,), count as independent.
     """
-    nothing = np.zeros(len(fit.held), np.bool_)
-    plain = _determined(lambda held: holding(fit, runs, held), nothing, runs, block)
+
+    def refit_holding(groups: Mask) -> Refit:
+        return holding(fit, runs, groups)
+
+    def model_holding(groups: Mask) -> Corrected:
+        assert corrected is not None
+        return fit_model(holding(fit, runs, groups), corrected.model.terms, runs, block)
+
+    no_groups = np.zeros(len(fit.held), np.bool_)
+    plain = _determined(refit_holding, no_groups, runs, block)
     if corrected is None:
         return plain, None
-    terms = corrected.model.terms
-    return plain, _determined(
-        lambda held: fit_model(holding(fit, runs, held), terms, runs, block), corrected.groups.held, runs, block
-    )
+    return plain, _determined(model_holding, corrected.groups.held, runs, block)
 
 
 def expressible(
@@ -82,48 +87,66 @@ def expressible(
         return None
     terms = corrected.model.terms
     forms = [term.plain or term for term in terms]
-    kept = [form for form, effect in zip(forms, named, strict=True) if not _excluded(effect, form)]
-    if not kept:
+    forms_in_file = [form for form, effect in zip(forms, named, strict=True) if not _excluded(effect, form)]
+    if not forms_in_file:
         return None
-    if [id(form) for form in kept] == [id(term) for term in terms]:
+    if [id(form) for form in forms_in_file] == [id(term) for term in terms]:
         return corrected
     held = corrected.groups.held
     if any(term.flexible for term in terms):
         held = held & plain.held  # a flexible form spans groups that its form in a file does not
-    return _determined(lambda more: fit_model(holding(plain, runs, more), kept, runs, block), held, runs, block)
+
+    def model_holding(groups: Mask) -> Corrected:
+        return fit_model(holding(plain, runs, groups), forms_in_file, runs, block)
+
+    return _determined(model_holding, held, runs, block)
 
 
 def _excluded(named: Named, form: Term) -> str:
     """Why a robot file does not contain a named effect; empty where it does, and for a fault of an instrument."""
-    effect, meant = form.hypothesis, (named.term, *named.rivals)
-    if any(term.misread for term in meant) and any(term.hypothesis.physical for term in meant):
-        return f"{effect.name} is confounded with a fault of the meter"
-    if effect.is_weather:
-        return f"{effect.name} is weather"
-    if effect.physical and not is_expressible(form):
-        return f"a robot file cannot hold when {effect.name} is at work"
+    hypothesis = form.hypothesis
+    explanations = (named.term, *named.rivals)
+    may_be_misread = any(term.misread for term in explanations)
+    may_be_physical = any(term.hypothesis.physical for term in explanations)
+    if may_be_misread and may_be_physical:
+        return f"{hypothesis.name} is confounded with a fault of the meter"
+    if hypothesis.is_weather:
+        return f"{hypothesis.name} is weather"
+    if hypothesis.physical and not is_expressible(form):
+        return f"a robot file cannot hold when {hypothesis.name} is at work"
     return ""
 
 
 def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, block: Index) -> Model:
+    """The model after holding one group after the other; `held`, shape (groups,), are held from the start."""
     model = fit_holding(held)
     while True:
-        estimated = estimates(model, runs, block)
-        is_open = np.array([estimate.status != "fitted" for estimate in estimated]) & ~held
-        if not is_open.any():
+        candidates = _groups_to_hold(model, held, runs, block)
+        if not candidates.any():
             return model
-        at_bound = np.array([estimate.status == "at bound" for estimate in estimated])
-        columns = model.groups.jacobian / np.maximum(np.linalg.norm(model.groups.jacobian, axis=0), 1e-300)
-        # Groups correlated with one at a bound may have absorbed a part of it.
-        alike = ((columns.T @ columns)[:, is_open & at_bound] ** 2 > thresholds.HALF).any(axis=1)
-        candidates = (is_open | alike) & ~held
-        holding_more = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
-        fits = [fit_holding(more) for more in holding_more]
+        holding_one_more = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
+        fits = [fit_holding(groups) for groups in holding_one_more]
         errors = [runs.squared_error(fit.predicted) for fit in fits]
-        best = int(np.argmin(errors))
-        if errors[best] > thresholds.NO_WORSE * runs.squared_error(model.predicted):
+        smallest = int(np.argmin(errors))
+        if errors[smallest] > thresholds.NO_WORSE * runs.squared_error(model.predicted):
             return model
-        model, held = fits[best], holding_more[best]
+        model = fits[smallest]
+        held = holding_one_more[smallest]
+
+
+def _groups_to_hold(model: Refit | Corrected, held: Mask, runs: Runs, block: Index) -> Mask:
+    """Free groups without a value, and those correlated with one at a bound, shape (groups,)."""
+    estimated = estimates(model, runs, block)
+    is_open = np.array([estimate.status != "fitted" for estimate in estimated]) & ~held
+    if not is_open.any():
+        return is_open
+    at_bound = np.array([estimate.status == "at bound" for estimate in estimated])
+    jacobian = model.groups.jacobian
+    columns = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    # Groups correlated with one at a bound may have absorbed a part of it.
+    shared_variance = (columns.T @ columns)[:, is_open & at_bound] ** 2
+    correlated = (shared_variance > thresholds.HALF).any(axis=1)
+    return np.asarray((is_open | correlated) & ~held)
 
 
 def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
@@ -135,11 +158,13 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.rand
     worse than the given file. Effects of the battery are added. `rng` draws a bootstrap.
     """
     choice = _chosen(robot, verdict, evidence, rng)
-    changed, file, capacity = choice.robot, choice.file, evidence.capacity
-    shown = [effect.in_file for effect in evidence.channel_effects if effect.in_file]
-    for numbers in shown:
+    changed = choice.robot
+    file = choice.file
+    capacity = evidence.capacity
+    of_battery = [effect.in_file for effect in evidence.channel_effects if effect.in_file]
+    for numbers in of_battery:
         changed = with_effects_of(changed, numbers)
-    if shown:
+    if of_battery:
         file = replace(file, why=f"{file.why}; it also holds what voltage or charge show of the battery")
     if capacity is not None and capacity.written and verdict != "unknown_physics":
         changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
@@ -147,7 +172,10 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.rand
 
 
 def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
-    runs, trip, nominal = evidence.runs, evidence.trip, evidence.predictions.get("nominal")
+    """The choice by held-out drives, without effects of the battery; see `choose_file`."""
+    runs = evidence.runs
+    trip = evidence.trip
+    nominal = evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
         why = "the verdict requires no change of the robot file"
         return FileChoice(robot, nominal, nominal, CorrectedFile("nominal", why))
@@ -157,25 +185,40 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     reasons = [_excluded(effect, effect.term.plain or effect.term) for effect in evidence.naming.named]
     if verdict == "unknown_physics":
         reasons.append("its parameters absorb a part of the unknown physics and are no measurement")
-    named = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
     given = FileChoice(robot, nominal, nominal, CorrectedFile("nominal", ""))
-    candidates = [given, _refitted(robot, evidence)]
-    candidates += [] if named is None else [_named(robot, named, evidence)]
-    ranked = sorted(candidates, key=lambda candidate: _error(candidate, evidence))
-    # Beyond what the instruments explain, drives are consumed by what nothing proven models.
-    if error_parts(ranked[0].predicted, runs, trip)[1] > thresholds.CLEAR * thresholds.GAIN_ERROR:
-        ranked.insert(0, _predictive(robot, named, evidence))
-    best = given
-    for candidate in ranked:
-        worse = "" if candidate is given else worse_than(nominal, candidate.predicted, runs, trip, rng)
+    choice = given
+    for candidate in _ranked(robot, given, evidence):
+        worse = ""
+        if candidate is not given:
+            worse = worse_than(nominal, candidate.predicted, runs, trip, rng)
         if not worse:
-            best = candidate
+            choice = candidate
             break
         reasons.append(f"with {_WORDS[candidate.file.holds]}, {worse}")
-    share = " and ".join(f"{100.0 * part:.3g} %" for part in error_parts(best.predicted, runs, trip))
-    why = f"off by {share} on held-out drives (power, energy)"
-    why = "; ".join([why, *dict.fromkeys(filter(None, reasons))])
-    return replace(best, file=replace(best.file, why=why))
+    power_error, energy_error = error_parts(choice.predicted, runs, trip)
+    why = f"off by {_percent(power_error)} and {_percent(energy_error)} on held-out drives (power, energy)"
+    distinct_reasons = dict.fromkeys(reason for reason in reasons if reason)
+    why = "; ".join([why, *distinct_reasons])
+    return replace(choice, file=replace(choice.file, why=why))
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %"
+
+
+def _ranked(robot: Robot, given: FileChoice, evidence: Evidence) -> list[FileChoice]:
+    """The candidates, the smallest held-out error first; before them the fit made to predict, where one is needed."""
+    runs = evidence.runs
+    named = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
+    candidates = [given, _refitted(robot, evidence)]
+    if named is not None:
+        candidates.append(_named(robot, named, evidence))
+    ranked = sorted(candidates, key=lambda candidate: _error(candidate, evidence))
+    _, energy_error = error_parts(ranked[0].predicted, runs, evidence.trip)
+    # Beyond what the instruments explain, drives are consumed by what nothing proven models.
+    if energy_error > thresholds.CLEAR * thresholds.GAIN_ERROR:
+        ranked.insert(0, _predictive(robot, named, evidence))
+    return ranked
 
 
 def _error(choice: FileChoice, evidence: Evidence) -> float:
@@ -197,61 +240,110 @@ def error_parts(predicted: Array, runs: Runs, trip: Index) -> tuple[float, float
     A trip of next to no energy would otherwise decide alone.
     """
     error = predicted - runs.observed
-    of_power = float(np.sqrt(np.mean(error**2) / max(float(np.mean(runs.observed**2)), 1e-300)))
-    missed, drawn = (np.abs(np.bincount(trip, values * runs.duration_s)) for values in (error, runs.observed))
-    of_trips = np.minimum(missed / np.maximum(drawn, 1e-300), thresholds.HALF)
-    return of_power, float(of_trips.mean())
+    mean_square = max(float(np.mean(runs.observed**2)), 1e-300)
+    power_error = float(np.sqrt(np.mean(error**2) / mean_square))
+    # Of each trip, J or A s.
+    missed = np.abs(np.bincount(trip, error * runs.duration_s))
+    drawn = np.abs(np.bincount(trip, runs.observed * runs.duration_s))
+    trip_errors = np.minimum(missed / np.maximum(drawn, 1e-300), thresholds.HALF)
+    return power_error, float(trip_errors.mean())
 
 
 def _refitted(robot: Robot, evidence: Evidence) -> FileChoice:
-    changed, by_file = filed(robot, evidence.plain, evidence.runs)
-    numbers = _numbers(evidence, joint(evidence.plain, evidence.runs, evidence.block))
-    return FileChoice(changed, _held_out(robot, evidence.plain, evidence), by_file, CorrectedFile("refit", "", numbers))
+    return _choice_of(robot, evidence.plain, "refit", evidence)
 
 
 def _named(robot: Robot, model: Corrected, evidence: Evidence) -> FileChoice:
+    return _choice_of(robot, model, "corrected", evidence)
+
+
+def _choice_of(
+    robot: Robot, model: Refit | Corrected, holds: Literal["refit", "corrected"], evidence: Evidence
+) -> FileChoice:
+    """A fit as a candidate, with the held-out prediction of its file."""
     changed, by_file = filed(robot, model, evidence.runs)
     numbers = _numbers(evidence, joint(model, evidence.runs, evidence.block))
-    return FileChoice(changed, _held_out(robot, model, evidence), by_file, CorrectedFile("corrected", "", numbers))
+    return FileChoice(
+        robot=changed,
+        held_out=_held_out(robot, model, evidence),
+        replayed=by_file,
+        file=CorrectedFile(holds, "", numbers),
+    )
 
 
 def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> FileChoice:
+    """The fit made to predict as a candidate, with or without named effects."""
     runs = evidence.runs
-    content = file_content(evidence.plain, runs) if model is None else file_content(model, runs)
-    base = robot if model is None else written(robot, content, runs.unit)
+    if model is None:
+        content = file_content(evidence.plain, runs)
+        base = robot
+    else:
+        content = file_content(model, runs)
+        base = written(robot, content, runs.unit)
 
-    def by_file(part: Predictive) -> Array:
-        return replayed(rounded_robot(robot, part.changed), content, runs)
+    def replay(changed: Robot) -> Array:
+        return replayed(changed, content, runs)
 
-    fit = fit_predictive(runs, robot, base, lambda changed: replayed(changed, content, runs), evidence.fold)
-    held = held_out(lambda chosen: by_file(fit.fitted_to(chosen, runs)), evidence.fold)
-    symbols = {group.name: group.symbol for group in GROUPS[runs.unit]}
-    names = tuple(symbols.get(entry.name, entry.name.replace(".", " ")) for entry in fit.entries)
-    # The accelerated mass is in the file as a share of the mass.
-    share = np.array([1.0 / fit.numbers["mass"] if entry.name == INERTIA else 1.0 for entry in fit.entries])
-    units = tuple("1" if entry.name == INERTIA else entry.unit for entry in fit.entries)
-    known = Joint(names, units, share * fit.values, np.outer(share, share) * fit.covariance(runs, evidence.block))
+    def replay_of_file(fit: Predictive) -> Array:
+        return replay(rounded_robot(robot, fit.changed))
+
+    fit = fit_predictive(runs, robot, base, replay, evidence.fold)
+    fitted = _joint_of(fit, evidence)
+    return FileChoice(
+        robot=rounded_robot(robot, fit.changed),
+        held_out=held_out(lambda windows: replay_of_file(fit.fitted_to(windows, runs)), evidence.fold),
+        replayed=replay_of_file(fit),
+        file=CorrectedFile("predictive", "", _numbers_within_bounds(fit, fitted, evidence)),
+        joint=fitted,
+    )
+
+
+def _factors_in_file(fit: Predictive) -> Array:
+    """From the fitted numbers to those of the file, shape (entries,): it has the accelerated mass over the mass."""
+    over_mass = 1.0 / fit.numbers["mass"]
+    return np.array([over_mass if entry.name == INERTIA else 1.0 for entry in fit.entries])
+
+
+def _joint_of(fit: Predictive, evidence: Evidence) -> Joint:
+    """The numbers of the fit made to predict, as the file has them, and their covariance."""
+    symbols = {group.name: group.symbol for group in GROUPS[evidence.runs.unit]}
+    names = [symbols.get(entry.name, entry.name.replace(".", " ")) for entry in fit.entries]
+    units = ["1" if entry.name == INERTIA else entry.unit for entry in fit.entries]
+    factors = _factors_in_file(fit)
+    covariance = np.outer(factors, factors) * fit.covariance(evidence.runs, evidence.block)
+    return Joint(tuple(names), tuple(units), factors * fit.values, covariance)
+
+
+def _numbers_within_bounds(fit: Predictive, fitted: Joint, evidence: Evidence) -> tuple[FileNumber, ...]:
+    """The numbers of the fit made to predict, their intervals cut at the bounds of what was fitted."""
     numbers = []
-    for number, entry, factor in zip(_numbers(evidence, known), fit.entries, share.tolist(), strict=True):
-        low, high = (min(max(end, factor * entry.low), factor * entry.high) for end in number.ci95)
-        numbers.append(replace(number, ci95=(low, high)))
-    file = CorrectedFile("predictive", "", tuple(numbers))
-    return FileChoice(rounded_robot(robot, fit.changed), held, by_file(fit), file, known)
+    factors = _factors_in_file(fit).tolist()
+    for number, entry, factor in zip(_numbers(evidence, fitted), fit.entries, factors, strict=True):
+        lowest = factor * entry.low
+        highest = factor * entry.high
+        low, high = number.ci95
+        within = (min(max(low, lowest), highest), min(max(high, lowest), highest))
+        numbers.append(replace(number, ci95=within))
+    return tuple(numbers)
 
 
-def _numbers(evidence: Evidence, known: Joint) -> tuple[FileNumber, ...]:
+def _numbers(evidence: Evidence, fitted: Joint) -> tuple[FileNumber, ...]:
     """The fitted numbers with their intervals; proven are those of named effects and of parameters that are off.
 
     An effect that may be a fault of the meter is not proven to be one of the robot.
     """
-    off = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
-    explaining = evidence.naming.named
-    named = {effect.term.effect for effect in explaining if not _excluded(effect, effect.term.plain or effect.term)}
-    wide = thresholds.NORMAL_95 * np.sqrt(np.maximum(np.diag(known.covariance), 0.0))
+    groups_off = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
+    effects_in_file = {
+        named.term.effect for named in evidence.naming.named if not _excluded(named, named.term.plain or named.term)
+    }
+    values = fitted.values.tolist()
+    standard_errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
+    half_intervals = (thresholds.NORMAL_95 * standard_errors).tolist()
     numbers = []
-    for name, unit, value, half in zip(known.names, known.units, known.values.tolist(), wide.tolist(), strict=True):
-        proven = name in off or name.partition(" ")[0] in named
-        numbers.append(FileNumber(name, value, (value - half, value + half), unit, proven))
+    for name, unit, value, half in zip(fitted.names, fitted.units, values, half_intervals, strict=True):
+        effect, _, _ = name.partition(" ")
+        proven = name in groups_off or effect in effects_in_file
+        numbers.append(FileNumber(name, value, ci95=(value - half, value + half), unit=unit, proven=proven))
     return tuple(numbers)
 
 
@@ -266,10 +358,11 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: Index, rng: np.ran
         return f"the held-out error would be {rms_after:.4g} {runs.unit} instead of {rms_before:.4g}"
     off_before = np.abs(np.bincount(trip, (before - runs.observed) * runs.duration_s))
     off_after = np.abs(np.bincount(trip, (after - runs.observed) * runs.duration_s))
-    least_worse = bootstrap((off_after - off_before)[None], rng, lambda drawn: drawn[0])[0]
-    if least_worse <= 0.0:
+    rise_low, _ = bootstrap((off_after - off_before)[None], rng, lambda drawn: drawn[0])
+    if rise_low <= 0.0:
         return ""
-    consumed, unit = ("energy", "J") if runs.unit == "W" else ("charge", "A s")
+    consumed = "energy" if runs.unit == "W" else "charge"
+    unit = "J" if runs.unit == "W" else "A s"
     return (
         f"the {consumed} of a held-out trip would be off by {off_after.mean():.3g} {unit} on average instead of "
         f"{off_before.mean():.3g}"
@@ -279,7 +372,12 @@ def worse_than(before: Array, after: Array, runs: Runs, trip: Index, rng: np.ran
 def _held_out(robot: Robot, model: Refit | Corrected, evidence: Evidence) -> Array:
     """Prediction of each fold by the file fitted to the others, shape (windows,)."""
     runs = evidence.runs
-    return held_out(lambda chosen: filed(robot, model.refitted(chosen, runs), runs)[1], evidence.fold)
+
+    def prediction(windows: Mask) -> Array:
+        _, by_file = filed(robot, model.refitted(windows, runs), runs)
+        return by_file
+
+    return held_out(prediction, evidence.fold)
 
 
 def filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:

@@ -19,14 +19,15 @@ _MODULES = {"shared": shared, "physics": physics_thresholds, "logs": logs_thresh
 
 def made_by(seed: int) -> MadeBy:
     """Version, seed and all thresholds, by the package and the name of each."""
-    values = {
-        f"{package}.{name}": _plain(value)
-        for package, module in _MODULES.items()
-        for name, value in vars(module).items()
-        if name.isupper() and not name.startswith("_")
-    }
-    own = own_file()
-    own_effects = {} if own is None else {own.name: hashlib.sha256(own.read_bytes()).hexdigest()}
+    values = {}
+    for package, module in _MODULES.items():
+        for name, value in vars(module).items():
+            if name.isupper() and not name.startswith("_"):
+                values[f"{package}.{name}"] = _plain(value)
+    own_effects = {}
+    file = own_file()
+    if file is not None:
+        own_effects[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()
     return MadeBy(homeward.__version__, seed, values, own_effects)
 
 
@@ -34,7 +35,10 @@ def _plain(value: Any) -> Any:
     """A value as JSON has it."""
     if isinstance(value, Mapping):
         return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, tuple | list | set | frozenset):
-        parts = [_plain(part) for part in value]
-        return parts if isinstance(value, tuple | list) else sorted(parts)
-    return value if isinstance(value, bool | int | float | str) or value is None else str(value)
+    if isinstance(value, tuple | list):
+        return [_plain(part) for part in value]
+    if isinstance(value, set | frozenset):
+        return sorted(_plain(part) for part in value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)

@@ -1,41 +1,68 @@
 """Missing physics for the result: each effect with its parameters, its places and the evidence for it."""
 
 from homeward.diagnosis.evidence import Evidence
-from homeward.diagnosis.explain.hypothesis import Hypothesis
+from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
+from homeward.diagnosis.explain.naming import Named
 from homeward.diagnosis.explain.places import places, places_of
+from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import MissingPhysics, NotNamed, Proof
 from homeward.diagnosis.tell.next_drive import to_tell_apart
 
 
 def missing_physics(evidence: Evidence) -> tuple[MissingPhysics, ...]:
     """The named effects, then those that other channels than power show."""
-    runs, corrected, found = evidence.runs, evidence.corrected, []
-    for index, one in enumerate(evidence.naming.named):
-        assert corrected is not None
-        numbers, where = corrected.parameters_of(index), places(one.term, corrected.contribution[index], runs)
-        proof, rivals = Proof(one.delta_bic, one.held_out_gain, one.p_value), tuple(term.effect for term in one.rivals)
-        drive = to_tell_apart(evidence.fitted, runs, evidence.residual, one.term, one.rivals)
-        description = _description(one.term.hypothesis)
-        found.append(MissingPhysics(*description, numbers, where, proof, rivals, drive, one.checks))
-    for shown in evidence.channel_effects:
-        where = places_of(shown.contribution, runs, None, shown.contribution != 0.0)
-        measurement = shown.hypothesis.measurement
-        advice = f"{measurement[0].upper()}{measurement[1:]}." if shown.rivals else ""
-        numbers = dict(shown.parameters)
-        found.append(MissingPhysics(*_description(shown.hypothesis), numbers, where, shown.proof, shown.rivals, advice))
-    return tuple(found)
+    named = [_named_effect(index, effect, evidence) for index, effect in enumerate(evidence.naming.named)]
+    shown_by_channels = [_channel_effect(effect, evidence.runs) for effect in evidence.channel_effects]
+    return (*named, *shown_by_channels)
+
+
+def _named_effect(index: int, named: Named, evidence: Evidence) -> MissingPhysics:
+    corrected = evidence.corrected
+    assert corrected is not None
+    hypothesis = named.term.hypothesis
+    return MissingPhysics(
+        effect=hypothesis.id,
+        name=hypothesis.name,
+        sentence=hypothesis.entry.sentence,
+        equation=hypothesis.entry.equation,
+        source=hypothesis.entry.source,
+        parameters=corrected.parameters_of(index),
+        where=places(named.term, corrected.contribution[index], evidence.runs),
+        evidence=Proof(named.delta_bic, named.held_out_gain, named.p_value),
+        confused_with=tuple(rival.effect for rival in named.rivals),
+        to_tell_apart=to_tell_apart(evidence.fitted, evidence.runs, evidence.residual, named.term, named.rivals),
+        conditions=named.checks,
+    )
+
+
+def _channel_effect(effect: ChannelEffect, runs: Runs) -> MissingPhysics:
+    hypothesis = effect.hypothesis
+    advice = ""
+    if effect.rivals:
+        measurement = hypothesis.measurement
+        advice = f"{measurement[0].upper()}{measurement[1:]}."
+    return MissingPhysics(
+        effect=hypothesis.id,
+        name=hypothesis.name,
+        sentence=hypothesis.entry.sentence,
+        equation=hypothesis.entry.equation,
+        source=hypothesis.entry.source,
+        parameters=dict(effect.parameters),
+        where=places_of(effect.contribution, runs, condition=None, inside=effect.contribution != 0.0),
+        evidence=effect.proof,
+        confused_with=effect.rivals,
+        to_tell_apart=advice,
+    )
 
 
 def not_named(evidence: Evidence) -> tuple[NotNamed, ...]:
     """Effects that were tried and not named, with their conditions: of each the try that met most."""
     named = {effect.term.effect for effect in evidence.naming.named}
     furthest: dict[str, NotNamed] = {}
-    for tried in evidence.naming.refused:
-        before = furthest.get(tried.effect)
-        if tried.effect not in named and (before is None or len(before.conditions) < len(tried.checks)):
-            furthest[tried.effect] = NotNamed(tried.effect, tried.checks)
+    for refused in evidence.naming.refused:
+        if refused.effect in named:
+            continue
+        earlier_try = furthest.get(refused.effect)
+        if earlier_try is None or len(earlier_try.conditions) < len(refused.checks):
+            furthest[refused.effect] = NotNamed(refused.effect, refused.checks)
     return tuple(furthest.values())
-
-
-def _description(hypothesis: Hypothesis) -> tuple[str, str, str, str, str]:
-    return hypothesis.id, hypothesis.name, hypothesis.entry.sentence, hypothesis.entry.equation, hypothesis.entry.source

@@ -43,13 +43,18 @@ def at_its_size(fit: Refit, runs: Runs, term: Term) -> SizedEffect:
     """An effect at its fitted size; of several sizes (levels, places) the one with the largest contribution."""
     term = term.plain or term
     columns = np.column_stack([fit.jacobian, term.columns])
-    low, high = (np.append(bound, of) for bound, of in zip(fit.freedom(), (term.low, term.high), strict=True))
-    weights = bounded(columns.T @ columns, columns.T @ (runs.observed - fit.predicted), low, high)
-    weights = weights[fit.jacobian.shape[1] :]
-    largest = int(np.argmax(np.abs(weights) * np.linalg.norm(term.columns, axis=0)))
-    of_one = term.axis == "steady" and len(weights) > 1  # its sizes are the components of one
-    size = float(np.linalg.norm(weights) if of_one else weights[largest])
-    return SizedEffect(term.hypothesis, size, term.shape, term.columns @ weights)
+    residual = runs.observed - fit.predicted
+    low_of_groups, high_of_groups = fit.freedom()
+    low = np.append(low_of_groups, term.low)
+    high = np.append(high_of_groups, term.high)
+    weights = bounded(columns.T @ columns, columns.T @ residual, low, high)
+    sizes = weights[fit.jacobian.shape[1] :]
+    if term.axis == "steady" and len(sizes) > 1:
+        size = float(np.linalg.norm(sizes))  # they are the components of one vector, such as wind
+    else:
+        largest = int(np.argmax(np.abs(sizes) * np.linalg.norm(term.columns, axis=0)))
+        size = float(sizes[largest])
+    return SizedEffect(term.hypothesis, size, term.shape, term.columns @ sizes)
 
 
 def gains(
@@ -61,63 +66,76 @@ def gains(
     """
     names = [group.name for group in fit.parameters.groups]
     of_interest = np.array([name in groups for name in names] + [True] * len(effects))
-    noise_w = max(noise_of(residual, runs.run).long_run, 1e-6 * float(np.abs(runs.observed).max()))
-    known = np.column_stack([fit.jacobian, *(one.column for one in effects)]) / noise_w
-    before = known.T @ known + np.eye(known.shape[1])
+    noise = max(noise_of(residual, runs.run).long_run, 1e-6 * float(np.abs(runs.observed).max()))  # W or A
+    recorded = np.column_stack([fit.jacobian, *(effect.column for effect in effects)]) / noise
+    # The prior is the unit matrix: columns are per plausible change of a group, or of an effect at its size.
+    before = recorded.T @ recorded + np.eye(recorded.shape[1])
     windows_a_second = 1.0 / float(np.median(runs.duration_s))
-    found = {}
+    rises = {}
     for manoeuvre in MENU:
-        added = responses(fit, runs, manoeuvre, effects) / noise_w
-        if effects and not added[:, len(names) :].any():
-            added = 0.0 * added  # a drive without the effect may identify the groups, but does not test the effect
-        after = before + windows_a_second * added.T @ added
-        found[manoeuvre.id] = _determinant(after, of_interest) - _determinant(before, of_interest)
-    return found
+        driven = responses(fit, runs, manoeuvre, effects) / noise
+        if effects and not driven[:, len(names) :].any():
+            driven = 0.0 * driven  # a drive without the effect may identify the groups, but does not test the effect
+        after = before + windows_a_second * driven.T @ driven
+        rises[manoeuvre.id] = _log_determinant(after, of_interest) - _log_determinant(before, of_interest)
+    return rises
 
 
-def _determinant(information: Array, of_interest: Mask) -> float:
-    """Log-determinant of the information on some of the parameters when the others are unknown."""
-    whole = np.linalg.slogdet(information)[1]
-    return float(whole - np.linalg.slogdet(information[np.ix_(~of_interest, ~of_interest)])[1])
+def _log_determinant(information: Array, of_interest: Mask) -> float:
+    """Log-determinant of the information on some of the parameters when the others are unknown.
+
+    It is that of the Schur complement: the determinant of the matrix over that of its part for the others.
+    """
+    nuisance = information[np.ix_(~of_interest, ~of_interest)]
+    of_all = np.linalg.slogdet(information)[1]
+    of_nuisance = np.linalg.slogdet(nuisance)[1]
+    return float(of_all - of_nuisance)
 
 
 def responses(fit: Refit, runs: Runs, manoeuvre: Manoeuvre, effects: Sequence[SizedEffect]) -> Array:
     """Responses to the groups (per unit of `scale`) and the effects on a drive, shape (samples, groups + effects)."""
     mean_c = float(np.mean(np.concatenate([run.temperature_c for run in runs.signals])))
     drive = Drive(fit, manoeuvre, runs.unit, mean_c)
-    added = [one.hypothesis.on_drive(one.hypothesis, drive, one.size, one.shape) for one in effects]
-    return np.column_stack([*derivatives(fit.parameters, fit.theta, drive.plain, drive.predict), *added])
+    to_groups = derivatives(fit.parameters, fit.theta, drive.plain, drive.predict)
+    to_effects = [effect.hypothesis.on_drive(effect.hypothesis, drive, effect.size, effect.shape) for effect in effects]
+    return np.column_stack([*to_groups, *to_effects])
 
 
-def to_tell_apart(fit: Refit, runs: Runs, residual: Array, first: Term, rivals: Sequence[Term]) -> str:
+def to_tell_apart(fit: Refit, runs: Runs, residual: Array, term: Term, rivals: Sequence[Term]) -> str:
     """The drive or, where no drive of the menu does, the measurement that separates an effect from its rivals.
 
     Without rivals: the drive that determines its size best. `residual` is that of the best model, (windows,).
     """
-    effects = [at_its_size(fit, runs, term) for term in (first, *rivals)]
-    best, gain = _best(gains(fit, runs, residual, [one for one in effects if one.size != 0.0]))
-    worthwhile = gain >= _WORTHWHILE
-    # Of measurements, that of a fault of an instrument comes before that of physics.
-    measured = min((one.hypothesis for one in (first, *rivals)), key=lambda one: one.physical)
-    advice = best.sentence if worthwhile else measured.measurement
-    name = first.hypothesis.name
+    explanations = (term, *rivals)
+    effects = [at_its_size(fit, runs, explanation) for explanation in explanations]
+    drive, gain = _most_informative(gains(fit, runs, residual, [effect for effect in effects if effect.size != 0.0]))
+    if gain >= _WORTHWHILE:
+        advice = drive.sentence
+    else:
+        hypotheses = [explanation.hypothesis for explanation in explanations]
+        faults = [hypothesis for hypothesis in hypotheses if not hypothesis.physical]
+        # Of measurements, that of a fault of an instrument comes before that of physics.
+        advice = (faults or hypotheses)[0].measurement
+    name = term.hypothesis.name
     if not rivals:
         return f"To measure {name} better, {advice}."
-    others = " and ".join(rival.hypothesis.name for rival in rivals)
-    return f"To distinguish {name} from {others}, {advice}."
+    names_of_rivals = " and ".join(rival.hypothesis.name for rival in rivals)
+    return f"To distinguish {name} from {names_of_rivals}, {advice}."
 
 
-def _best(found: Mapping[str, float]) -> tuple[Manoeuvre, float]:
-    best = max(MENU, key=lambda one: found[one.id])
-    return best, found[best.id]
+def _most_informative(gain_of_drive: Mapping[str, float]) -> tuple[Manoeuvre, float]:
+    """The drive of the menu with the largest gain, and its gain."""
+    drive = max(MENU, key=lambda manoeuvre: gain_of_drive[manoeuvre.id])
+    return drive, gain_of_drive[drive.id]
 
 
 def next_experiment(evidence: Evidence) -> str | None:
     """The next experiment, or None where nothing is ambiguous."""
-    fit, runs, residual, named = evidence.fitted, evidence.runs, evidence.residual, evidence.naming.named
-    if rivalled := next((one for one in named if one.rivals), None):
-        return to_tell_apart(fit, runs, residual, rivalled.term, rivalled.rivals)
-    if evidence.location is not None and not named:
+    fit, runs, residual = evidence.fitted, evidence.runs, evidence.residual
+    for named in evidence.naming.named:
+        if named.rivals:
+            return to_tell_apart(fit, runs, residual, named.term, named.rivals)
+    if evidence.location is not None and not evidence.naming.named:
         return repeat(evidence.location)
     return to_determine(fit, runs, residual, evidence.estimates, evidence.blocks >= thresholds.FEWEST_BLOCKS)
 
@@ -129,13 +147,15 @@ def to_determine(
 
     `residual` is that of the best model, shape (windows,).
     """
-    open_groups = [one.group for one in estimates if one.fitted is None]
-    best, gain = _best(gains(fit, runs, residual, [], [group.name for group in open_groups]))
+    open_groups = [estimate.group for estimate in estimates if estimate.fitted is None]
+    drive, gain = _most_informative(gains(fit, runs, residual, [], [group.name for group in open_groups]))
     if open_groups and gain >= _WORTHWHILE:
         longer = "" if long_enough else ", for five minutes or more"
         unknown = ", ".join(f"{group.name.replace('_', ' ')} ({group.symbol})" for group in open_groups)
-        return f"To determine {unknown}, {best.sentence}{longer}."
-    return None if long_enough else "Record the same drive for longer, at least five minutes."
+        return f"To determine {unknown}, {drive.sentence}{longer}."
+    if long_enough:
+        return None
+    return "Record the same drive for longer, at least five minutes."
 
 
 def repeat(location: Location) -> str | None:
@@ -147,8 +167,8 @@ def repeat(location: Location) -> str | None:
             f"To find out what is missing, alternate a minute with {location.condition} and a minute without, "
             "ten times, and change nothing else."
         )
-    first = max(location.places, key=lambda place: place.share_of_excess)
+    largest = max(location.places, key=lambda place: place.share_of_excess)
     return (
-        f"To find out what is missing, repeat the drive of {first.recording.rsplit('/', 1)[-1]} and note what is "
-        f"switched on, carried or different on the way ({first.condition})."
+        f"To find out what is missing, repeat the drive of {largest.recording.rsplit('/', 1)[-1]} and note what is "
+        f"switched on, carried or different on the way ({largest.condition})."
     )

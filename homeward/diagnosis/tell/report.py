@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import platform
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,7 +15,7 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.conditions import CONDITIONS, TOGETHER
-from homeward.diagnosis.explain.naming import Naming
+from homeward.diagnosis.explain.naming import Named, Naming
 from homeward.diagnosis.explain.places import condition, total_share
 from homeward.diagnosis.read.signals import WINDOW_S
 from homeward.diagnosis.result import Place
@@ -45,67 +46,91 @@ def write_outputs(analysis: Analysis, folder: str | Path) -> list[Path]:
     if analysis.evidence is not None:
         table = series(analysis.evidence)
         files[PARQUET] = table.to_parquet(index=False)
-        if (content := mcap(table)) is not None:
-            files[MCAP] = content
+        as_mcap = mcap(table)
+        if as_mcap is not None:
+            files[MCAP] = as_mcap
     return write_files(folder, files)
 
 
 def corrected_toml(analysis: Analysis) -> str:
     """Robot file with the fitted values; a comment on each changed line gives the old one."""
-    known = () if analysis.evidence is None else analysis.evidence.estimates
+    evidence = analysis.evidence
     file = analysis.diagnosis.file
-    changed = comments(analysis.robot, analysis.corrected, file.numbers if file is not None else ())
+    numbers = () if file is None else file.numbers
+    changed = comments(analysis.robot, analysis.corrected, numbers)
     head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
-    head += [] if changed else ["# Nothing was changed."]
-    if open_groups := [f"{one.group.symbol} ({why_open(one)})" for one in known if one.fitted is None]:
-        head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
-    if analysis.evidence is not None and analysis.evidence.held:
-        head.append(f"# Held as assumed: {', '.join(analysis.evidence.held)}.")
+    if not changed:
+        head.append("# Nothing was changed.")
+    if evidence is not None:
+        open_estimates = [estimate for estimate in evidence.estimates if estimate.fitted is None]
+        if open_estimates:
+            open_groups = [f"{estimate.group.symbol} ({why_open(estimate)})" for estimate in open_estimates]
+            head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
+        if evidence.held:
+            head.append(f"# Held as assumed: {', '.join(evidence.held)}.")
     written = dataclasses.replace(analysis.corrected, uncertainty=uncertainty_of(analysis))
     return "\n".join(head) + "\n" + written.to_toml(changed)
 
 
 def report_html(analysis: Analysis) -> str:
     """The report as one page that needs no network; all text from recordings and robot files is escaped."""
-    diagnosis, evidence = analysis.diagnosis, analysis.evidence
-    names = labels([one.path for one in diagnosis.recordings] + [one.recording for one in analysis.findings])
+    diagnosis = analysis.diagnosis
+    evidence = analysis.evidence
+    paths = [recording.path for recording in diagnosis.recordings]
+    names = labels(paths + [finding.recording for finding in analysis.findings])
     environment = templates("homeward.diagnosis.tell")
     environment.filters["label"] = lambda path: names.get(path, path)
     values: dict[str, object] = {
-        "diagnosis": diagnosis, "verdict": diagnosis.verdict.replace("_", " ").capitalize(), "evidence": evidence,
-        "findings": _by_text(analysis), "where": _where(analysis), "condition": condition, "versions": _versions(),
-        "guide": GUIDE, "thresholds": thresholds, "table": CONDITIONS, "table_together": TOGETHER,
-        "arms": ARMS, "paper_accuracy": PAPER_ACCURACY,
+        "diagnosis": diagnosis,
+        "evidence": evidence,
+        "verdict": diagnosis.verdict.replace("_", " ").capitalize(),
+        "findings": _by_text(analysis),
+        "where": _where(analysis),
+        "condition": condition,
+        "guide": GUIDE,
+        "thresholds": thresholds,
+        "table": CONDITIONS,
+        "table_together": TOGETHER,
+        "arms": ARMS,
+        "paper_accuracy": PAPER_ACCURACY,
+        "versions": _versions(),
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
-    }  # fmt: skip
+    }
     if evidence is not None:
         figure, shown_runs = time_figure(analysis, evidence)
         visible, invisible = _can_show(analysis, evidence)
         values |= {
-            "plotly": Markup(plotly.offline.get_plotlyjs()), "time_figure": figure, "shown_runs": shown_runs,
-            "conditions": conditions(analysis, evidence), "ranking": ranking(evidence.naming), "why_open": why_open,
-            "visible": visible, "invisible": invisible, "window_s": WINDOW_S,
-        }  # fmt: skip
+            "plotly": Markup(plotly.offline.get_plotlyjs()),
+            "time_figure": figure,
+            "shown_runs": shown_runs,
+            "window_s": WINDOW_S,
+            "conditions": conditions(analysis, evidence),
+            "ranking": ranking(evidence.naming),
+            "why_open": why_open,
+            "visible": visible,
+            "invisible": invisible,
+        }
     return page(environment, "report.html", **values)
 
 
 def _by_text(analysis: Analysis) -> dict[tuple[bool, str], list[str]]:
     """The recordings under each finding, those excluded first."""
     grouped: dict[tuple[bool, str], list[str]] = {}
-    for one in sorted(analysis.findings, key=lambda finding: not finding.refused):
-        grouped.setdefault((one.refused, one.text), []).append(one.recording)
+    for finding in sorted(analysis.findings, key=lambda finding: not finding.refused):
+        grouped.setdefault((finding.refused, finding.text), []).append(finding.recording)
     return grouped
 
 
 def _where(analysis: Analysis) -> list[tuple[str, tuple[Place, ...], float | None]]:
     """Of each effect, or else of the mismatch: its name, its places, and its share of all that was recorded."""
-    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    diagnosis = analysis.diagnosis
+    evidence = analysis.evidence
     if diagnosis.missing_physics and evidence is not None:
-        return [
-            (one.name, one.where, total_share(added, evidence.runs))
-            for one, added in zip(diagnosis.missing_physics, evidence.contributions, strict=True)
-        ]
-    return [("The mismatch", diagnosis.where, None)] if diagnosis.where else []
+        effects = zip(diagnosis.missing_physics, evidence.contributions, strict=True)
+        return [(effect.name, effect.where, total_share(added, evidence.runs)) for effect, added in effects]
+    if diagnosis.where:
+        return [("The mismatch", diagnosis.where, None)]
+    return []
 
 
 @dataclass(frozen=True)
@@ -123,48 +148,78 @@ class RankRow:
 def ranking(naming: Naming) -> list[RankRow]:
     """The named effects, each scored beside those named before it, then every other hypothesis scored alone."""
     rows: list[RankRow] = []
-    kinds: dict[tuple[str, str], tuple[str, str]] = {}
-    for index, one in enumerate(naming.named):
-        before = ", ".join(other.term.hypothesis.name for other in naming.named[:index])
-        low, high = (100.0 * end for end in one.gain_ci95)
-        alone = f"named beside {before}" if before else "named"
-        note = f"{alone}: gain {low:.0f} to {high:.0f} %, placebos p ≤ {one.p_value:.2g}"
-        form = _FORMS[one.term.axis]
-        rows.append(RankRow(one.term.effect, form, one.delta_bic, one.held_out_gain, "named", note))
-        rivalled = f"cannot be distinguished from {one.term.hypothesis.name}"
-        kinds |= {(rival.effect, rival.axis): ("rival", rivalled) for rival in one.rivals}
-    named = {(one.term.effect, one.term.axis) for one in naming.named}
-    for other in naming.ranking:
-        kind, note = kinds.get((other.effect, other.axis), ("", ""))
-        if not rows and other.delta_bic > thresholds.STRONG_BIC:
+    rivalry: dict[tuple[str, str], str] = {}  # note on a rival, by effect and axis
+    for index, named in enumerate(naming.named):
+        name = named.term.hypothesis.name
+        rows.append(
+            RankRow(
+                effect=named.term.effect,
+                form=_FORMS[named.term.axis],
+                delta_bic=named.delta_bic,
+                held_out_gain=named.held_out_gain,
+                kind="named",
+                note=_note(named, naming.named[:index]),
+            )
+        )
+        for rival in named.rivals:
+            rivalry[rival.effect, rival.axis] = f"cannot be distinguished from {name}"
+    named_forms = {(named.term.effect, named.term.axis) for named in naming.named}
+    for ranked in naming.ranking:
+        form = (ranked.effect, ranked.axis)
+        if form in named_forms:
+            continue
+        note = rivalry.get(form, "")
+        if not rows and ranked.delta_bic > thresholds.STRONG_BIC:
             note = "not named: its gain is not significant"
-        if (other.effect, other.axis) not in named:
-            rows.append(RankRow(other.effect, _FORMS[other.axis], other.delta_bic, other.held_out_gain, kind, note))
+        rows.append(
+            RankRow(
+                effect=ranked.effect,
+                form=_FORMS[ranked.axis],
+                delta_bic=ranked.delta_bic,
+                held_out_gain=ranked.held_out_gain,
+                kind="rival" if form in rivalry else "",
+                note=note,
+            )
+        )
     return rows
+
+
+def _note(named: Named, named_before: Sequence[Named]) -> str:
+    """Beside which effects one was named, and the figures for it."""
+    how = "named"
+    if named_before:
+        names_before = ", ".join(effect.term.hypothesis.name for effect in named_before)
+        how = f"named beside {names_before}"
+    low, high = named.gain_ci95
+    return f"{how}: gain {100.0 * low:.0f} to {100.0 * high:.0f} %, placebos p ≤ {named.p_value:.2g}"
 
 
 def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, float]], dict[str, list[str]]]:
     """Effects with the share that the refit would absorb, least first; by reason those not identifiable."""
-    shares = analysis.diagnosis.what_this_log_can_show
-    visible = sorted(((effect, share) for effect, share in shares.items() if share is not None), key=lambda one: one[1])
-    unseen: dict[str, list[str]] = {}
-    for effect, share in shares.items():
+    visible: list[tuple[str, float]] = []
+    invisible: dict[str, list[str]] = {}
+    for effect, share in analysis.diagnosis.what_this_log_can_show.items():
         if share is not None:
+            visible.append((effect, share))
             continue
-        one, why, needs = CATALOGUE[effect], "Confounded with the parameters in these recordings", ""
-        if evidence.runs.unit == "A" and not one.of_current:
-            why = "Not visible in motor current, which is proportional to torque"
-        elif channels := one.missing(evidence.runs):
-            why, needs = "A channel is missing", f" (needs {', '.join(channels)})"
-        unseen.setdefault(why, []).append(one.name + needs)
-    return visible, unseen
+        hypothesis = CATALOGUE[effect]
+        channels = hypothesis.missing(evidence.runs)
+        reason = "Confounded with the parameters in these recordings"
+        needs = ""
+        if evidence.runs.unit == "A" and not hypothesis.of_current:
+            reason = "Not visible in motor current, which is proportional to torque"
+        elif channels:
+            reason = "A channel is missing"
+            needs = f" (needs {', '.join(channels)})"
+        invisible.setdefault(reason, []).append(hypothesis.name + needs)
+    return sorted(visible, key=lambda effect_and_share: effect_and_share[1]), invisible
 
 
 def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version()}
-    for name in ("homeward", "numpy", "scipy", "numba", "pandas"):
+    versions = {"python": platform.python_version()}
+    for package in ("homeward", "numpy", "scipy", "numba", "pandas"):
         try:
-            found[name] = version(name)
+            versions[package] = version(package)
         except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+            versions[package] = "not installed"
+    return versions

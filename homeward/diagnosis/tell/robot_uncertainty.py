@@ -10,7 +10,7 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.fit.parameter_groups import GROUPS
 from homeward.diagnosis.fit.predictive import LOSSES
-from homeward.diagnosis.fit.replay import wheels_mps
+from homeward.diagnosis.fit.replay import Runs, wheels_mps
 from homeward.diagnosis.read.noise import white_noise
 from homeward.diagnosis.tell.corrected import rounded
 from homeward.logs.autocorrelation import correlation_windows
@@ -25,8 +25,9 @@ FittedTo = Literal["nothing", "others", "all"]
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
 _COVERED = 0.95  # below the upper end of a 90 % interval
 
-_OTHERS = {LOSSES, *(f"{effect.id} {parameter.name}" for effect in EFFECTS for parameter in effect.parameters)}
-"""Numbers beside these that a file may hold, as a fit names them: the losses of the drive, and those of effects."""
+_NAMES_OF_EFFECTS = [f"{effect.id} {parameter.name}" for effect in EFFECTS for parameter in effect.parameters]
+_NAMES_BESIDE_GROUPS = {LOSSES, *_NAMES_OF_EFFECTS}
+"""Numbers beside the groups that a file may hold, as a fit names them: losses of the drive, and those of effects."""
 
 
 def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
@@ -35,36 +36,46 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
     The unexplained part is the residual of the file on windows that it was not fitted to. With one run, the spread
     between runs is unknown and left out.
     """
-    evidence, file = analysis.evidence, analysis.diagnosis.file
+    evidence = analysis.evidence
+    file = analysis.diagnosis.file
     if evidence is None or file is None:
         return None
     runs = evidence.runs
     predicted = evidence.predictions.get("file", evidence.predictions.get("nominal"))
-    mean_w = float(np.average(np.abs(runs.observed), weights=runs.duration_s))
-    if predicted is None or mean_w <= 0.0:
+    mean = float(np.average(np.abs(runs.observed), weights=runs.duration_s))  # W or A
+    if predicted is None or mean <= 0.0:
         return None
     residual = runs.observed - predicted
-    rest_w, rest_windows = within_runs(residual, runs.run)
+    unexplained, correlation = within_runs(residual, runs.run)
     # Integrated over both sides, an exponential correlation of length L makes 2 L.
-    mean_mps = float(np.average(np.abs(runs.context["speed_mps"]), weights=runs.duration_s))
-    if runs.unit == "A":  # of the wheels, which also draw charge on the spot
-        mean_mps = float(np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals])))
-    correlated_m = 0.5 * rest_windows * float(np.median(runs.duration_s)) * mean_mps
+    correlation_s = 0.5 * correlation * float(np.median(runs.duration_s))
     fitted, covariance = _fitted(evidence, file.holds)
-    fitted_to: FittedTo = "others" if evidence.held_out_by == "run" else "all"
+    fitted_to: FittedTo
     if file.holds == "nominal":
         fitted_to = "nothing"
+    elif evidence.held_out_by == "run":
+        fitted_to = "others"
+    else:
+        fitted_to = "all"
     count = len(runs.signals)
+    counted = f"{count} runs" if count > 1 else "1 run"
     return Uncertainty(
-        source=f"diagnose.py, {count} run{'s' if count > 1 else ''}, unexplained held out by {evidence.held_out_by}",
+        source=f"diagnose.py, {counted}, unexplained held out by {evidence.held_out_by}",
         fitted=fitted,
         covariance=covariance,
         between_runs=between_runs(residual, predicted, runs.run, fitted_to),
-        unexplained=rounded(rest_w / mean_w),
-        unexplained_m=rounded(correlated_m),
-        instruments=_instruments(evidence, mean_w) if runs.unit == "W" else (),
+        unexplained=rounded(unexplained / mean),
+        unexplained_m=rounded(correlation_s * _mean_speed_mps(analysis, runs)),
+        instruments=_instruments(evidence, mean) if runs.unit == "W" else (),
         of="energy" if runs.unit == "W" else "charge",
     )
+
+
+def _mean_speed_mps(analysis: Analysis, runs: Runs) -> float:
+    """Mean speed of the robot or, of motor currents, of its wheels, which also draw charge on the spot."""
+    if runs.unit == "A":
+        return float(np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals])))
+    return float(np.average(np.abs(runs.context["speed_mps"]), weights=runs.duration_s))
 
 
 def within_runs(residual: Array, run: Index) -> tuple[float, float]:
@@ -76,8 +87,9 @@ def within_runs(residual: Array, run: Index) -> tuple[float, float]:
         residual: Residual of the file in each window, W or A, shape (windows,).
         run: Number of the run of each, shape (windows,).
     """
-    about = residual - (np.bincount(run, residual) / np.bincount(run))[run]
-    return float(np.sqrt(np.mean(about**2))), correlation_windows(about, run)
+    mean_of_run = np.bincount(run, residual) / np.bincount(run)
+    deviation = residual - mean_of_run[run]
+    return float(np.sqrt(np.mean(deviation**2))), correlation_windows(deviation, run)
 
 
 def between_runs(residual: Array, predicted: Array, run: Index, fitted_to: FittedTo) -> float | None:
@@ -96,54 +108,76 @@ def between_runs(residual: Array, predicted: Array, run: Index, fitted_to: Fitte
     Returns:
         None of one run.
     """
-    count = np.bincount(run)
-    runs = len(count)
+    windows_of_run = np.bincount(run)
+    runs = len(windows_of_run)
     if runs < 2:
         return None
-    off, predicted_mean = (np.bincount(run, values) / count for values in (residual, predicted))
+    mean_error = np.bincount(run, residual) / windows_of_run
+    mean_predicted = np.bincount(run, predicted) / windows_of_run
     freedom = runs if fitted_to == "nothing" else runs - 1
-    variance = float(off @ off) * ((1.0 + 1.0 / runs) / freedom if fitted_to == "all" else 1.0 / runs)
-    wider = float(student.ppf(_COVERED, freedom) / norm.ppf(_COVERED))
-    rest, windows = within_runs(residual, run)
-    within = rest**2 * windows * float(np.mean(1.0 / count))
-    return rounded(float(np.sqrt(max(wider**2 * variance - within, 0.0) / np.mean(predicted_mean**2))))
+    per_square = 1.0 / runs
+    if fitted_to == "all":
+        per_square = (1.0 + 1.0 / runs) / freedom
+    variance = float(mean_error @ mean_error) * per_square
+    widening = float(student.ppf(_COVERED, freedom) / norm.ppf(_COVERED))
+    unexplained, correlation = within_runs(residual, run)
+    # Of the mean of a run, whose windows are correlated.
+    variance_within = unexplained**2 * correlation * float(np.mean(1.0 / windows_of_run))
+    variance_between = max(widening**2 * variance - variance_within, 0.0)
+    return rounded(float(np.sqrt(variance_between / np.mean(mean_predicted**2))))
 
 
 def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
     """Names and relative covariance of the fitted numbers in the file, and of the battery's capacity."""
-    joint, values = evidence.joint, evidence.joint.values
-    others = set() if holds == "refit" else _OTHERS  # levels of a schedule are in no file
-    wanted = [holds != "nominal" and (name in _IDS or name in others) for name in joint.names]
-    kept = np.flatnonzero(np.array(wanted, np.bool_) & (values != 0.0))
-    names = [_IDS.get(joint.names[index], joint.names[index].replace(" ", ".")) for index in kept]
-    matrix = joint.covariance[np.ix_(kept, kept)] / np.outer(values[kept], values[kept])
+    joint = evidence.joint
+    if holds == "nominal":
+        names_in_file = set()
+    elif holds == "refit":
+        names_in_file = {*_IDS}
+    else:
+        names_in_file = {*_IDS, *_NAMES_BESIDE_GROUPS}  # levels of a schedule are in no file
+    in_file = np.array([name in names_in_file for name in joint.names], np.bool_)
+    numbers = np.flatnonzero(in_file & (joint.values != 0.0))
+    names = [_IDS.get(joint.names[number], joint.names[number].replace(" ", ".")) for number in numbers]
+    values = joint.values[numbers]
+    relative = joint.covariance[np.ix_(numbers, numbers)] / np.outer(values, values)
     capacity = evidence.capacity
     if capacity is not None and not capacity.asked:
-        sd = (capacity.ci95[1] - capacity.ci95[0]) / (2.0 * thresholds.NORMAL_95 * capacity.fitted_j)
-        names = [*names, "capacity"]
-        matrix = np.pad(matrix, (0, 1))
-        matrix[-1, -1] = sd**2
-    rows = tuple(tuple(rounded(value) for value in row) for row in matrix.tolist())
-    return tuple(names), rows
+        low_j, high_j = capacity.ci95
+        relative_error = (high_j - low_j) / (2.0 * thresholds.NORMAL_95 * capacity.fitted_j)
+        names.append("capacity")
+        relative = np.pad(relative, (0, 1))
+        relative[-1, -1] = relative_error**2
+    rows = [tuple(rounded(value) for value in row) for row in relative.tolist()]
+    return tuple(names), tuple(rows)
 
 
 def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], ...]:
     """Noise of the instruments, estimated from the recordings; that of power at standstill."""
-    runs, found = evidence.runs, dict[str, float]()
-    stood = [run.observed[run.speed_mps == 0.0] for run in runs.signals]
-    noises_w = [white_noise(power_w) for power_w in stood if len(power_w) >= thresholds.FEWEST_SAMPLES]
+    signals = evidence.runs.signals
+    errors: dict[str, float] = {}
+    at_rest_w = [run.observed[run.speed_mps == 0.0] for run in signals]
+    noises_w = [white_noise(power_w) for power_w in at_rest_w if len(power_w) >= thresholds.FEWEST_SAMPLES]
     if noises_w:
-        found["power_noise"] = float(np.median(noises_w)) / mean_w
-        found["reading_s"] = float(np.median([median_step_s(run.time_s) for run in runs.signals]))
-    if graded := [run.error["grade_rad"] for run in runs.signals if "grade_rad" in run.error]:
-        found["grade_noise"] = float(np.median(graded))
-    charges = [run.context["soc"][np.isfinite(run.context["soc"])] for run in runs.signals if "soc" in run.context]
-    steps = np.concatenate([np.abs(np.diff(charge)) for charge in charges]) if charges else np.empty(0)
+        errors["power_noise"] = _at_most_allowed(float(np.median(noises_w)) / mean_w)
+        errors["reading_s"] = float(np.median([median_step_s(run.time_s) for run in signals]))
+    grade_errors_rad = [run.error["grade_rad"] for run in signals if "grade_rad" in run.error]
+    if grade_errors_rad:
+        errors["grade_noise"] = _at_most_allowed(float(np.median(grade_errors_rad)))
+    charges = [run.context["soc"][np.isfinite(run.context["soc"])] for run in signals if "soc" in run.context]
+    steps = np.concatenate([np.empty(0), *(np.abs(np.diff(charge)) for charge in charges)])
     if steps.any():
-        stays = float(np.mean(steps == 0.0)) > thresholds.HALF
-        found["soc_step"] = float(steps[steps > 0.0].min()) if stays else 0.0
-        found["soc_noise"] = 0.0 if stays else float(np.median([white_noise(charge) for charge in charges]))
-    most = {"reading_s": np.inf}
-    return tuple(
-        (name, rounded(min(one, most.get(name, physics_thresholds.MOST_ERROR)))) for name, one in found.items()
-    )
+        step = 0.0
+        noise = 0.0
+        if np.mean(steps == 0.0) > thresholds.HALF:  # it stays, and then steps: a coarse reading
+            step = float(steps[steps > 0.0].min())
+        else:
+            noise = float(np.median([white_noise(charge) for charge in charges]))
+        errors["soc_step"] = _at_most_allowed(step)
+        errors["soc_noise"] = _at_most_allowed(noise)
+    return tuple((name, rounded(error)) for name, error in errors.items())
+
+
+def _at_most_allowed(error: float) -> float:
+    """An error, or the largest that a robot file may have."""
+    return min(error, physics_thresholds.MOST_ERROR)

@@ -10,8 +10,11 @@ import pandas as pd
 from homeward.diagnosis.evidence import Evidence
 from homeward.layout.notation import labels
 
-PARQUET, MCAP = "series.parquet", "series.mcap"
-"""Names of the files."""
+PARQUET = "series.parquet"
+"""Name of the file for data frames."""
+
+MCAP = "series.mcap"
+"""Name of the file for PlotJuggler and Foxglove."""
 
 _MODELS = ("nominal", "refit", "corrected", "file")
 _TYPE = "homeward_msgs/msg/Series"
@@ -26,15 +29,19 @@ def series(evidence: Evidence) -> pd.DataFrame:
         `residual_ARM_w`, measured less predicted. Of motor current the columns end in `_a`. Their errors are those of
         the arms in diagnosis.json.
     """
-    runs, unit = evidence.runs, evidence.runs.unit.lower()
-    names = [name.encode("utf-8", "replace").decode() for name in runs.names]
+    runs = evidence.runs
+    unit = runs.unit.lower()
+    names = np.array([name.encode("utf-8", "replace").decode() for name in runs.names])
     start_s = np.array([run.start_s for run in runs.signals])
     arms = {name: evidence.predictions[name] for name in _MODELS if name in evidence.predictions}
-    return pd.DataFrame(
-        {"run": np.array(names)[runs.run], "time_s": runs.time_s + start_s[runs.run], f"measured_{unit}": runs.observed}
-        | {f"{name}_{unit}": predicted for name, predicted in arms.items()}
-        | {f"residual_{name}_{unit}": runs.observed - predicted for name, predicted in arms.items()}
-    )
+    columns = {
+        "run": names[runs.run],
+        "time_s": runs.time_s + start_s[runs.run],
+        f"measured_{unit}": runs.observed,
+    }
+    columns |= {f"{name}_{unit}": predicted for name, predicted in arms.items()}
+    columns |= {f"residual_{name}_{unit}": runs.observed - predicted for name, predicted in arms.items()}
+    return pd.DataFrame(columns)
 
 
 def mcap(table: pd.DataFrame) -> bytes | None:
@@ -48,17 +55,20 @@ def mcap(table: pd.DataFrame) -> bytes | None:
     except ImportError:
         return None
     fields = list(table.columns[2:])
+    definition = "".join(f"float64 {name}\n" for name in fields)
     store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg("".join(f"float64 {name}\n" for name in fields), _TYPE))
+    store.register(get_types_from_msg(definition, _TYPE))
     message = store.types[_TYPE]
-    short = labels(list(table["run"].unique()))
+    short_names = labels(list(table["run"].unique()))
     with tempfile.TemporaryDirectory() as folder:
         with Writer(Path(folder) / "series", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            for number, (name, of_run) in enumerate(table.groupby("run", sort=False), start=1):
-                topic = f"/run{number}_" + re.sub(r"\W", "_", short[str(name)], flags=re.ASCII)
-                connection = writer.add_connection(topic, _TYPE, typestore=store)
-                time_s = of_run["time_s"] - min(float(of_run["time_s"].min()), 0.0)  # MCAP has no times before 1970
-                for at_s, row in zip(time_s, of_run[fields].itertuples(index=False), strict=True):
-                    writer.write(connection, round(at_s * 1e9), store.serialize_cdr(message(*row), _TYPE))
+            for number, (name, rows) in enumerate(table.groupby("run", sort=False), start=1):
+                word = re.sub(r"\W", "_", short_names[str(name)], flags=re.ASCII)
+                connection = writer.add_connection(f"/run{number}_{word}", _TYPE, typestore=store)
+                start_s = float(rows["time_s"].min())
+                times_s = rows["time_s"] - min(start_s, 0.0)  # MCAP has no times before 1970
+                for time_s, values in zip(times_s, rows[fields].itertuples(index=False), strict=True):
+                    time_ns = round(time_s * 1e9)
+                    writer.write(connection, time_ns, store.serialize_cdr(message(*values), _TYPE))
         (file,) = Path(folder).rglob("*.mcap")
         return file.read_bytes()

@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homeward.diagnosis.evidence import Analysis
-from homeward.diagnosis.result import Fit, MissingPhysics
+from homeward.diagnosis.result import Fit, FittedGroup, MissingPhysics, Range
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY
 from homeward.layout.notation import decimal, interval, number
@@ -18,70 +18,101 @@ _WIDE = 70  # columns that the table of all figures takes
 
 def show(analysis: Analysis, console: Console) -> None:
     """Print the verdict, how well each model predicts, what is missing and what to do next; lines wrap at the width."""
-    diagnosis, evidence = analysis.diagnosis, analysis.evidence
+    diagnosis = analysis.diagnosis
     console.print(diagnosis.verdict, style="bold", highlight=False)
     say(console, diagnosis.summary)
-    if diagnosis.fit is not None and evidence is not None:
+    if diagnosis.fit is not None and analysis.evidence is not None:
         console.print()
-        table = _arms(diagnosis.fit, evidence.range_accuracy_pct, wide=console.width >= _WIDE)
-        console.print(Padding(table, (0, 0, 0, 2)))
-        claim = f"; the paper claims a range accuracy of {PAPER_ACCURACY}" if diagnosis.fit.unit == "W" else ""
-        say(console, f"held out by {diagnosis.fit.held_out_by}, {diagnosis.fit.folds} folds{claim}", indent=2)
-    for one in diagnosis.missing_physics:
+        _show_arms(diagnosis.fit, analysis.evidence.range_accuracy_pct, console)
+    for effect in diagnosis.missing_physics:
         console.print()
-        _show_effect(one, console)
+        _show_effect(effect, console)
     if diagnosis.parameters_off:
         console.print()
         console.print("parameters off", style="bold", highlight=False)
-    for off in diagnosis.parameters_off:
-        fitted = f"{number(off.fitted)} {off.unit} (95 %: {interval(off.ci95)})"
-        alike = f"; or as much is lost by {' or '.join(off.confused_with)}" if off.confused_with else ""
-        say(console, f"{off.group}: {fitted}, not {number(off.assumed)} as assumed{alike}", indent=2)
+    for group in diagnosis.parameters_off:
+        _show_group(group, console)
     for product in diagnosis.products:
-        value = f"{number(product.value.value)} {product.value.unit} (95 %: {interval(product.value.ci95)})"
-        say(console, f"{product.name}: {value}, only identifiable together", indent=2)
-    if found := diagnosis.range:
+        value = product.value
+        fitted = f"{number(value.value)} {value.unit} (95 %: {interval(value.ci95)})"
+        say(console, f"{product.name}: {fitted}, only identifiable together", indent=2)
+    if diagnosis.range is not None:
         console.print()
-        by_files = f"{number(found.file_m)} m by corrected.toml, {number(found.nominal_m)} m by the robot file"
-        recorded = f"recorded {number(found.recorded_m)} m (95 %: {interval(found.ci95)})"
-        d_max = f"{number(found.d_max_file_m)} m instead of {number(found.d_max_nominal_m)} m"
-        say(console, f"Range on one charge, driven as recorded: {by_files}; {recorded}. "
-                     f"d_max, at best speed on the level: {d_max}.")  # fmt: skip
+        _show_range(diagnosis.range, console)
     if diagnosis.next_experiment:
         console.print()
         say(console, f"Next experiment: {diagnosis.next_experiment} How to drive and record it: {GUIDE}.")
 
 
-def _arms(fit: Fit, accuracy: Mapping[str, float | None], wide: bool) -> Table:
+def _show_arms(fit: Fit, accuracy_pct: Mapping[str, float | None], console: Console) -> None:
+    """Print the held-out figures of each model, as a table that fits the width."""
+    table = _arms(fit, accuracy_pct, wide=console.width >= _WIDE)
+    console.print(Padding(table, (0, 0, 0, 2)))
+    claim = ""
+    if fit.unit == "W":
+        claim = f"; the paper claims a range accuracy of {PAPER_ACCURACY}"
+    say(console, f"held out by {fit.held_out_by}, {fit.folds} folds{claim}", indent=2)
+
+
+def _arms(fit: Fit, accuracy_pct: Mapping[str, float | None], wide: bool) -> Table:
+    """A row for each arm; `wide` with intervals, and of power with errors of energy and range."""
     table = Table(box=None, padding=(0, 2 if wide else 1, 0, 0), header_style="dim")
     table.add_column("model", no_wrap=True)
-    energy = ("trip energy\nerror", "range\naccuracy") if fit.unit == "W" else ()
-    for heading in (f"RMSE, {fit.unit}", *(["95 %"] if wide else []), "R^2", *energy):
+    headings = [f"RMSE, {fit.unit}"]
+    if wide:
+        headings.append("95 %")
+    headings.append("R^2")
+    if fit.unit == "W":
+        headings += ["trip energy\nerror", "range\naccuracy"]
+    for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     for name in ARMS:
-        if name in fit.arms:
-            arm = fit.arms[name]
-            r2 = "-" if arm.r2 is None else decimal(arm.r2, 3)
-            figures = [number(arm.rmse), *([interval(arm.rmse_ci95)] if wide else []), r2]
-            if energy:
-                figures += [_percent(arm.energy_error_pct), _percent(accuracy.get(name))]
-            style = "bold" if name == "corrected" else None
-            table.add_row(name.replace("_", " "), *(plain(figure) for figure in figures), style=style)
+        if name not in fit.arms:
+            continue
+        arm = fit.arms[name]
+        figures = [number(arm.rmse)]
+        if wide:
+            figures.append(interval(arm.rmse_ci95))
+        figures.append("-" if arm.r2 is None else decimal(arm.r2, 3))
+        if fit.unit == "W":
+            figures += [_percent(arm.energy_error_pct), _percent(accuracy_pct.get(name))]
+        style = "bold" if name == "corrected" else None
+        table.add_row(name.replace("_", " "), *(plain(figure) for figure in figures), style=style)
     return table
 
 
-def _show_effect(one: MissingPhysics, console: Console) -> None:
-    console.print(one.name, style="bold", highlight=False)
-    for name, value in one.parameters.items():
+def _show_effect(effect: MissingPhysics, console: Console) -> None:
+    console.print(effect.name, style="bold", highlight=False)
+    for name, value in effect.parameters.items():
         unit = "" if value.unit == "1" else f" {value.unit}"
         say(console, f"{name} = {number(value.value)}{unit} (95 %: {interval(value.ci95)})", indent=2)
-    if one.confused_with:
-        rivals = ", ".join(one.confused_with).replace("_", " ")
-        say(console, f"confounded with: {rivals}. {one.to_tell_apart}", indent=2)
+    if effect.confused_with:
+        rivals = ", ".join(effect.confused_with).replace("_", " ")
+        say(console, f"confounded with: {rivals}. {effect.to_tell_apart}", indent=2)
+
+
+def _show_group(group: FittedGroup, console: Console) -> None:
+    """Print the fitted and the assumed value of a parameter that is off, and what explains as much."""
+    fitted = f"{number(group.fitted)} {group.unit} (95 %: {interval(group.ci95)})"
+    confounded = ""
+    if group.confused_with:
+        confounded = f"; or as much is lost by {' or '.join(group.confused_with)}"
+    say(console, f"{group.group}: {fitted}, not {number(group.assumed)} as assumed{confounded}", indent=2)
+
+
+def _show_range(reach: Range, console: Console) -> None:
+    """Print the range by both files beside the recorded one, and d_max by both."""
+    by_files = f"{number(reach.file_m)} m by corrected.toml, {number(reach.nominal_m)} m by the robot file"
+    recorded = f"recorded {number(reach.recorded_m)} m (95 %: {interval(reach.ci95)})"
+    d_max = f"{number(reach.d_max_file_m)} m instead of {number(reach.d_max_nominal_m)} m"
+    as_recorded = f"Range on one charge, driven as recorded: {by_files}; {recorded}."
+    say(console, f"{as_recorded} d_max, at best speed on the level: {d_max}.")
 
 
 def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{decimal(value, 1)} %"
+    if value is None:
+        return "-"
+    return f"{decimal(value, 1)} %"
 
 
 def plain(text: str) -> str:
@@ -91,6 +122,6 @@ def plain(text: str) -> str:
 
 def say(console: Console, text: str, indent: int = 0) -> None:
     """Print text that may hold names given by others: no markup, no control characters, only encodable ones."""
-    shown = "".join(c if c.isprintable() else "?" for c in plain(text))
-    shown = shown.encode(console.encoding, "replace").decode(console.encoding)
-    console.print(Padding(Text(shown), (0, 0, 0, indent), expand=False))
+    printable = "".join(character if character.isprintable() else "?" for character in plain(text))
+    encodable = printable.encode(console.encoding, "replace").decode(console.encoding)
+    console.print(Padding(Text(encodable), (0, 0, 0, indent), expand=False))

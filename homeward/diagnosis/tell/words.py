@@ -13,6 +13,8 @@ from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, Gauge, MissingPhysics, Verdict
 from homeward.layout.notation import templates
 
+_MOST_REASONS = 3  # why runs cannot be used, in one sentence; chosen: it can still be read
+
 PAPER_ACCURACY = "66 to 91 %"
 """Accuracy that the paper claims for the range estimated by its model."""
 
@@ -29,10 +31,16 @@ ARMS: Mapping[str, str] = {
 
 def nothing_usable(findings: Sequence[Finding]) -> str:
     """Why no run can be used."""
-    refused = [one for one in findings if one.refused]
-    reasons = "; ".join(f"{PurePath(one.recording).name} {one.text}" for one in refused[:3])
-    more = f"; and {len(refused) - 3} more" if len(refused) > 3 else ""
-    return f"None of the recordings can be used: {reasons}{more}{'' if (reasons + more).endswith('?') else '.'}"
+    refused = [finding for finding in findings if finding.refused]
+    reasons = "; ".join(f"{PurePath(finding.recording).name} {finding.text}" for finding in refused[:_MOST_REASONS])
+    if len(refused) > _MOST_REASONS:
+        reasons = f"{reasons}; and {len(refused) - _MOST_REASONS} more"
+    return _ended(f"None of the recordings can be used: {reasons}")
+
+
+def _ended(sentence: str) -> str:
+    """A sentence with its full stop, but for a question."""
+    return sentence if sentence.endswith("?") else f"{sentence}."
 
 
 def summary(
@@ -41,63 +49,89 @@ def summary(
     off: Sequence[FittedGroup],
     fit: Fit,
     findings: Sequence[Finding],
-    found: Sequence[MissingPhysics],
+    missing: Sequence[MissingPhysics],
     file: CorrectedFile,
     gauge: Gauge | None = None,
 ) -> str:
     """The verdict in one or two sentences, the content of corrected.toml, and how many runs were excluded."""
-    text = templates("homeward.diagnosis.tell", autoescape=False).get_template("summary.txt").render(
-        verdict=verdict, evidence=evidence, off=off, fit=fit, found=found, file=file, condition=condition,
-        why_open=why_open, place=_place(evidence), excess=_excess(evidence),
+    template = templates("homeward.diagnosis.tell", autoescape=False).get_template("summary.txt")
+    text = template.render(
+        verdict=verdict,
+        evidence=evidence,
+        off=off,
+        fit=fit,
+        missing=missing,
+        file=file,
+        condition=condition,
+        why_open=why_open,
+        place=_place(evidence),
+        excess=_excess(evidence),
         shares=[total_share(added, evidence.runs) for added in evidence.contributions],
-        refused=[one for one in findings if one.refused], unrecorded=_unrecorded(evidence, fit),
-        usable_energy=USABLE_ENERGY, thresholds=thresholds, of_gauge=_of_gauge(gauge),
-    )  # fmt: skip
+        refused=[finding for finding in findings if finding.refused],
+        unrecorded=_unrecorded(evidence, fit),
+        usable_energy=USABLE_ENERGY,
+        thresholds=thresholds,
+        of_gauge=_of_gauge(gauge),
+    )
     return " ".join(text.split())
 
 
 def _of_gauge(gauge: Gauge | None) -> list[str]:
     """Why a gauge is not believed, and what is asked about its battery, as sentences; nothing of a plain counter."""
-    if gauge is None:
-        return []
-    lines = [gauge.says if gauge.follows != "charge" else None, gauge.question]
-    return [f"{line[0].upper()}{line[1:].rstrip('?')}{'?' if line.endswith('?') else '.'}" for line in lines if line]
+    sentences = []
+    if gauge is not None and gauge.follows != "charge" and gauge.says:
+        sentences.append(gauge.says)
+    if gauge is not None and gauge.question:
+        sentences.append(gauge.question)
+    return [_ended(f"{sentence[0].upper()}{sentence[1:]}") for sentence in sentences]
 
 
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
     """Unrecorded dependencies of power, where the best model has a large autocorrelated residual; else none."""
-    best = "corrected" if "corrected" in fit.arms else "refit"
-    r2, runs, lacks = fit.arms[best].r2, evidence.runs, evidence.naming.unrecorded
-    if r2 is None or (r2 > thresholds.NEARLY_ALL and not lacks):
+    runs = evidence.runs
+    arm = "corrected" if "corrected" in fit.arms else "refit"
+    r2 = fit.arms[arm].r2
+    if r2 is None:
         return []
-    return unrecorded(runs) if lacks or is_autocorrelated(runs.observed - evidence.predictions[best], runs) else []
+    if evidence.naming.unrecorded:
+        return unrecorded(runs)
+    if r2 <= thresholds.NEARLY_ALL and is_autocorrelated(runs.observed - evidence.predictions[arm], runs):
+        return unrecorded(runs)
+    return []
 
 
 def _excess(evidence: Evidence) -> float | None:
     """Mean residual of the effects, or held-out error of the refit over that elsewhere, under the located condition."""
     if evidence.remaining is not None:
-        return float(evidence.remaining.location.excess[evidence.remaining.location.inside].mean())
+        location = evidence.remaining.location
+        return float(location.excess[location.inside].mean())
     if evidence.location is None or not evidence.location.inside.any():
         return None
-    inside, error = evidence.location.inside, evidence.runs.observed - evidence.predictions["refit"]
-    return float(error[inside].mean()) - (float(error[~inside].mean()) if (~inside).any() else 0.0)
+    inside = evidence.location.inside
+    error = evidence.runs.observed - evidence.predictions["refit"]
+    elsewhere = 0.0
+    if not inside.all():
+        elsewhere = float(error[~inside].mean())
+    return float(error[inside].mean()) - elsewhere
 
 
 def _place(evidence: Evidence) -> str:
     """The located condition; for changes in time, the stretch that holds most of the excess."""
     location = evidence.location
-    if location is None or all(place.condition == location.condition for place in location.places):
-        return "" if location is None else location.condition
+    if location is None:
+        return ""
+    if all(place.condition == location.condition for place in location.places):
+        return location.condition
     return largest(location.places)
 
 
 def why_open(estimate: Estimate) -> str:
     """Why a group has no value, in a phrase."""
-    mixed = estimate.mixed_with
-    return {
+    phrases = {
         "fitted": "fitted",
         "not excited": "has no influence on these recordings",
-        "confounded": f"is confounded with {', '.join(mixed)}",
+        "confounded": f"is confounded with {', '.join(estimate.mixed_with)}",
         "too uncertain": "its interval is too wide",
         "at bound": "fitted at its physical bound, so not a measurement",
-    }[estimate.status]
+    }
+    return phrases[estimate.status]
