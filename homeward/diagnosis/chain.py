@@ -13,7 +13,7 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.channel_effects.find import find_effects
-from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
+from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY, ChannelEffect
 from homeward.diagnosis.explain.conditions import check_names
 from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
@@ -28,8 +28,8 @@ from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import Finding, usable_runs
-from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, RecordingInfo, Verdict
-from homeward.diagnosis.tell.file_choice import choose_file, determined
+from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, Range, RecordingInfo, Verdict
+from homeward.diagnosis.tell.file_choice import FileChoice, choose_file, determined
 from homeward.diagnosis.tell.made_by import made_by
 from homeward.diagnosis.tell.missing import missing_physics, not_named
 from homeward.diagnosis.tell.next_drive import next_experiment
@@ -103,35 +103,27 @@ def analyse(
         gauge = dataclasses.replace(gauge, question=capacity_question(evidence.capacity, robot))
         lines = [line for line in (gauge.says, gauge.question) if line]
         findings += [Finding(runs.signals[0].name, line) for line in lines]
-    if choice.held_out is not None:
-        arm = score(choice.held_out, runs, evidence.block, evidence.trip, rng)
-        fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
-        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
-    if choice.joint is not None:
-        evidence = dataclasses.replace(evidence, joint=choice.joint)
+    evidence, fit = _with_file(choice, evidence, fit, rng)
     missing = missing_physics(evidence)
-    where = evidence.location.places if evidence.location is not None else ()
-    nominal = evidence.predictions.get("nominal")
-    reach = None
-    if nominal is not None and choice.replayed is not None:
-        reach = recorded_range((robot, choice.robot), (nominal, choice.replayed), runs, rng)
-    shows_range = runs.unit == "W" and verdict != "unknown_physics"
+    where = tuple(place for effect in missing for place in effect.where)
+    if evidence.location is not None and evidence.location.places:
+        where = evidence.location.places
     diagnosis = Diagnosis(
-        robot.name,
-        infos,
-        verdict,
-        summary(verdict, evidence, off, fit, findings, missing, choice.file, gauge),
+        robot=robot.name,
+        recordings=infos,
+        verdict=verdict,
+        summary=summary(verdict, evidence, off, fit, findings, missing, choice.file, gauge),
         parameters=() if verdict in ("unknown_physics", "not_testable") else evidence.measured,
         parameters_off=off if verdict in ("parameters_off", "missing_physics") else (),
         missing_physics=missing,
         not_named=not_named(evidence),
         together=evidence.naming.together,
-        where=where or tuple(place for effect in missing for place in effect.where),
+        where=where,
         fit=fit,
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
-        range=reach,
-        range_change_m=float(d_max(choice.robot) - d_max(robot)) if shows_range else None,
+        range=_range(robot, choice, evidence, rng),
+        range_change_m=_range_change_m(robot, choice.robot, verdict, runs),
         file=choice.file,
         gauge=gauge,
         next_experiment=next_experiment(evidence),
@@ -140,20 +132,49 @@ def analyse(
     return Analysis(diagnosis, robot, choice.robot, tuple(findings), evidence)
 
 
+def _with_file(choice: FileChoice, evidence: Evidence, fit: Fit, rng: Generator) -> tuple[Evidence, Fit]:
+    """Evidence and fit with the arm of corrected.toml, where its prediction can be tested, and its joint covariance."""
+    if choice.held_out is not None:
+        arm = score(choice.held_out, evidence.runs, evidence.block, evidence.trip, rng)
+        fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
+        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
+    if choice.joint is not None:
+        evidence = dataclasses.replace(evidence, joint=choice.joint)
+    return evidence, fit
+
+
+def _range(robot: Robot, choice: FileChoice, evidence: Evidence, rng: Generator) -> Range | None:
+    """Range as recorded and by both files; None where one of them cannot predict the recordings."""
+    nominal = evidence.predictions.get("nominal")
+    if nominal is None or choice.replayed is None:
+        return None
+    return recorded_range((robot, choice.robot), (nominal, choice.replayed), evidence.runs, rng)
+
+
+def _range_change_m(robot: Robot, corrected: Robot, verdict: Verdict, runs: Runs) -> float | None:
+    """Change of d_max by the correction; None of motor current, and of a fit that absorbs unknown physics."""
+    if runs.unit != "W" or verdict == "unknown_physics":
+        return None
+    return float(d_max(corrected) - d_max(robot))
+
+
 def _read(
     recordings: Recording | str | Path | Sequence[Recording | str | Path],
     columns: Columns | str | Path | None,
     robot: Robot,
 ) -> list[Recording]:
     """The recordings, without readings faster than the robot can drive."""
-    given = list(recordings) if isinstance(recordings, Sequence) and not isinstance(recordings, str) else [recordings]
-    if not given:
+    if isinstance(recordings, Recording | str | Path) or not isinstance(recordings, Sequence):
+        recordings = [recordings]
+    if not recordings:
         raise RecordingError("no recordings given")
-    strange = [type(recording).__name__ for recording in given if not isinstance(recording, Recording | str | Path)]
-    if strange:
-        raise RecordingError(f"a recording is a path or what read_recording returns, not a {strange[0]}")
+    for recording in recordings:
+        if not isinstance(recording, Recording | str | Path):
+            kind = type(recording).__name__
+            raise RecordingError(f"a recording is a path or what read_recording returns, not a {kind}")
     recorded = [
-        recording if isinstance(recording, Recording) else read_recording(recording, columns) for recording in given
+        recording if isinstance(recording, Recording) else read_recording(recording, columns)
+        for recording in recordings
     ]
     return [within_top_speed(recording, robot.max_speed_mps) for recording in recorded]
 
@@ -171,33 +192,37 @@ def _infos(recorded: Sequence[Recording], used: Collection[str]) -> tuple[Record
 def _gather(
     runs: Runs, robot: Robot, rng: Generator, progress: Progress, without: Collection[str]
 ) -> tuple[Evidence, Fit]:
+    """The evidence from the runs, and the held-out errors of each arm; no arm of corrected.toml yet."""
     progress("refitting")
     fitted = refit(runs, robot)
     blocks = independent_blocks(fitted, runs)
     block = blocks.channels
     fold, held_out_by = cut_folds(runs, block)
-    enough = int(block.max()) + 1 >= thresholds.FEWEST_BLOCKS
+    enough_blocks = int(block.max()) + 1 >= thresholds.FEWEST_BLOCKS
     progress("testing what remains")
-    dependent = dependences(fitted, runs, blocks, fold, rng) if enough else []
+    dependent = dependences(fitted, runs, blocks, fold, rng) if enough_blocks else []
     explanation = explain(fitted, runs, dependent, block, fold, rng, progress, without)
-    corrected = explanation.naming.corrected
-    if corrected is not None and any(effect.term.axis == "time" for effect in explanation.naming.named):
+    model = explanation.naming.corrected
+    if model is not None and any(named.term.axis == "time" for named in explanation.naming.named):
         # A change at one moment of a run does not predict other runs: hold out stretches.
-        fold, held_out_by = block % FOLDS, "block"
-    capacity, shown = find_effects(fitted, _fault_free(runs, corrected), block, rng) if enough else (None, ())
+        fold = block % FOLDS
+        held_out_by = "block"
+    capacity = None
+    channel_effects: tuple[ChannelEffect, ...] = ()
+    if enough_blocks:
+        capacity, channel_effects = find_effects(fitted, _fault_free(runs, model), block, rng)
     progress("proving")
-    # A group that is held because an effect compensates for it is confounded with the effect.
-    named = fitted if corrected is None or (corrected.groups.held & ~immaterial(fitted, runs)).any() else corrected
-    plain, corrected = determined(fitted, corrected, runs, block)
-    together: tuple[Product, ...] = ()
-    if corrected is None:
-        known = _known(named, plain, runs, block)
+    free = _estimated_freely(fitted, model, runs)
+    plain, model = determined(fitted, model, runs, block)
+    products: tuple[Product, ...] = ()
+    if model is None:
+        estimated = _known(free, plain, runs, block)
     else:
-        left_open = profiled(holding(fitted, runs, corrected.groups.held), corrected, runs, block)
-        corrected = left_open.spanning
-        known = left_open.spanned(_known(named, corrected, runs, block), runs, block)
-        together = left_open.products(runs, block)
-    predicted = _predictions(fitted, corrected, explanation.empirical, runs, fold, rng)
+        profile = profiled(holding(fitted, runs, model.groups.held), model, runs, block)
+        model = profile.spanning
+        estimated = profile.spanned(_known(free, model, runs, block), runs, block)
+        products = profile.products(runs, block)
+    predicted = _predictions(fitted, model, explanation.empirical, runs, fold, rng)
     evidence = Evidence(
         runs=runs,
         fitted=fitted,
@@ -206,41 +231,61 @@ def _gather(
         fold=fold,
         held_out_by=held_out_by,
         predictions=predicted,
-        estimates=known,
+        estimates=estimated,
         dependences=tuple(dependent),
         location=explanation.location,
         naming=explanation.naming,
-        corrected=corrected,
+        corrected=model,
         empirical=explanation.empirical,
         capacity=capacity,
-        channel_effects=shown,
+        channel_effects=channel_effects,
         remaining=explanation.remaining,
-        products=together,
-        joint=joint(corrected or plain, runs, block),
+        products=products,
+        joint=joint(model or plain, runs, block),
     )
     arms = {name: score(values, runs, block, evidence.trip, rng) for name, values in predicted.items()}
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
+def _estimated_freely(fitted: Refit, model: Corrected | None, runs: Runs) -> Fitted:
+    """The fit in which no group is held because an effect compensates for it: such a group is confounded with it."""
+    if model is None:
+        return fitted
+    compensated = model.groups.held & ~immaterial(fitted, runs)
+    return fitted if compensated.any() else model
+
+
 def _fault_free(runs: Runs, corrected: Corrected | None) -> Runs:
     """The runs corrected for named faults of the meter."""
-    return runs if corrected is None else dataclasses.replace(runs, observed=runs.observed - corrected.misread)
+    if corrected is None:
+        return runs
+    return dataclasses.replace(runs, observed=runs.observed - corrected.misread)
 
 
-def _known(named: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
-    """Estimate of each group, fitted beside those that are held; held and confounded groups have none."""
-    known = []
-    terms = determined.model.terms if isinstance(determined, Corrected) else ()
-    effects = tuple(term.effect.replace("_", " ") for term in terms)
+def _known(free: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
+    """Estimate of each group, fitted beside those that are held; held and confounded groups have none.
+
+    Args:
+        free: The fit before groups were held that are not identifiable.
+        determined: The fit with these held.
+        runs: The runs.
+        block: Windows of one block, (windows,), are dependent.
+    """
+    estimated = []
+    effects: tuple[str, ...] = ()
+    if isinstance(determined, Corrected):
+        effects = tuple(term.effect.replace("_", " ") for term in determined.model.terms)
     rows = zip(
-        estimates(named, runs, block), estimates(determined, runs, block), determined.groups.held.tolist(), strict=True
+        estimates(free, runs, block), estimates(determined, runs, block), determined.groups.held.tolist(), strict=True
     )
-    for free, last, held in rows:
-        if held and free.status in ("fitted", "at bound"):
-            known.append(free.confounded(free.mixed_with or effects))
+    for before, after, is_held in rows:
+        if is_held and before.status in ("fitted", "at bound"):
+            estimated.append(before.confounded(before.mixed_with or effects))
+        elif is_held or before.status == "confounded":
+            estimated.append(before)
         else:
-            known.append(free if held or free.status == "confounded" else last)
-    return tuple(known)
+            estimated.append(after)
+    return tuple(estimated)
 
 
 def _predictions(
@@ -248,30 +293,28 @@ def _predictions(
 ) -> dict[str, Array]:
     """Held-out predictions of each arm, shape (windows,)."""
     problem = fitted.parameters
-    arms = {"nominal": problem.predict(runs, problem.start)} if problem.current_known else {}
-    arms["refit"] = held_out(lambda chosen: fitted.fitted_to(chosen, runs.observed).replayed(runs), fold)
 
-    def beside(columns: Array) -> Array:
-        return held_out(lambda chosen: with_columns(fitted, chosen, runs.observed, columns), fold)
+    def refit_with(columns: Array) -> Array:
+        return held_out(lambda training: with_columns(fitted, training, runs.observed, columns), fold)
 
+    arms: dict[str, Array] = {}
+    if problem.current_known:
+        arms["nominal"] = problem.predict(runs, problem.start)
+    arms["refit"] = held_out(lambda training: fitted.fitted_to(training, runs.observed).replayed(runs), fold)
     if corrected is not None:
-        arms["corrected"] = held_out(lambda chosen: corrected.refitted(chosen, runs).replayed(runs), fold)
-        arms["placebo"] = beside(shifted_in_time(np.column_stack(corrected.contribution), rng))
+        arms["corrected"] = held_out(lambda training: corrected.refitted(training, runs).replayed(runs), fold)
+        arms["placebo"] = refit_with(shifted_in_time(np.column_stack(corrected.contribution), rng))
     elif empirical is not None:
-        arms["corrected"] = beside(empirical.columns)
-        arms["placebo"] = beside(shifted_in_time(empirical.columns, rng))
-    arms["black_box"] = held_out(lambda chosen: black_box(runs, fitted.predicted, chosen, rng), fold)
+        arms["corrected"] = refit_with(empirical.columns)
+        arms["placebo"] = refit_with(shifted_in_time(empirical.columns, rng))
+    arms["black_box"] = held_out(lambda training: black_box(runs, fitted.predicted, training, rng), fold)
     return arms
 
 
 def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     """The verdict by precedence, and the parameters whose interval excludes the robot file's value."""
-    excluded = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
-    off = tuple(group for group in evidence.measured if group.group in excluded)
+    off = _parameters_off(evidence)
     capacity = evidence.capacity
-    if capacity is not None and capacity.written:
-        interval, rivals = capacity.ci95, capacity.rivals
-        off = (*off, FittedGroup(USABLE_ENERGY, capacity.assumed_j, capacity.fitted_j, interval, "J", rivals))
     if evidence.blocks < thresholds.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.channel_effects:
@@ -280,20 +323,53 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
         return "unknown_physics", off
     if all(estimate.fitted is None for estimate in evidence.estimates):
         return "not_testable", ()
-    nominal, refitted = evidence.predictions.get("nominal"), evidence.predictions["refit"]
+    nominal = evidence.predictions.get("nominal")
     if nominal is None:
         return "no_mismatch", ()
-    observed = evidence.runs.observed
-    before, after = float(np.mean((observed - nominal) ** 2)), float(np.mean((observed - refitted) ** 2))
-    # A gain below the instruments' own errors, or below that required of an effect, is no wrong parameter.
-    least = max(
-        thresholds.SMALLEST_GAIN * before, (thresholds.CLEAR * thresholds.GAIN_ERROR) ** 2 * float(np.mean(observed**2))
-    )
-    least = max(least, (_CLEAR_OF_TILT * tilt_error(evidence.fitted, evidence.runs)) ** 2)
-    p_value = better(refitted, nominal, observed, evidence.block)
-    if p_value > thresholds.FALSE_ALARM_RATE or before - after < least:
-        other_capacity = capacity is not None and capacity.written
-        return ("parameters_off", off[-1:]) if other_capacity else ("no_mismatch", ())
+    if not _refit_is_better(nominal, evidence):
+        if capacity is not None and capacity.written:
+            return "parameters_off", off[-1:]  # that of the battery alone
+        return "no_mismatch", ()
     if any(estimate.status == "at bound" for estimate in evidence.estimates):
         return "unknown_physics", off  # only unphysical parameters would explain the recordings
     return "parameters_off", off
+
+
+def _parameters_off(evidence: Evidence) -> tuple[FittedGroup, ...]:
+    """Groups whose interval excludes the robot file's value, and last the battery's usable energy, where it does."""
+    excluded = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
+    groups = [group for group in evidence.measured if group.group in excluded]
+    capacity = evidence.capacity
+    if capacity is not None and capacity.written:
+        groups.append(
+            FittedGroup(
+                group=USABLE_ENERGY,
+                assumed=capacity.assumed_j,
+                fitted=capacity.fitted_j,
+                ci95=capacity.ci95,
+                unit="J",
+                confused_with=capacity.rivals,
+            )
+        )
+    return tuple(groups)
+
+
+def _refit_is_better(nominal: Array, evidence: Evidence) -> bool:
+    """Whether the refit predicts held-out windows better than the robot file, `nominal`, shape (windows,).
+
+    The gain must be significant, and larger than the instruments' own errors and than that required of an effect: a
+    smaller one is no wrong parameter.
+    """
+    observed = evidence.runs.observed
+    refitted = evidence.predictions["refit"]
+    p_value = better(refitted, nominal, observed, evidence.block)
+    if p_value > thresholds.FALSE_ALARM_RATE:
+        return False
+    nominal_error = float(np.mean((observed - nominal) ** 2))
+    refit_error = float(np.mean((observed - refitted) ** 2))
+    smallest_gain = max(
+        thresholds.SMALLEST_GAIN * nominal_error,
+        (thresholds.CLEAR * thresholds.GAIN_ERROR) ** 2 * float(np.mean(observed**2)),
+        (_CLEAR_OF_TILT * tilt_error(evidence.fitted, evidence.runs)) ** 2,
+    )
+    return nominal_error - refit_error >= smallest_gain

@@ -52,22 +52,25 @@ class Evidence:
     @property
     def range_accuracy_pct(self) -> dict[str, float | None]:
         """Accuracy of the range that each arm estimates for held-out trips, per cent."""
-        return {name: range_accuracy_pct(one, self.runs, self.trip) for name, one in self.predictions.items()}
+        trip = self.trip
+        return {arm: range_accuracy_pct(predicted, self.runs, trip) for arm, predicted in self.predictions.items()}
 
     @property
     def measured(self) -> tuple[FittedGroup, ...]:
         """The identifiable groups."""
-        return tuple(
-            FittedGroup(one.group.symbol, one.assumed, one.fitted, one.ci95, one.group.unit)
-            for one in self.estimates
-            if one.fitted is not None and one.ci95 is not None
-        )
+        measured = []
+        for estimate in self.estimates:
+            if estimate.fitted is not None and estimate.ci95 is not None:
+                group = estimate.group
+                measured.append(FittedGroup(group.symbol, estimate.assumed, estimate.fitted, estimate.ci95, group.unit))
+        return tuple(measured)
 
     @property
     def held(self) -> tuple[str, ...]:
         """Symbols of the groups held at the robot file's values."""
-        groups = (self.plain if self.corrected is None else self.corrected).groups
-        return tuple(one.symbol for one, held in zip(groups.parameters.groups, groups.held, strict=True) if held)
+        model = self.plain if self.corrected is None else self.corrected
+        fit = model.groups
+        return tuple(group.symbol for group, is_held in zip(fit.parameters.groups, fit.held, strict=True) if is_held)
 
     @property
     def blocks(self) -> int:
@@ -77,14 +80,15 @@ class Evidence:
     @property
     def trip(self) -> Index:
         """What counts as one trip: a run or, of fewer than three runs, a stretch; shape (windows,)."""
-        stretch, by = cut_folds(self.runs, self.block)
-        return self.runs.run if by == "run" else stretch
+        fold, kind = cut_folds(self.runs, self.block)
+        return self.runs.run if kind == "run" else fold
 
     @property
     def contributions(self) -> tuple[Array, ...]:
         """Power or current that each named effect adds, in the order of the diagnosis, shape (windows,) each."""
-        found = () if self.corrected is None else self.corrected.contribution
-        return (*found, *(one.contribution for one in self.channel_effects))
+        named = () if self.corrected is None else self.corrected.contribution
+        shown_by_channels = [effect.contribution for effect in self.channel_effects]
+        return (*named, *shown_by_channels)
 
     @property
     def residual(self) -> Array:
@@ -109,5 +113,6 @@ class Analysis:
         Raises:
             KeyError: No usable run has this name.
         """
-        runs = {} if self.evidence is None else {run.name: run for run in self.evidence.runs.signals}
-        return power_w(runs[name], self.corrected)
+        usable = () if self.evidence is None else self.evidence.runs.signals
+        run_of_name = {run.name: run for run in usable}
+        return power_w(run_of_name[name], self.corrected)

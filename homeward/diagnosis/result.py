@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from types import UnionType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-SCHEMA, READ = 3, (2, 3)
-"""Version of the format of diagnosis.json, and those that are read: a file of another one is refused. Version 3 adds
-the numbers of corrected.toml."""
+SCHEMA = 3
+"""Version of the format of diagnosis.json. Version 3 adds the numbers of corrected.toml."""
+
+READ = (2, 3)
+"""Versions that are read: a file of another one is refused."""
 
 Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
 VERDICTS = get_args(Verdict)
@@ -63,8 +65,10 @@ class Product:
     @property
     def name(self) -> str:
         """In words."""
-        sign = {"product": " x ", "ratio": " over ", "mean power": " and "}[self.together]
-        return f"{'mean power of ' if self.together == 'mean power' else ''}{sign.join(self.of)}"
+        if self.together == "mean power":
+            return f"mean power of {' and '.join(self.of)}"
+        sign = " over " if self.together == "ratio" else " x "
+        return sign.join(self.of)
 
 
 @dataclass(frozen=True)
@@ -244,22 +248,24 @@ class Diagnosis:
             data = json.loads(text)
             if data["schema"] not in READ or data["verdict"] not in VERDICTS:
                 raise ValueError(f"not a diagnosis of schema {SCHEMA}: {data['schema']!r}, {data['verdict']!r}")
-            found: Diagnosis = _read(cls, data)
+            diagnosis: Diagnosis = _read(cls, data)
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"not a diagnosis of schema {SCHEMA}: {error!r}") from error
-        return found
+        return diagnosis
 
 
 def _read(kind: Any, data: Any) -> Any:
     """Data from JSON as the type that an annotation names: records, and tuples, mappings or options of them."""
     if dataclasses.is_dataclass(kind):
         kinds = get_type_hints(kind)
-        return kind(**{name: _read(kinds[name], value) for name, value in data.items()})  # type: ignore[operator]
-    inner = get_args(kind)
-    if get_origin(kind) is UnionType:
-        return None if data is None else _read(inner[0], data)
-    if get_origin(kind) is tuple:
-        return tuple(_read(inner[0], one) for one in data)
-    if get_origin(kind) is dict:
-        return {name: _read(inner[1], one) for name, one in data.items()}
+        fields = {name: _read(kinds[name], value) for name, value in data.items()}
+        return kind(**fields)  # type: ignore[operator]
+    container = get_origin(kind)
+    arguments = get_args(kind)
+    if container is UnionType:  # of a type and None
+        return None if data is None else _read(arguments[0], data)
+    if container is tuple:
+        return tuple(_read(arguments[0], element) for element in data)
+    if container is dict:
+        return {name: _read(arguments[1], value) for name, value in data.items()}
     return data
