@@ -116,53 +116,101 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
     their own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
     where the quantity is not identifiable from a run.
     """
+    groups = np.array(labels)
     levels: list[Level] = []
     pairs: list[Difference] = []
     for quantity, by_run in values.items():
-        by_group = {name: by_run[(np.array(labels) == name) & np.isfinite(by_run)] for name in dict.fromkeys(labels)}
-        for name, runs in by_group.items():
-            interval = mean_interval(runs.tolist()) if len(runs) > 1 else None
-            spread = float(np.std(runs, ddof=1)) if len(runs) > 1 else None
-            if len(runs):
-                mean = float(runs.mean())
-                levels.append(Level(quantity.name, quantity.unit, name, mean, interval, len(runs), spread))
+        is_identified = np.isfinite(by_run)
+        by_group = {group: by_run[(groups == group) & is_identified] for group in dict.fromkeys(labels)}
+        levels += [_level(quantity, group, runs) for group, runs in by_group.items() if len(runs)]
         pairs += _differences(quantity, by_group)
-    named, largest = [], 0.0
-    for rank, pair in enumerate(sorted(pairs, key=lambda difference: difference.p_value)):
-        largest = max(largest, min((len(pairs) - rank) * pair.p_value, 1.0))
-        predicts_better = pair.held_out_rmse < pair.held_out_rmse_without_groups
-        named.append(dataclasses.replace(pair, p_holm=largest, named=largest <= thresholds.LEVEL and predicts_better))
     order = [quantity.name for quantity in values]
-    return levels, sorted(named, key=lambda pair: order.index(pair.quantity))
+    return levels, sorted(_holm(pairs), key=lambda pair: order.index(pair.quantity))
+
+
+def _level(quantity: Quantity, group: str, runs: Array) -> Level:
+    """Mean of a group's runs, shape (runs,), with its interval and their spread, where there are two or more."""
+    several = len(runs) > 1
+    return Level(
+        quantity=quantity.name,
+        unit=quantity.unit,
+        group=group,
+        value=float(runs.mean()),
+        ci95=mean_interval(runs.tolist()) if several else None,
+        runs=len(runs),
+        run_spread=float(np.std(runs, ddof=1)) if several else None,
+    )
+
+
+def _holm(pairs: Sequence[Difference]) -> list[Difference]:
+    """The differences by p-value, each with Holm's, and named where that is significant and groups predict better."""
+    corrected = []
+    p_holm = 0.0
+    for rank, pair in enumerate(sorted(pairs, key=lambda difference: difference.p_value)):
+        # A step-down p-value is at least that of the step before.
+        p_holm = max(p_holm, min((len(pairs) - rank) * pair.p_value, 1.0))
+        predicts_better = pair.held_out_rmse < pair.held_out_rmse_without_groups
+        is_named = p_holm <= thresholds.LEVEL and predicts_better
+        corrected.append(dataclasses.replace(pair, p_holm=p_holm, named=is_named))
+    return corrected
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """Variance between the runs of a group, and its degrees of freedom."""
+
+    variance: float
+    freedom: int
 
 
 def _differences(quantity: Quantity, by_group: Mapping[str, Array]) -> Iterator[Difference]:
     """Each pair of groups by Welch's test, without Holm's correction."""
     largest = max(float(np.max(np.abs(np.concatenate(list(by_group.values()))), initial=0.0)), 1e-9)
-    several = {name: runs for name, runs in by_group.items() if len(runs) > 1}
-    freedom = {name: len(runs) - 1 for name, runs in several.items()}
-    every = sum(freedom.values())
-    variances = {
-        name: max(float(np.var(runs, ddof=1)), (thresholds.SMALLEST_SPREAD * largest) ** 2)
-        for name, runs in several.items()
+    rounding = (thresholds.SMALLEST_SPREAD * largest) ** 2
+    runs_of = {group: runs for group, runs in by_group.items() if len(runs) > 1}
+    spreads = {
+        group: _Spread(variance=max(float(np.var(runs, ddof=1)), rounding), freedom=len(runs) - 1)
+        for group, runs in runs_of.items()
     }
-    pooled = sum(variances[name] * freedom[name] for name in several) / max(every, 1)
-    for minus, group in combinations(several, 2):
-        shares, squares = [], 0.0
-        for name in (group, minus):
-            exceeds_pooled = variances[name] > pooled
-            shares.append((variances[name] if exceeds_pooled else pooled) / len(several[name]))
-            squares += shares[-1] ** 2 / (freedom[name] if exceeds_pooled else every)
-        error = float(np.sqrt(sum(shares)))
-        degrees = min(sum(shares) ** 2 / squares, every)  # Satterthwaite (Biometrics Bulletin 2, 1946)
-        value = float(several[group].mean() - several[minus].mean())
+    freedom = sum(spread.freedom for spread in spreads.values())
+    summed = sum(spread.variance * spread.freedom for spread in spreads.values())
+    pooled = _Spread(summed / max(freedom, 1), freedom)
+    for minus, group in combinations(runs_of, 2):
+        runs = (runs_of[group], runs_of[minus])
+        error, degrees = _error([spreads[group], spreads[minus]], pooled, [len(runs[0]), len(runs[1])])
+        value = float(runs[0].mean() - runs[1].mean())
         half = float(student.ppf(thresholds.UPPER_95, degrees)) * error
         p_value = float(2.0 * student.sf(abs(value) / error, degrees))
-        runs = several[group], several[minus]
         yield Difference(
-            quantity.name, quantity.unit, group, minus, value, (value - half, value + half), p_value, p_value,
-            _left_out_rmse(*runs), _left_out_rmse(np.concatenate(runs)), named=False,
-        )  # fmt: skip
+            quantity=quantity.name,
+            unit=quantity.unit,
+            group=group,
+            minus=minus,
+            value=value,
+            ci95=(value - half, value + half),
+            p_value=p_value,
+            p_holm=p_value,
+            held_out_rmse=_left_out_rmse(*runs),
+            held_out_rmse_without_groups=_left_out_rmse(np.concatenate(runs)),
+            named=False,
+        )
+
+
+def _error(spreads: Sequence[_Spread], pooled: _Spread, counts: Sequence[int]) -> tuple[float, float]:
+    """Standard error of the difference of two means over `counts` runs, and its degrees of freedom (Welch).
+
+    The spread of a group is at least the pooled one.
+    """
+    variances = []  # of the means
+    squares = 0.0
+    for spread, count in zip(spreads, counts, strict=True):
+        at_least_pooled = spread if spread.variance > pooled.variance else pooled
+        variance = at_least_pooled.variance / count
+        variances.append(variance)
+        squares += variance**2 / at_least_pooled.freedom
+    total = sum(variances)
+    degrees = min(total**2 / squares, pooled.freedom)  # Satterthwaite (Biometrics Bulletin 2, 1946)
+    return float(np.sqrt(total)), degrees
 
 
 def _left_out_rmse(*groups: Array) -> float:
@@ -172,26 +220,44 @@ def _left_out_rmse(*groups: Array) -> float:
 
 
 def comparison_of(
-    kind: Literal["standing", "driving"], recordings: Sequence[Recording], labels: Sequence[str],
-    values: Mapping[Quantity, Array], levels: Sequence[Level], differences: Sequence[Difference],
+    kind: Literal["standing", "driving"],
+    recordings: Sequence[Recording],
+    labels: Sequence[str],
+    values: Mapping[Quantity, Array],
+    levels: Sequence[Level],
+    differences: Sequence[Difference],
     remarks: Sequence[str],
-) -> Comparison:  # fmt: skip
+) -> Comparison:
     """The comparison of these recordings, with its verdict and summary; of one group the level alone."""
-    runs = tuple(
-        RunValues(recording.name, recording.sha256, label, {
-            quantity.name: float(by_run[i]) if np.isfinite(by_run[i]) else None for quantity, by_run in values.items()
-        })
-        for i, (recording, label) in enumerate(zip(recordings, labels, strict=True))
-    )  # fmt: skip
+    runs = []
+    for index, (recording, label) in enumerate(zip(recordings, labels, strict=True)):
+        of_run = {quantity.name: _or_none(float(by_run[index])) for quantity, by_run in values.items()}
+        runs.append(RunValues(recording.name, recording.sha256, label, of_run))
     notes = [f"{recording.name}: {note}" for recording in recordings for note in recording.notes]
     groups = list(dict.fromkeys(labels))
     verdict, summary = _conclusion(differences, groups)
     if len(groups) == 1:
-        level = levels[0]
-        ends = "" if level.ci95 is None else f" (95 %: {interval(level.ci95, 4)})"
-        how = f"the mean of {level.runs} runs" if level.runs > 1 else "one run alone"
-        summary = f"{level.quantity} is {number(level.value, 4)} {level.unit}{ends}, {how}."
-    return Comparison(kind, verdict, summary, runs, tuple(levels), tuple(differences), (*remarks, *notes))
+        summary = _level_in_words(levels[0])
+    return Comparison(
+        kind=kind,
+        verdict=verdict,
+        summary=summary,
+        runs=tuple(runs),
+        levels=tuple(levels),
+        differences=tuple(differences),
+        remarks=(*remarks, *notes),
+    )
+
+
+def _or_none(value: float) -> float | None:
+    """A value as JSON has it: null where it is not identifiable."""
+    return value if np.isfinite(value) else None
+
+
+def _level_in_words(level: Level) -> str:
+    ends = "" if level.ci95 is None else f" (95 %: {interval(level.ci95, 4)})"
+    how = f"the mean of {level.runs} runs" if level.runs > 1 else "one run alone"
+    return f"{level.quantity} is {number(level.value, 4)} {level.unit}{ends}, {how}."
 
 
 def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tuple[GroupVerdict, str]:
@@ -206,15 +272,18 @@ def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tup
     if not named:
         between = f"No difference between {', '.join(groups)} is significant relative to the spread between runs"
         return "no_difference", f"{between} ({tested}, Holm, 5 % in all)."
-    unshown = f"; and {len(named) - _MOST_SHOWN} more" if len(named) > _MOST_SHOWN else ""
-    shown = f"{'; '.join(named[:_MOST_SHOWN])}{unshown}"
+    shown = "; ".join(named[:_MOST_SHOWN])
+    if len(named) > _MOST_SHOWN:
+        shown = f"{shown}; and {len(named) - _MOST_SHOWN} more"
     return "groups_differ", f"{shown}. Significant: {len(named)} of {tested} (Holm, 5 % in all)."
 
 
 def _sentence(difference: Difference) -> str:
     """A difference in words, the higher group first."""
-    high, low = (difference.group, difference.minus) if difference.value > 0.0 else (difference.minus, difference.group)
-    near, far = sorted(abs(end) for end in difference.ci95)
+    higher, lower = difference.group, difference.minus
+    if difference.value <= 0.0:
+        higher, lower = lower, higher
+    smallest, largest = sorted(abs(end) for end in difference.ci95)
     unit = "" if difference.unit == "1" else f" {difference.unit}"
-    direction = f"{number(abs(difference.value))}{unit} higher in {high} than in {low}"
-    return f"{difference.quantity} is {direction} (95 %: {interval((near, far))})"
+    direction = f"{number(abs(difference.value))}{unit} higher in {higher} than in {lower}"
+    return f"{difference.quantity} is {direction} (95 %: {interval((smallest, largest))})"

@@ -36,28 +36,35 @@ def grouped_runs(requests: Sequence[str], columns: str | None) -> list[Grouped]:
         DatasetError: A data set's group is unknown or not available.
     """
     groups: dict[str, Grouped] = {}
-    for group in requests:
-        name, equals, values = group.partition("=")
-        if not equals or not _NAME.fullmatch(name) or not values.strip(", "):
-            raise RecordingError(f"--group {group!r} is not NAME=RUNS, such as before=a1.csv,a2.csv or after='b*.csv'")
-        collected = groups.get(name, Grouped(name, (), None))
-        for value in filter(None, values.split(",")):
-            runs, dataset = _runs(value, columns)
-            collected = Grouped(name, (*collected.runs, *runs), dataset or collected.dataset)
-        groups[name] = collected
+    for request in requests:
+        name, equals, sources = request.partition("=")
+        if not equals or not _NAME.fullmatch(name) or not sources.strip(", "):
+            raise RecordingError(
+                f"--group {request!r} is not NAME=RUNS, such as before=a1.csv,a2.csv or after='b*.csv'"
+            )
+        group = groups.get(name, Grouped(name, (), None))
+        for source in sources.split(","):
+            if source:
+                runs, dataset = _runs(source, columns)
+                group = Grouped(name, (*group.runs, *runs), dataset or group.dataset)
+        groups[name] = group
     if len(groups) < 2:
         raise RecordingError(f"one group only, {next(iter(groups))}; a comparison needs --group at least twice")
-    if len({group.dataset for group in groups.values()} - {None}) > 1:
+    datasets = {group.dataset for group in groups.values() if group.dataset is not None}
+    if len(datasets) > 1:
         raise RecordingError("the groups are of different data sets, and so of different robots; compare groups of one")
     return list(groups.values())
 
 
-def _runs(value: str, columns: str | None) -> tuple[list[tuple[Path, str | None]], str | None]:
-    dataset, _, group = value.partition("/")
-    if dataset in DATASETS and not Path(value).is_file():
-        return [(path, columns or DATASETS[dataset].columns) for path in fetch(dataset, group)], dataset
-    joined = len(tables_of_run(Path(value))) > 1
-    paths = [value] if joined or Path(value).exists() else sorted(glob.glob(value))
+def _runs(source: str, columns: str | None) -> tuple[list[tuple[Path, str | None]], str | None]:
+    """Runs of a data set's group, of a file, or of a pattern, each with its mapping, and the name of the data set."""
+    dataset, _, group = source.partition("/")
+    if dataset in DATASETS and not Path(source).is_file():
+        mapping = columns or DATASETS[dataset].columns
+        return [(path, mapping) for path in fetch(dataset, group)], dataset
+    is_run_of_tables = len(tables_of_run(Path(source))) > 1
+    is_run = is_run_of_tables or Path(source).exists()
+    paths = [source] if is_run else sorted(glob.glob(source))
     if not paths:
-        raise RecordingError(f"{value}: no such file, and no file matches it as a pattern")
+        raise RecordingError(f"{source}: no such file, and no file matches it as a pattern")
     return [(Path(path), columns) for path in paths], None

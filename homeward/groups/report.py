@@ -16,6 +16,10 @@ from homeward.groups.comparison import Comparison
 from homeward.layout.notation import interval, labels, number, page, templates
 from homeward.layout.plots import embedded
 
+_BESIDE = (
+    0.15  # of the distance between groups, from a mean to its runs in the plot; chosen: the intervals stay visible
+)
+
 
 def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
     """Write groups.json and groups.html, each whole or not at all.
@@ -38,17 +42,27 @@ def show_groups(comparison: Comparison, console: Console) -> None:
     say(console, comparison.summary)
     levels = _table("group", "quantity", "runs", "mean", "95 %", "between runs")
     for level in comparison.levels:
-        levels.add_row(*map(plain, (
-            level.group, level.quantity, str(level.runs), number(level.value, 4) + _unit_after(level.unit),
-            interval(level.ci95, 4), number(level.run_spread),
-        )))  # fmt: skip
+        cells = [
+            level.group,
+            level.quantity,
+            str(level.runs),
+            number(level.value, 4) + _unit_after(level.unit),
+            interval(level.ci95, 4),
+            number(level.run_spread),
+        ]
+        levels.add_row(*(plain(cell) for cell in cells))
     pairs = _table("pair", "quantity", "difference", "95 %", "p, Holm", "held-out error", "")
     for pair in comparison.differences:
-        errors = f"{number(pair.held_out_rmse, 2)} for {number(pair.held_out_rmse_without_groups, 2)}"
-        pairs.add_row(*map(plain, (
-            f"{pair.group} - {pair.minus}", pair.quantity, number(pair.value) + _unit_after(pair.unit),
-            interval(pair.ci95), f"{pair.p_holm:.2g}", errors, "differs" if pair.named else "",
-        )), style="bold" if pair.named else None)  # fmt: skip
+        cells = [
+            f"{pair.group} - {pair.minus}",
+            pair.quantity,
+            number(pair.value) + _unit_after(pair.unit),
+            interval(pair.ci95),
+            f"{pair.p_holm:.2g}",
+            f"{number(pair.held_out_rmse, 2)} for {number(pair.held_out_rmse_without_groups, 2)}",
+            "differs" if pair.named else "",
+        ]
+        pairs.add_row(*(plain(cell) for cell in cells), style="bold" if pair.named else None)
     for table in (levels, pairs):
         if table.row_count:
             console.print()
@@ -68,15 +82,20 @@ def _table(*headings: str) -> Table:
 def _page(comparison: Comparison) -> str:
     quantities = dict.fromkeys((level.quantity, level.unit) for level in comparison.levels)
     figures = [
-        (*quantity_unit, _figure(comparison, quantity_unit[0], f"group-{i}"))
-        for i, quantity_unit in enumerate(quantities)
+        (quantity, unit, _figure(comparison, quantity, f"group-{index}"))
+        for index, (quantity, unit) in enumerate(quantities)
     ]
     names = _labels(comparison)
     return page(
-        templates("homeward.groups"), "groups.html", comparison=comparison, figures=figures, names=names,
-        remarks=_remarks(comparison, names), verdict=comparison.verdict.replace("_", " ").capitalize(),
+        templates("homeward.groups"),
+        "groups.html",
+        comparison=comparison,
+        figures=figures,
+        names=names,
+        remarks=_remarks(comparison, names),
+        verdict=comparison.verdict.replace("_", " ").capitalize(),
         plotly=Markup(plotly.offline.get_plotlyjs()) if figures else "",
-    )  # fmt: skip
+    )
 
 
 def _labels(comparison: Comparison) -> dict[str, str]:
@@ -85,25 +104,32 @@ def _labels(comparison: Comparison) -> dict[str, str]:
 
 def _remarks(comparison: Comparison, names: Mapping[str, str]) -> list[str]:
     """The remarks, of which those of a recording begin with its name, with short names."""
-    said = (remark.partition(": ") for remark in comparison.remarks)
-    return [f"{names.get(path, path)}{colon}{text}" for path, colon, text in said]
+    parts = [remark.partition(": ") for remark in comparison.remarks]
+    return [f"{names.get(path, path)}{colon}{text}" for path, colon, text in parts]
 
 
 def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
     """Levels and runs by the number of the group: a plot would interpret markup in names given by others."""
-    place = {group: i + 1 for i, group in enumerate(comparison.groups)}
+    number_of = {group: index for index, group in enumerate(comparison.groups, start=1)}
     levels = [level for level in comparison.levels if level.quantity == quantity]
-    half = [0.0 if level.ci95 is None else level.ci95[1] - level.value for level in levels]
-    runs = [(place[run.group], run.values[quantity]) for run in comparison.runs if run.values.get(quantity) is not None]
+    runs = [run for run in comparison.runs if run.values.get(quantity) is not None]
+    half_intervals = [0.0 if level.ci95 is None else level.ci95[1] - level.value for level in levels]
     figure = go.Figure()
     figure.add_scatter(
-        x=[x + 0.15 for x, _ in runs], y=[y for _, y in runs], mode="markers", name="runs", marker={"color": "#7b8794"}
+        x=[number_of[run.group] + _BESIDE for run in runs],
+        y=[run.values[quantity] for run in runs],
+        mode="markers",
+        name="runs",
+        marker={"color": "#7b8794"},
     )
     figure.add_scatter(
-        x=[place[level.group] for level in levels], y=[level.value for level in levels], mode="markers",
+        x=[number_of[level.group] for level in levels],
+        y=[level.value for level in levels],
+        mode="markers",
         name="mean, 95 %",
-        error_y={"type": "data", "array": half}, marker={"color": "#0b7285", "size": 9},
-    )  # fmt: skip
+        error_y={"type": "data", "array": half_intervals},
+        marker={"color": "#0b7285", "size": 9},
+    )
     figure.update_xaxes(title_text="group, in the order of the table", dtick=1)
     means = "; ".join(
         f"{level.group} {number(level.value, 4)} {level.unit}, 95 % {interval(level.ci95, 4)}" for level in levels

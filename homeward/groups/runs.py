@@ -15,6 +15,7 @@ from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording, RecordingError
 
 _AT_REST = {"W": Quantity("P_anc, idle part", "W"), "A": Quantity("current at rest", "A")}
+_MEANS = {"W": Quantity("mean power", "W"), "A": Quantity("mean current", "A")}  # of runs that may not be at rest
 
 
 def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> Comparison:
@@ -26,17 +27,20 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
     runs = [standing_run(recording) for recording in recordings]
     if len({run.unit for run in runs}) > 1:
         raise RecordingError("some recordings hold power and others motor current only; compare one kind")
-    means = np.array([run.mean for run in runs])
-    unit = runs[0].unit
-    unsteady = any(run.unsteady for run in runs)
-    quantity = Quantity("mean power" if unit == "W" else "mean current", unit) if unsteady else _AT_REST[unit]
-    levels, differences = compare(labels, {quantity: means})
-    alone = {label: run.ci95 for label, run in zip(labels, runs, strict=True)}
-    levels = [replace(level, ci95=alone[level.group]) if level.runs == 1 else level for level in levels]
-    remarks = [*_of_runs(runs, labels), *_confounded(recordings, runs, labels, differences)]
-    if single := ", ".join(level.group for level in levels if level.runs == 1):
-        remarks.insert(0, f"{single}: one run, so the interval is of it alone; the spread between runs is unknown")
-    return comparison_of("standing", recordings, labels, {quantity: means}, levels, differences, remarks)
+    quantity = _AT_REST[runs[0].unit]
+    if any(run.unsteady for run in runs):
+        quantity = _MEANS[runs[0].unit]
+    values = {quantity: np.array([run.mean for run in runs])}
+    levels, differences = compare(labels, values)
+    within_run = {label: run.ci95 for label, run in zip(labels, runs, strict=True)}
+    levels = [replace(level, ci95=within_run[level.group]) if level.runs == 1 else level for level in levels]
+    remarks = []
+    single = ", ".join(level.group for level in levels if level.runs == 1)
+    if single:
+        remarks.append(f"{single}: one run, so the interval is of it alone; the spread between runs is unknown")
+    remarks += _of_runs(runs, labels)
+    remarks += _confounded(recordings, runs, labels, differences)
+    return comparison_of("standing", recordings, labels, values, levels, differences, remarks)
 
 
 def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels: Sequence[str]) -> Comparison:
@@ -50,10 +54,8 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     remarks = [f"{finding.recording}: excluded, {finding.text}" for finding in analysis.findings if finding.refused]
     if evidence is None:
         return comparison_of("driving", recordings, labels, {}, [], [], remarks)
-    used = {name: index for index, name in enumerate(evidence.runs.names)}
-    where = np.array([used.get(recording.name, -1) for recording in recordings])
-    of_used = mean_residual_of_runs(evidence) | parameters_of_runs(evidence)
-    values = {quantity: np.where(where >= 0, by_run[where], np.nan) for quantity, by_run in of_used.items()}
+    of_usable_runs = mean_residual_of_runs(evidence) | parameters_of_runs(evidence)
+    values = {quantity: _by_recording(by_run, evidence, recordings) for quantity, by_run in of_usable_runs.items()}
     levels, differences = compare(labels, values)
     changing = ", ".join(_contributions(evidence, steady=False))
     if changing:
@@ -66,6 +68,13 @@ def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels:
     if analysis.diagnosis.verdict == "unknown_physics" or evidence.remaining is not None:
         remarks.append("no known effect explains the residual: it may be confounded with a difference between groups")
     return comparison_of("driving", recordings, labels, values, levels, differences, remarks)
+
+
+def _by_recording(by_run: Array, evidence: Evidence, recordings: Sequence[Recording]) -> Array:
+    """Values of the usable runs, shape (runs,), in the order of the recordings, shape (recordings,), NaN of others."""
+    index_of = {name: index for index, name in enumerate(evidence.runs.names)}
+    index = np.array([index_of.get(recording.name, -1) for recording in recordings])
+    return np.where(index >= 0, by_run[index], np.nan)
 
 
 def mean_residual_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
@@ -81,21 +90,26 @@ def parameters_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
     Parameters are in their own units, effects relative to their size in all runs together. Each array has shape
     (runs,), NaN where it is not identifiable from the run.
     """
-    runs, effects = evidence.runs, _contributions(evidence, steady=True)
-    fit = (evidence.fitted if evidence.corrected is None else evidence.corrected).groups
-    units = np.append(fit.parameters.scale * fit.parameters.to_group, np.ones(len(effects)))
-    of_all_runs = np.append(fit.theta * fit.parameters.to_group, np.ones(len(effects)))
-    columns, residual = np.column_stack([fit.jacobian, *effects.values()]), _unexplained(evidence)
-    in_run = [runs.run == run for run in range(len(runs.signals))]
-    values = of_all_runs + units * np.array([_steps(columns[windows], residual[windows]) for windows in in_run])
-    parameters = {
-        Quantity(estimate.group.symbol, estimate.group.unit): values[:, j]
-        for j, estimate in enumerate(evidence.estimates)
-        if estimate.status == "fitted"
-    }
-    first_effect = len(fit.theta)
-    sizes = {Quantity(f"{name}, relative", "1"): values[:, first_effect + j] for j, name in enumerate(effects)}
-    return parameters | sizes
+    effects = _contributions(evidence, steady=True)
+    model = evidence.fitted if evidence.corrected is None else evidence.corrected
+    fit = model.groups
+    columns = np.column_stack([fit.jacobian, *effects.values()])
+    residual = _unexplained(evidence)
+    in_run = [evidence.runs.run == run for run in range(len(evidence.runs.signals))]
+    steps = np.array([_steps(columns[windows], residual[windows]) for windows in in_run])  # (runs, columns)
+    relative = np.ones(len(effects))
+    units = np.append(fit.parameters.scale * fit.parameters.to_group, relative)
+    of_all_runs = np.append(fit.theta * fit.parameters.to_group, relative)
+    values = of_all_runs + units * steps
+    of_groups = values[:, : len(fit.theta)].T
+    of_effects = values[:, len(fit.theta) :].T
+    estimated: dict[Quantity, Array] = {}
+    for estimate, by_run in zip(evidence.estimates, of_groups, strict=True):
+        if estimate.status == "fitted":
+            estimated[Quantity(estimate.group.symbol, estimate.group.unit)] = by_run
+    for name, by_run in zip(effects, of_effects, strict=True):
+        estimated[Quantity(f"{name}, relative", "1")] = by_run
+    return estimated
 
 
 def _unexplained(evidence: Evidence) -> Array:
@@ -109,11 +123,13 @@ def _unexplained(evidence: Evidence) -> Array:
 def _contributions(evidence: Evidence, steady: bool) -> dict[str, Array]:
     """What each named effect adds to the prediction, those of one size in all runs or those that change."""
     contributions: dict[str, Array] = {}
-    if evidence.corrected is not None:
-        for term, added in zip(evidence.corrected.model.terms, evidence.corrected.contribution, strict=True):
-            if (term.axis == "steady") == steady:
-                name = term.effect.replace("_", " ")
-                contributions[name] = contributions.get(name, 0.0) + added
+    if evidence.corrected is None:
+        return contributions
+    for term, added in zip(evidence.corrected.model.terms, evidence.corrected.contribution, strict=True):
+        is_steady = term.axis == "steady"
+        if is_steady == steady:
+            name = term.effect.replace("_", " ")
+            contributions[name] = contributions.get(name, 0.0) + added
     return contributions
 
 
@@ -123,20 +139,21 @@ def _steps(columns: Array, residual: Array) -> Array:
     A step is that of the column's part that is orthogonal to the others (Frisch & Waugh, Econometrica 1, 1933).
     """
     steps = np.full(columns.shape[1], np.nan)
-    for j, column in enumerate(columns.T):
-        remaining = np.delete(columns, j, axis=1)
-        unexplained = column - remaining @ np.linalg.lstsq(remaining, column, rcond=None)[0]
-        if unexplained @ unexplained > COLLINEAR * (column @ column):
-            steps[j] = unexplained @ residual / (unexplained @ unexplained)
+    for index, column in enumerate(columns.T):
+        remaining = np.delete(columns, index, axis=1)
+        orthogonal = column - remaining @ np.linalg.lstsq(remaining, column, rcond=None)[0]
+        if orthogonal @ orthogonal > COLLINEAR * (column @ column):
+            steps[index] = orthogonal @ residual / (orthogonal @ orthogonal)
     return steps
 
 
 def _of_runs(runs: Sequence[StandingRun], labels: Sequence[str]) -> list[str]:
+    """Remarks on runs of which it is doubtful that the robot stood, or whose power drifts."""
     remarks = []
-    unsteady = {label: run.variation for label, run in zip(labels, runs, strict=True) if run.unsteady}
-    if unsteady:
+    variation = {label: run.variation for label, run in zip(labels, runs, strict=True) if run.unsteady}
+    if variation:
         remarks.append(
-            f"{', '.join(unsteady)}: the power varies by {100 * max(unsteady.values()):.0f} % of its mean (standard "
+            f"{', '.join(variation)}: the power varies by {100 * max(variation.values()):.0f} % of its mean (standard "
             "deviation of means over 0.5 s), more than is typical at standstill; if it drives, this is its mean power "
             "and no P_anc"
         )
@@ -158,28 +175,31 @@ def _confounded(
     differences: Sequence[Difference],
 ) -> list[str]:
     """Confounders of named differences: battery voltage, and the order of recording."""
-    named = {frozenset((difference.group, difference.minus)) for difference in differences if difference.named}
-    if not named:
+    named_pairs = {_pair(difference) for difference in differences if difference.named}
+    if not named_pairs:
         return []
     remarks = []
     _, of_voltage = compare(labels, {Quantity("voltage", "V"): np.array([run.voltage_v for run in runs])})
-    shared = [
-        difference
+    voltages = [
+        f"{difference.group} and {difference.minus} ({number(abs(difference.value))} V)"
         for difference in of_voltage
-        if difference.named and frozenset((difference.group, difference.minus)) in named
+        if difference.named and _pair(difference) in named_pairs
     ]
-    if shared:
-        pairs = ", ".join(
-            f"{difference.group} and {difference.minus} ({number(abs(difference.value))} V)" for difference in shared
-        )
-        remarks.append(f"the battery voltage differs too between {pairs}")
-    starts = np.array([recording.channels["time_s"][0] for recording in recordings])
-    in_time = np.array(labels)[np.argsort(starts)]
-    if np.ptp(starts) == 0.0:
+    if voltages:
+        remarks.append(f"the battery voltage differs too between {', '.join(voltages)}")
+    starts_s = np.array([recording.channels["time_s"][0] for recording in recordings])
+    labels_in_time = np.array(labels)[np.argsort(starts_s)]
+    stretches = 1 + np.count_nonzero(labels_in_time[1:] != labels_in_time[:-1])
+    if np.ptp(starts_s) == 0.0:
         remarks.append("the recordings do not give the order of the runs: a trend over them cannot be excluded")
-    elif np.count_nonzero(in_time[1:] != in_time[:-1]) + 1 == len({*labels}):
+    elif stretches == len({*labels}):
         remarks.append(
             "each group was recorded in one stretch: what changed between the stretches is confounded with the group; "
             "interleave the runs"
         )
     return remarks
+
+
+def _pair(difference: Difference) -> frozenset[str]:
+    """Both groups, whichever comes first."""
+    return frozenset((difference.group, difference.minus))

@@ -11,7 +11,7 @@ from homeward.diagnosis.thresholds import FEWEST_SAMPLES
 from homeward.groups import thresholds
 from homeward.logs import thresholds as logs_thresholds
 from homeward.logs.autocorrelation import correlation_windows
-from homeward.logs.channels import MOTION
+from homeward.logs.channels import MOTION, Array
 from homeward.logs.columns import RecordingError
 from homeward.logs.recordings import Recording
 from homeward.logs.times import median_step_s
@@ -37,11 +37,14 @@ class StandingRun:
 def stands(recording: Recording) -> bool:
     """Whether the recorded motion is zero throughout; False where no motion was recorded."""
     motion = [name for names in MOTION for name in names if name in recording.channels]
-    speeds = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
-    turning = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
-    is_read = np.isfinite(speeds)
-    still = bool(is_read.any() and (np.abs(speeds[is_read]) <= logs_thresholds.STANDSTILL_MPS).all())
-    return still and not (turning > thresholds.STANDSTILL_RADPS).any()
+    speeds_mps = np.concatenate([np.zeros(0), *(recording.channels[name] for name in motion)])
+    speeds_mps = speeds_mps[np.isfinite(speeds_mps)]
+    if len(speeds_mps) == 0:
+        return False
+    turning_radps = np.abs(recording.channels.get("yaw_rate_radps", np.zeros(1)))
+    moves = bool((np.abs(speeds_mps) > logs_thresholds.STANDSTILL_MPS).any())
+    turns = bool((turning_radps > thresholds.STANDSTILL_RADPS).any())
+    return not moves and not turns
 
 
 def standing_run(recording: Recording) -> StandingRun:
@@ -54,24 +57,39 @@ def standing_run(recording: Recording) -> StandingRun:
         RecordingError: Power or current is missing, constant or too short to average.
     """
     observed, unit = observed_of(recording.channels)
-    good = np.isfinite(observed)
-    time_s, observed = recording.channels["time_s"][good], observed[good]
+    is_read = np.isfinite(observed)
+    time_s = recording.channels["time_s"][is_read]
+    observed = observed[is_read]
     if len(observed) < FEWEST_SAMPLES or np.ptp(observed) == 0.0:
         raise RecordingError(
             f"{recording.name}: holds fewer than {FEWEST_SAMPLES} values of power or current, or one value only"
         )
-    values = windows(time_s, max(WINDOW_S, median_step_s(time_s))).means(observed)
-    if len(values) < thresholds.FEWEST_WINDOWS:
+    window_means = windows(time_s, max(WINDOW_S, median_step_s(time_s))).means(observed)
+    if len(window_means) < thresholds.FEWEST_WINDOWS:
         raise RecordingError(
             f"{recording.name}: is too short ({time_s[-1] - time_s[0]:.3g} s) for a mean with an error"
         )
-    mean, third = float(observed.mean()), len(observed) // 3
-    change = float(observed[-third:].mean() - observed[:third].mean())
-    correlation = correlation_windows(values, np.zeros(len(values), dtype=np.intp))
-    count = int(np.clip(len(values) // np.ceil(thresholds.BATCH_TIMES * correlation), 2, thresholds.MOST_BATCHES))
-    ci95 = mean_interval([float(batch.mean()) for batch in np.array_split(values, count)], mean)
-    voltage_v = float(np.nanmean(recording.channels["voltage_v"])) if "voltage_v" in recording.channels else np.nan
-    return StandingRun(unit, mean, ci95, change, float(values.std() / max(abs(mean), 1e-12)), voltage_v)
+    mean = float(observed.mean())
+    third = len(observed) // 3
+    voltage_v = np.nan
+    if "voltage_v" in recording.channels:
+        voltage_v = float(np.nanmean(recording.channels["voltage_v"]))
+    return StandingRun(
+        unit=unit,
+        mean=mean,
+        ci95=mean_interval(_batch_means(window_means), mean),
+        change=float(observed[-third:].mean() - observed[:third].mean()),
+        variation=float(window_means.std() / max(abs(mean), 1e-12)),
+        voltage_v=voltage_v,
+    )
+
+
+def _batch_means(window_means: Array) -> list[float]:
+    """Means of batches of windows that are so long that they hardly correlate."""
+    one_run = np.zeros(len(window_means), dtype=np.intp)
+    windows_a_batch = np.ceil(thresholds.BATCH_TIMES * correlation_windows(window_means, one_run))
+    batches = int(np.clip(len(window_means) // windows_a_batch, 2, thresholds.MOST_BATCHES))
+    return [float(batch.mean()) for batch in np.array_split(window_means, batches)]
 
 
 def mean_interval(values: Sequence[float], mean: float | None = None) -> tuple[float, float]:
@@ -85,5 +103,6 @@ def mean_interval(values: Sequence[float], mean: float | None = None) -> tuple[f
     (9.73, 9.84)
     """
     centre = float(np.mean(values)) if mean is None else mean
-    half = float(student.ppf(thresholds.UPPER_95, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
+    quantile = student.ppf(thresholds.UPPER_95, len(values) - 1)
+    half = float(quantile * np.std(values, ddof=1) / np.sqrt(len(values)))
     return centre - half, centre + half

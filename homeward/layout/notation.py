@@ -17,21 +17,30 @@ def templates(package: str, autoescape: bool = True) -> Environment:
 
     They may extend `page.html`, which lies beside this file.
     """
-    loader = ChoiceLoader([PackageLoader(one) for one in (package, "homeward.layout")])
+    loader = ChoiceLoader([PackageLoader(package), PackageLoader("homeward.layout")])
     environment = Environment(
         loader=loader, autoescape=autoescape, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {
-        "number": number, "interval": interval, "decimal": decimal, "typeset": typeset, "as": format,
-        "file_name": lambda path: PurePath(path).name, "percent": lambda share: f"{decimal(100.0 * share, 0)} %",
-    }  # fmt: skip
+        "number": number,
+        "interval": interval,
+        "decimal": decimal,
+        "percent": _percent,
+        "typeset": typeset,
+        "as": format,
+        "file_name": lambda path: PurePath(path).name,
+    }
     return environment
+
+
+def _percent(share: float) -> str:
+    return f"{decimal(100.0 * share, 0)} %"
 
 
 def page(environment: Environment, template: str, **values: object) -> str:
     """A page as text that can be written: names may hold control characters, and bytes that are no text."""
-    shown = environment.overlay(finalize=_printable).get_template(template).render(**values)
-    return shown.encode("utf-8", "replace").decode("utf-8")
+    text = environment.overlay(finalize=_printable).get_template(template).render(**values)
+    return text.encode("utf-8", "replace").decode("utf-8")
 
 
 def _printable(value: object) -> object:
@@ -53,7 +62,8 @@ def number(value: float | None, digits: int = 3) -> str:
         return "0"
     if abs(value) >= 10 ** (digits - 1):
         return decimal(value, 0)
-    return f"{'−' if value < 0 else ''}{abs(value):#.{digits}g}"
+    sign = "−" if value < 0 else ""
+    return f"{sign}{abs(value):#.{digits}g}"
 
 
 def interval(ci95: tuple[float, float] | None, digits: int = 3) -> str:
@@ -62,7 +72,10 @@ def interval(ci95: tuple[float, float] | None, digits: int = 3) -> str:
     >>> interval((1.0, 2.5)), interval(None)
     ('1.00 to 2.50', '–')
     """
-    return "–" if ci95 is None else f"{number(ci95[0], digits)} to {number(ci95[1], digits)}"
+    if ci95 is None:
+        return "–"
+    low, high = ci95
+    return f"{number(low, digits)} to {number(high, digits)}"
 
 
 def decimal(value: float, places: int) -> str:
@@ -71,7 +84,8 @@ def decimal(value: float, places: int) -> str:
     >>> decimal(-2.701, 2), decimal(-0.02, 1)
     ('−2.70', '0.0')
     """
-    return f"{round(value, places) + 0.0:.{places}f}".replace("-", "−")
+    rounded = round(value, places) + 0.0  # no minus before zero
+    return f"{rounded:.{places}f}".replace("-", "−")
 
 
 def typeset(text: str) -> str:
@@ -91,10 +105,18 @@ def labels(paths: Sequence[str]) -> dict[str, str]:
     >>> labels(["data/ice/1.csv", "data/snow/1.csv", "data/snow/2.csv"])
     {'data/ice/1.csv': 'ice/1.csv', 'data/snow/1.csv': 'snow/1.csv', 'data/snow/2.csv': '2.csv'}
     """
-    short = {}
+    label_of = {}
     for path in dict.fromkeys(paths):
         parts = PurePath(path).parts or (path,)
-        others = [PurePath(other).parts for other in set(paths) - {path}]
-        keep = next((k for k in range(1, len(parts)) if all(parts[-k:] != other[-k:] for other in others)), len(parts))
-        short[path] = "/".join(parts[-keep:])
-    return short
+        parts_of_others = [PurePath(other_path).parts for other_path in set(paths) - {path}]
+        label_of[path] = "/".join(_distinct_end(parts, parts_of_others))
+    return label_of
+
+
+def _distinct_end(parts: tuple[str, ...], parts_of_others: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    """The shortest end of a path that no other path ends with; all of it where there is none."""
+    for length in range(1, len(parts)):
+        end = parts[-length:]
+        if all(other_parts[-length:] != end for other_parts in parts_of_others):
+            return end
+    return parts

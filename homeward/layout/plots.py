@@ -26,15 +26,21 @@ def embedded(figure: go.Figure, name: str, says: str, top: int = 8, zooms: bool 
     if not zooms:
         figure.update_xaxes(fixedrange=True).update_yaxes(fixedrange=True)
     figure.update_layout(
-        margin={"l": 58, "r": 10, "t": top, "b": 46}, dragmode="zoom" if zooms else False, hovermode="x unified",
-        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"}, **PLAIN,
-    )  # fmt: skip
+        margin={"l": 58, "r": 10, "t": top, "b": 46},
+        dragmode="zoom" if zooms else False,
+        hovermode="x unified",
+        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"},
+        **PLAIN,
+    )
     figure.update_xaxes(**GRID).update_yaxes(**GRID)
     figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
     text = figure.to_html(
-        full_html=False, include_plotlyjs=False, div_id=f"figure-{name}", default_height="100%",
+        full_html=False,
+        include_plotlyjs=False,
+        div_id=f"figure-{name}",
+        default_height="100%",
         config={"responsive": True, "displaylogo": False, "displayModeBar": False},
-    )  # fmt: skip
+    )
     return described(text, says)
 
 
