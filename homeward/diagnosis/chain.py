@@ -28,7 +28,17 @@ from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
 from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import Finding, usable_runs
-from homeward.diagnosis.result import Diagnosis, Fit, FittedGroup, Product, Range, RecordingInfo, Verdict
+from homeward.diagnosis.result import (
+    Diagnosis,
+    Fit,
+    FittedGroup,
+    MissingPhysics,
+    Place,
+    Product,
+    Range,
+    RecordingInfo,
+    Verdict,
+)
 from homeward.diagnosis.tell.file_choice import FileChoice, choose_file, determined
 from homeward.diagnosis.tell.made_by import made_by
 from homeward.diagnosis.tell.missing import missing_physics, not_named
@@ -101,13 +111,9 @@ def analyse(
         choice = choose_file(robot, verdict, evidence, rng)
     if gauge is not None:
         gauge = dataclasses.replace(gauge, question=capacity_question(evidence.capacity, robot))
-        lines = [line for line in (gauge.says, gauge.question) if line]
-        findings += [Finding(runs.signals[0].name, line) for line in lines]
+        findings += [Finding(runs.signals[0].name, line) for line in (gauge.says, gauge.question) if line]
     evidence, fit = _with_file(choice, evidence, fit, rng)
     missing = missing_physics(evidence)
-    where = tuple(place for effect in missing for place in effect.where)
-    if evidence.location is not None and evidence.location.places:
-        where = evidence.location.places
     diagnosis = Diagnosis(
         robot=robot.name,
         recordings=infos,
@@ -118,7 +124,7 @@ def analyse(
         missing_physics=missing,
         not_named=not_named(evidence),
         together=evidence.naming.together,
-        where=where,
+        where=_where(evidence, missing),
         fit=fit,
         what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
         products=evidence.products,
@@ -130,6 +136,13 @@ def analyse(
         made_by=made_by(seed),
     )
     return Analysis(diagnosis, robot, choice.robot, tuple(findings), evidence)
+
+
+def _where(evidence: Evidence, missing: Sequence[MissingPhysics]) -> tuple[Place, ...]:
+    """The places of the mismatch or, where it was not located, those of the effects."""
+    if evidence.location is not None and evidence.location.places:
+        return evidence.location.places
+    return tuple(place for effect in missing for place in effect.where)
 
 
 def _with_file(choice: FileChoice, evidence: Evidence, fit: Fit, rng: Generator) -> tuple[Evidence, Fit]:
@@ -212,15 +225,15 @@ def _gather(
     if enough_blocks:
         capacity, channel_effects = find_effects(fitted, _fault_free(runs, model), block, rng)
     progress("proving")
-    free = _estimated_freely(fitted, model, runs)
+    free_fit = _estimated_freely(fitted, model, runs)
     plain, model = determined(fitted, model, runs, block)
     products: tuple[Product, ...] = ()
     if model is None:
-        estimated = _known(free, plain, runs, block)
+        estimated = _known(free_fit, plain, runs, block)
     else:
         profile = profiled(holding(fitted, runs, model.groups.held), model, runs, block)
         model = profile.spanning
-        estimated = profile.spanned(_known(free, model, runs, block), runs, block)
+        estimated = profile.spanned(_known(free_fit, model, runs, block), runs, block)
         products = profile.products(runs, block)
     predicted = _predictions(fitted, model, explanation.empirical, runs, fold, rng)
     evidence = Evidence(
@@ -262,11 +275,11 @@ def _fault_free(runs: Runs, corrected: Corrected | None) -> Runs:
     return dataclasses.replace(runs, observed=runs.observed - corrected.misread)
 
 
-def _known(free: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
+def _known(free_fit: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
     """Estimate of each group, fitted beside those that are held; held and confounded groups have none.
 
     Args:
-        free: The fit before groups were held that are not identifiable.
+        free_fit: The fit before groups were held that are not identifiable.
         determined: The fit with these held.
         runs: The runs.
         block: Windows of one block, (windows,), are dependent.
@@ -275,16 +288,16 @@ def _known(free: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[
     effects: tuple[str, ...] = ()
     if isinstance(determined, Corrected):
         effects = tuple(term.effect.replace("_", " ") for term in determined.model.terms)
-    rows = zip(
-        estimates(free, runs, block), estimates(determined, runs, block), determined.groups.held.tolist(), strict=True
-    )
-    for before, after, is_held in rows:
-        if is_held and before.status in ("fitted", "at bound"):
-            estimated.append(before.confounded(before.mixed_with or effects))
-        elif is_held or before.status == "confounded":
-            estimated.append(before)
+    of_free_fit = estimates(free_fit, runs, block)
+    of_determined = estimates(determined, runs, block)
+    is_held = determined.groups.held.tolist()
+    for free, final, held in zip(of_free_fit, of_determined, is_held, strict=True):
+        if held and free.status in ("fitted", "at bound"):
+            estimated.append(free.confounded(free.mixed_with or effects))
+        elif held or free.status == "confounded":
+            estimated.append(free)
         else:
-            estimated.append(after)
+            estimated.append(final)
     return tuple(estimated)
 
 
@@ -314,7 +327,6 @@ def _predictions(
 def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     """The verdict by precedence, and the parameters whose interval excludes the robot file's value."""
     off = _parameters_off(evidence)
-    capacity = evidence.capacity
     if evidence.blocks < thresholds.FEWEST_BLOCKS:
         return "not_testable", ()
     if evidence.naming.named or evidence.channel_effects:
@@ -327,8 +339,9 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     if nominal is None:
         return "no_mismatch", ()
     if not _refit_is_better(nominal, evidence):
-        if capacity is not None and capacity.written:
-            return "parameters_off", off[-1:]  # that of the battery alone
+        of_battery = tuple(group for group in off if group.group == USABLE_ENERGY)
+        if of_battery:
+            return "parameters_off", of_battery
         return "no_mismatch", ()
     if any(estimate.status == "at bound" for estimate in evidence.estimates):
         return "unknown_physics", off  # only unphysical parameters would explain the recordings

@@ -50,6 +50,11 @@ class Evidence:
     joint: Joint  # covariance of everything that was fitted together
 
     @property
+    def model(self) -> Refit | Corrected:
+        """The model with the named effects or, where there are none, the refit."""
+        return self.fitted if self.corrected is None else self.corrected
+
+    @property
     def range_accuracy_pct(self) -> dict[str, float | None]:
         """Accuracy of the range that each arm estimates for held-out trips, per cent."""
         trip = self.trip
@@ -92,9 +97,8 @@ class Evidence:
 
     @property
     def residual(self) -> Array:
-        """Residual of the model with the named effects or, where there are none, of the refit; shape (windows,)."""
-        model = self.fitted if self.corrected is None else self.corrected
-        return self.runs.observed - model.predicted
+        """Residual of the model, shape (windows,)."""
+        return self.runs.observed - self.model.predicted
 
 
 @dataclass(frozen=True)

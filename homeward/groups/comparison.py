@@ -18,7 +18,7 @@ from scipy.stats import t as student
 
 from homeward.groups import thresholds
 from homeward.groups.standing import mean_interval
-from homeward.layout.notation import interval, number
+from homeward.layout.notation import interval, number, unit_after
 from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
 
@@ -280,10 +280,10 @@ def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tup
 
 def _sentence(difference: Difference) -> str:
     """A difference in words, the higher group first."""
-    higher, lower = difference.group, difference.minus
-    if difference.value <= 0.0:
-        higher, lower = lower, higher
+    if difference.value > 0.0:
+        groups = f"{difference.group} than in {difference.minus}"
+    else:
+        groups = f"{difference.minus} than in {difference.group}"
+    size = number(abs(difference.value)) + unit_after(difference.unit)
     smallest, largest = sorted(abs(end) for end in difference.ci95)
-    unit = "" if difference.unit == "1" else f" {difference.unit}"
-    direction = f"{number(abs(difference.value))}{unit} higher in {higher} than in {lower}"
-    return f"{difference.quantity} is {direction} (95 %: {interval((smallest, largest))})"
+    return f"{difference.quantity} is {size} higher in {groups} (95 %: {interval((smallest, largest))})"

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from homeward.diagnosis.tell.terminal import plain, say
 from homeward.files import write_files
-from homeward.groups.comparison import Comparison
-from homeward.layout.notation import interval, labels, number, page, templates
+from homeward.groups.comparison import Comparison, Level
+from homeward.layout.notation import interval, labels, number, page, templates, unit_after
 from homeward.layout.plots import embedded
 
 _BESIDE = (
@@ -30,11 +30,6 @@ def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
     return write_files(folder, {"groups.json": comparison.to_json(), "groups.html": _page(comparison)})
 
 
-def _unit_after(unit: str) -> str:
-    """A unit behind its number; ratios have none."""
-    return "" if unit == "1" else f" {unit}"
-
-
 def show_groups(comparison: Comparison, console: Console) -> None:
     """Print the verdict, each group's level, each pair's difference and remarks; lines wrap at the width."""
     if len(comparison.groups) > 1:
@@ -46,7 +41,7 @@ def show_groups(comparison: Comparison, console: Console) -> None:
             level.group,
             level.quantity,
             str(level.runs),
-            number(level.value, 4) + _unit_after(level.unit),
+            number(level.value, 4) + unit_after(level.unit),
             interval(level.ci95, 4),
             number(level.run_spread),
         ]
@@ -56,7 +51,7 @@ def show_groups(comparison: Comparison, console: Console) -> None:
         cells = [
             f"{pair.group} - {pair.minus}",
             pair.quantity,
-            number(pair.value) + _unit_after(pair.unit),
+            number(pair.value) + unit_after(pair.unit),
             interval(pair.ci95),
             f"{pair.p_holm:.2g}",
             f"{number(pair.held_out_rmse, 2)} for {number(pair.held_out_rmse_without_groups, 2)}",
@@ -113,7 +108,6 @@ def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
     number_of = {group: index for index, group in enumerate(comparison.groups, start=1)}
     levels = [level for level in comparison.levels if level.quantity == quantity]
     runs = [run for run in comparison.runs if run.values.get(quantity) is not None]
-    half_intervals = [0.0 if level.ci95 is None else level.ci95[1] - level.value for level in levels]
     figure = go.Figure()
     figure.add_scatter(
         x=[number_of[run.group] + _BESIDE for run in runs],
@@ -127,7 +121,7 @@ def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
         y=[level.value for level in levels],
         mode="markers",
         name="mean, 95 %",
-        error_y={"type": "data", "array": half_intervals},
+        error_y={"type": "data", "array": [_half_interval(level) for level in levels]},
         marker={"color": "#0b7285", "size": 9},
     )
     figure.update_xaxes(title_text="group, in the order of the table", dtick=1)
@@ -135,3 +129,11 @@ def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
         f"{level.group} {number(level.value, 4)} {level.unit}, 95 % {interval(level.ci95, 4)}" for level in levels
     )
     return embedded(figure, name, f"{quantity}, means: {means}. The tables below have them and each run.")
+
+
+def _half_interval(level: Level) -> float:
+    """Half of the 95 % interval, 0 where there is none."""
+    if level.ci95 is None:
+        return 0.0
+    _, high = level.ci95
+    return high - level.value

@@ -8,7 +8,7 @@ import numpy as np
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.tell.words import why_open
 from homeward.diagnosis.thresholds import COLLINEAR
-from homeward.groups.comparison import Comparison, Difference, Quantity, compare, comparison_of
+from homeward.groups.comparison import Comparison, Difference, Level, Quantity, compare, comparison_of
 from homeward.groups.standing import StandingRun, mean_interval, standing_run
 from homeward.layout.notation import interval, number
 from homeward.logs.channels import Array
@@ -32,8 +32,7 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
         quantity = _MEANS[runs[0].unit]
     values = {quantity: np.array([run.mean for run in runs])}
     levels, differences = compare(labels, values)
-    within_run = {label: run.ci95 for label, run in zip(labels, runs, strict=True)}
-    levels = [replace(level, ci95=within_run[level.group]) if level.runs == 1 else level for level in levels]
+    levels = _with_interval_of_single_runs(levels, runs, labels)
     remarks = []
     single = ", ".join(level.group for level in levels if level.runs == 1)
     if single:
@@ -41,6 +40,14 @@ def compare_standing(recordings: Sequence[Recording], labels: Sequence[str]) -> 
     remarks += _of_runs(runs, labels)
     remarks += _confounded(recordings, runs, labels, differences)
     return comparison_of("standing", recordings, labels, values, levels, differences, remarks)
+
+
+def _with_interval_of_single_runs(
+    levels: Sequence[Level], runs: Sequence[StandingRun], labels: Sequence[str]
+) -> list[Level]:
+    """The levels, those of groups of one run with the interval within it."""
+    within_run = {label: run.ci95 for label, run in zip(labels, runs, strict=True)}
+    return [replace(level, ci95=within_run[level.group]) if level.runs == 1 else level for level in levels]
 
 
 def compare_driving(analysis: Analysis, recordings: Sequence[Recording], labels: Sequence[str]) -> Comparison:
@@ -91,8 +98,7 @@ def parameters_of_runs(evidence: Evidence) -> dict[Quantity, Array]:
     (runs,), NaN where it is not identifiable from the run.
     """
     effects = _contributions(evidence, steady=True)
-    model = evidence.fitted if evidence.corrected is None else evidence.corrected
-    fit = model.groups
+    fit = evidence.model.groups
     columns = np.column_stack([fit.jacobian, *effects.values()])
     residual = _unexplained(evidence)
     in_run = [evidence.runs.run == run for run in range(len(evidence.runs.signals))]

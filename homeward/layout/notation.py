@@ -88,6 +88,15 @@ def decimal(value: float, places: int) -> str:
     return f"{rounded:.{places}f}".replace("-", "−")
 
 
+def unit_after(unit: str) -> str:
+    """A unit behind its number; ratios have none.
+
+    >>> unit_after("W"), unit_after("1")
+    (' W', '')
+    """
+    return "" if unit == "1" else f" {unit}"
+
+
 def typeset(text: str) -> str:
     """Formulas and units with their typographic signs.
 

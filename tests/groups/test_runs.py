@@ -97,7 +97,7 @@ def compared(recordings: list[Recording], robot: Robot, labels: str) -> Comparis
     known = tuple(estimates(fit, runs, independent_blocks(fit, runs).channels))
     residual = runs.observed - fit.predicted
     evidence = SimpleNamespace(
-        runs=runs, fitted=fit, corrected=None, estimates=known, residual=residual, remaining=None
+        runs=runs, model=fit, corrected=None, estimates=known, residual=residual, remaining=None
     )  # fmt: skip
     analysis = SimpleNamespace(evidence=evidence, findings=(), diagnosis=SimpleNamespace(verdict="model_adequate"))
     return compare_driving(cast(Analysis, analysis), recordings, list(labels))

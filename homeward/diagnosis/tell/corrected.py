@@ -15,6 +15,7 @@ from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.signals import Unit
 from homeward.diagnosis.result import FileNumber
+from homeward.layout.notation import unit_after
 from homeward.logs.channels import Array, Mask
 from homeward.physics import Robot
 
@@ -27,8 +28,8 @@ class FileContent:
     effects: Mapping[str, Mapping[str, float]]
     met: WithEffects  # ground of these drives, lag and scale of their instruments
     reading: Array | float = 0.0  # what instruments add, (windows,)
-    before: Mapping[str, Mask] = field(default_factory=dict)  # windows in which an effect had not begun, (windows,)
-    given: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # effects of the given file
+    not_begun: Mapping[str, Mask] = field(default_factory=dict)  # windows before an effect began, (windows,)
+    given_effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # of the given file
 
 
 def is_expressible(term: Term) -> bool:
@@ -55,11 +56,11 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
     theta = model.theta
     effects: dict[str, dict[str, float]] = {}
     met = replace(model.model.within(runs, model.values), effects={})
-    before: dict[str, Mask] = {}
-    given = model.parameters.nominal.effects
+    not_begun: dict[str, Mask] = {}
+    given_effects = model.parameters.nominal.effects
     reading = np.zeros(len(runs.observed))
     for index, term in enumerate(model.model.terms):
-        in_given_file = given.get(term.effect, {})
+        in_given_file = given_effects.get(term.effect, {})
         if term.of_rolling_kg is not None:
             smoothest, gain, roughness = _ground(model, index, runs)
             gain_entry, typical_entry = term.hypothesis.entry.parameters
@@ -75,10 +76,12 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
         elif is_expressible(term):
             effects[term.effect] = {**in_given_file, **_numbers(model, index), **term.hypothesis.reach(runs)}
             if _stays(term) and term.schedule is not None:
-                before[term.effect] = term.schedule.level == 0
+                not_begun[term.effect] = term.schedule.level == 0
         elif term.misread:
             reading += term.columns @ model.sizes(index)
-    return FileContent(theta=theta, effects=effects, met=met, reading=reading, before=before, given=given)
+    return FileContent(
+        theta=theta, effects=effects, met=met, reading=reading, not_begun=not_begun, given_effects=given_effects
+    )
 
 
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
@@ -148,24 +151,26 @@ def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
     With what no file contains: ground, errors of instruments, and the time before an effect began.
     """
     predicted = predict(runs, robot, content.met)
-    not_begun = np.array(list(content.before.values()), np.bool_).reshape(-1, len(predicted))  # (effects, windows)
+    not_begun = np.array(list(content.not_begun.values()), np.bool_).reshape(-1, len(predicted))  # (effects, windows)
     # One replay for each set of effects that are absent together; effects of the given file are as that has them.
     for absent in np.unique(not_begun, axis=1).T:
         if absent.any():
-            absent_effects = {effect for effect, is_absent in zip(content.before, absent, strict=True) if is_absent}
+            absent_effects = {effect for effect, is_absent in zip(content.not_begun, absent, strict=True) if is_absent}
             effects = {effect: numbers for effect, numbers in robot.effects.items() if effect not in absent_effects}
-            effects |= {effect: numbers for effect, numbers in content.given.items() if effect in absent_effects}
+            effects |= {
+                effect: numbers for effect, numbers in content.given_effects.items() if effect in absent_effects
+            }
             without_them = predict(runs, dataclasses.replace(robot, effects=effects), content.met)
             windows = (absent == not_begun.T).all(axis=1)
             predicted = np.where(windows, without_them, predicted)
     return content.reading + predicted
 
 
-def _unless_equal(before: float, after: float) -> float:
-    """The number after a fit, rounded; the one before where they hardly differ, so that no digit of it is lost."""
-    if math.isclose(after, before):
-        return before
-    return rounded(after)
+def _unless_equal(given: float, fitted: float) -> float:
+    """The fitted number, rounded; the given one where they hardly differ, so that no digit of it is lost."""
+    if math.isclose(fitted, given):
+        return given
+    return rounded(fitted)
 
 
 def rounded(value: float) -> float:
@@ -181,14 +186,14 @@ def _rounded_numbers(numbers: Mapping[str, float]) -> dict[str, float]:
     return {name: rounded(value) for name, value in numbers.items()}
 
 
-def rounded_robot(before: Robot, after: Robot) -> Robot:
-    """The robot with the numbers that differ from those before rounded to the six digits of a robot file."""
-    values: dict[str, Any] = {"effects": _rounded_effects(after.effects)}
+def rounded_robot(robot: Robot, changed: Robot) -> Robot:
+    """The changed robot, with the numbers that differ from `robot` rounded to the six digits of a robot file."""
+    values: dict[str, Any] = {"effects": _rounded_effects(changed.effects)}
     for quantity in dataclasses.fields(Robot):
-        new = getattr(after, quantity.name)
+        new = getattr(changed, quantity.name)
         if isinstance(new, float):
-            values[quantity.name] = _unless_equal(getattr(before, quantity.name), new)
-    return dataclasses.replace(after, **values)
+            values[quantity.name] = _unless_equal(getattr(robot, quantity.name), new)
+    return dataclasses.replace(changed, **values)
 
 
 def of_capacity(robot: Robot, factor: float) -> Robot:
@@ -208,7 +213,7 @@ _FIELDS = {
 """Fields of a robot file by what is fitted, without the losses or the thrust per ampere that divide it."""
 
 
-def comments(before: Robot, after: Robot, numbers: Sequence[FileNumber] = ()) -> dict[str, str]:
+def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber] = ()) -> dict[str, str]:
     """Comment for each number of the robot file that was changed: how sure it is, what it was fitted as, what it was.
 
     The number of an effect is named as `effect.number`.
@@ -221,12 +226,12 @@ def comments(before: Robot, after: Robot, numbers: Sequence[FileNumber] = ()) ->
             origins[name] = _origin(number)
     changed = {}
     for quantity in dataclasses.fields(Robot):
-        old = getattr(before, quantity.name)
-        new = getattr(after, quantity.name)
+        old = getattr(robot, quantity.name)
+        new = getattr(corrected, quantity.name)
         if isinstance(new, float) and new != old:
             origin = origins.get(quantity.name, "from the recorded state of charge against the energy drawn")
             changed[quantity.name] = f"by diagnose.py, {origin}; it was {old:.6g}"
-    for effect, effect_numbers in after.effects.items():
+    for effect, effect_numbers in corrected.effects.items():
         for number_name in effect_numbers:
             name = f"{effect}.{number_name}"
             if name in origins:
@@ -237,6 +242,5 @@ def comments(before: Robot, after: Robot, numbers: Sequence[FileNumber] = ()) ->
 def _origin(number: FileNumber) -> str:
     """How sure a fitted number is, what it was fitted as, and its interval, in words."""
     certainty = "proven" if number.proven else "fitted, not proven"
-    unit = "" if number.unit == "1" else f" {number.unit}"
     low, high = number.ci95
-    return f"{certainty}: {number.name} = {number.value:.4g} ({low:.4g} to {high:.4g}){unit}"
+    return f"{certainty}: {number.name} = {number.value:.4g} ({low:.4g} to {high:.4g}){unit_after(number.unit)}"

@@ -58,24 +58,16 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[di
     figure = make_subplots(
         len(panels), 1, shared_xaxes=True, shared_yaxes="all", vertical_spacing=0.07, subplot_titles=panels
     )
-    choices = []
+    choices: list[dict[str, Any]] = []
     for number_shown, run in enumerate(runs_worst_first):
         time_s = runs.time_s[runs.run == run]
         since_start_s = time_s - time_s[0]
         lines = _lines_of_run(evidence, run)
         limits = _limits(np.concatenate(list(lines.values())))
-        start_s, end_s = _worst_stretch(since_start_s, squared[runs.run == run])
-        choices.append(
-            {
-                "number": number_shown,
-                "name": runs.names[run],
-                "length_s": round(float(since_start_s[-1]), 1),
-                "start_s": start_s,
-                "end_s": end_s,
-                "low": limits[0],
-                "high": limits[1],
-            }
-        )
+        choice = {"number": number_shown, "name": runs.names[run], "length_s": round(float(since_start_s[-1]), 1)}
+        choice["start_s"], choice["end_s"] = _worst_stretch(since_start_s, squared[runs.run == run])
+        choice["low"], choice["high"] = limits
+        choices.append(choice)
         places = _places(analysis, evidence, run)
         for row in range(1, len(panels) + 1):
             _add_places(figure, places, limits, row, number_shown)

@@ -92,14 +92,14 @@ def expressible(
         return None
     if [id(form) for form in forms_in_file] == [id(term) for term in terms]:
         return corrected
-    held = corrected.groups.held
+    held_groups = corrected.groups.held
     if any(term.flexible for term in terms):
-        held = held & plain.held  # a flexible form spans groups that its form in a file does not
+        held_groups = held_groups & plain.held  # a flexible form spans groups that its form in a file does not
 
     def model_holding(groups: Mask) -> Corrected:
         return fit_model(holding(plain, runs, groups), forms_in_file, runs, block)
 
-    return _determined(model_holding, held, runs, block)
+    return _determined(model_holding, held_groups, runs, block)
 
 
 def _excluded(named: Named, form: Term) -> str:
@@ -117,27 +117,28 @@ def _excluded(named: Named, form: Term) -> str:
     return ""
 
 
-def _determined(fit_holding: Callable[[Mask], Model], held: Mask, runs: Runs, block: Index) -> Model:
-    """The model after holding one group after the other; `held`, shape (groups,), are held from the start."""
-    model = fit_holding(held)
+def _determined(fit_holding: Callable[[Mask], Model], held_groups: Mask, runs: Runs, block: Index) -> Model:
+    """The model after holding one group after the other; `held_groups`, (groups,), are held from the start."""
+    model = fit_holding(held_groups)
+    numbers = np.arange(len(held_groups))
     while True:
-        candidates = _groups_to_hold(model, held, runs, block)
+        candidates = _groups_to_hold(model, held_groups, runs, block)
         if not candidates.any():
             return model
-        holding_one_more = [held | (np.arange(len(held)) == index) for index in np.flatnonzero(candidates)]
+        holding_one_more = [held_groups | (numbers == number) for number in np.flatnonzero(candidates)]
         fits = [fit_holding(groups) for groups in holding_one_more]
         errors = [runs.squared_error(fit.predicted) for fit in fits]
         smallest = int(np.argmin(errors))
         if errors[smallest] > thresholds.NO_WORSE * runs.squared_error(model.predicted):
             return model
         model = fits[smallest]
-        held = holding_one_more[smallest]
+        held_groups = holding_one_more[smallest]
 
 
-def _groups_to_hold(model: Refit | Corrected, held: Mask, runs: Runs, block: Index) -> Mask:
+def _groups_to_hold(model: Refit | Corrected, held_groups: Mask, runs: Runs, block: Index) -> Mask:
     """Free groups without a value, and those correlated with one at a bound, shape (groups,)."""
     estimated = estimates(model, runs, block)
-    is_open = np.array([estimate.status != "fitted" for estimate in estimated]) & ~held
+    is_open = np.array([estimate.status != "fitted" for estimate in estimated]) & ~held_groups
     if not is_open.any():
         return is_open
     at_bound = np.array([estimate.status == "at bound" for estimate in estimated])
@@ -146,7 +147,7 @@ def _groups_to_hold(model: Refit | Corrected, held: Mask, runs: Runs, block: Ind
     # Groups correlated with one at a bound may have absorbed a part of it.
     shared_variance = (columns.T @ columns)[:, is_open & at_bound] ** 2
     correlated = (shared_variance > thresholds.HALF).any(axis=1)
-    return np.asarray((is_open | correlated) & ~held)
+    return np.asarray((is_open | correlated) & ~held_groups)
 
 
 def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
@@ -185,11 +186,11 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     reasons = [_excluded(effect, effect.term.plain or effect.term) for effect in evidence.naming.named]
     if verdict == "unknown_physics":
         reasons.append("its parameters absorb a part of the unknown physics and are no measurement")
-    given = FileChoice(robot, nominal, nominal, CorrectedFile("nominal", ""))
-    choice = given
-    for candidate in _ranked(robot, given, evidence):
+    unchanged = FileChoice(robot, nominal, nominal, CorrectedFile("nominal", ""))
+    choice = unchanged
+    for candidate in _ranked(robot, unchanged, evidence):
         worse = ""
-        if candidate is not given:
+        if candidate is not unchanged:
             worse = worse_than(nominal, candidate.predicted, runs, trip, rng)
         if not worse:
             choice = candidate
@@ -206,11 +207,11 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %"
 
 
-def _ranked(robot: Robot, given: FileChoice, evidence: Evidence) -> list[FileChoice]:
+def _ranked(robot: Robot, unchanged: FileChoice, evidence: Evidence) -> list[FileChoice]:
     """The candidates, the smallest held-out error first; before them the fit made to predict, where one is needed."""
     runs = evidence.runs
     named = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
-    candidates = [given, _refitted(robot, evidence)]
+    candidates = [unchanged, _refitted(robot, evidence)]
     if named is not None:
         candidates.append(_named(robot, named, evidence))
     ranked = sorted(candidates, key=lambda candidate: _error(candidate, evidence))
@@ -347,25 +348,25 @@ def _numbers(evidence: Evidence, fitted: Joint) -> tuple[FileNumber, ...]:
     return tuple(numbers)
 
 
-def worse_than(before: Array, after: Array, runs: Runs, trip: Index, rng: np.random.Generator) -> str:
-    """Why to prefer the held-out prediction `before` to `after`, shape (windows,) each; empty if not.
+def worse_than(reference: Array, candidate: Array, runs: Runs, trip: Index, rng: np.random.Generator) -> str:
+    """Why to prefer the held-out prediction `reference` to `candidate`, shape (windows,) each; empty if not.
 
     The interval of the trips' errors is by bootstrap; `trip` numbers the trips, shape (windows,).
     """
-    rms_before = float(np.sqrt(np.mean((before - runs.observed) ** 2)))
-    rms_after = float(np.sqrt(np.mean((after - runs.observed) ** 2)))
-    if rms_after >= rms_before:
-        return f"the held-out error would be {rms_after:.4g} {runs.unit} instead of {rms_before:.4g}"
-    off_before = np.abs(np.bincount(trip, (before - runs.observed) * runs.duration_s))
-    off_after = np.abs(np.bincount(trip, (after - runs.observed) * runs.duration_s))
-    rise_low, _ = bootstrap((off_after - off_before)[None], rng, lambda drawn: drawn[0])
+    rms_of_reference = float(np.sqrt(np.mean((reference - runs.observed) ** 2)))
+    rms_of_candidate = float(np.sqrt(np.mean((candidate - runs.observed) ** 2)))
+    if rms_of_candidate >= rms_of_reference:
+        return f"the held-out error would be {rms_of_candidate:.4g} {runs.unit} instead of {rms_of_reference:.4g}"
+    off_of_reference = np.abs(np.bincount(trip, (reference - runs.observed) * runs.duration_s))
+    off_of_candidate = np.abs(np.bincount(trip, (candidate - runs.observed) * runs.duration_s))
+    rise_low, _ = bootstrap((off_of_candidate - off_of_reference)[None], rng, lambda drawn: drawn[0])
     if rise_low <= 0.0:
         return ""
     consumed = "energy" if runs.unit == "W" else "charge"
     unit = "J" if runs.unit == "W" else "A s"
     return (
-        f"the {consumed} of a held-out trip would be off by {off_after.mean():.3g} {unit} on average instead of "
-        f"{off_before.mean():.3g}"
+        f"the {consumed} of a held-out trip would be off by {off_of_candidate.mean():.3g} {unit} on average instead of "
+        f"{off_of_reference.mean():.3g}"
     )
 
 

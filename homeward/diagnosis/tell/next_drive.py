@@ -69,15 +69,16 @@ def gains(
     noise = max(noise_of(residual, runs.run).long_run, 1e-6 * float(np.abs(runs.observed).max()))  # W or A
     recorded = np.column_stack([fit.jacobian, *(effect.column for effect in effects)]) / noise
     # The prior is the unit matrix: columns are per plausible change of a group, or of an effect at its size.
-    before = recorded.T @ recorded + np.eye(recorded.shape[1])
+    information = recorded.T @ recorded + np.eye(recorded.shape[1])
+    log_determinant = _log_determinant(information, of_interest)
     windows_a_second = 1.0 / float(np.median(runs.duration_s))
     rises = {}
     for manoeuvre in MENU:
         driven = responses(fit, runs, manoeuvre, effects) / noise
         if effects and not driven[:, len(names) :].any():
             driven = 0.0 * driven  # a drive without the effect may identify the groups, but does not test the effect
-        after = before + windows_a_second * driven.T @ driven
-        rises[manoeuvre.id] = _log_determinant(after, of_interest) - _log_determinant(before, of_interest)
+        with_drive = information + windows_a_second * driven.T @ driven
+        rises[manoeuvre.id] = _log_determinant(with_drive, of_interest) - log_determinant
     return rises
 
 

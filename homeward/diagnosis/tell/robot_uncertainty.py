@@ -1,5 +1,6 @@
 """The table `[uncertainty]` of corrected.toml: uncertainty of the robot, from held-out errors."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -164,18 +165,24 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     grade_errors_rad = [run.error["grade_rad"] for run in signals if "grade_rad" in run.error]
     if grade_errors_rad:
         errors["grade_noise"] = _at_most_allowed(float(np.median(grade_errors_rad)))
-    charges = [run.context["soc"][np.isfinite(run.context["soc"])] for run in signals if "soc" in run.context]
-    steps = np.concatenate([np.empty(0), *(np.abs(np.diff(charge)) for charge in charges)])
-    if steps.any():
-        step = 0.0
-        noise = 0.0
-        if np.mean(steps == 0.0) > thresholds.HALF:  # it stays, and then steps: a coarse reading
-            step = float(steps[steps > 0.0].min())
-        else:
-            noise = float(np.median([white_noise(charge) for charge in charges]))
-        errors["soc_step"] = _at_most_allowed(step)
-        errors["soc_noise"] = _at_most_allowed(noise)
+    charges = [run.context["soc"] for run in signals if "soc" in run.context]
+    errors |= _errors_of_charge([charge[np.isfinite(charge)] for charge in charges])
     return tuple((name, rounded(error)) for name, error in errors.items())
+
+
+def _errors_of_charge(charges: Sequence[Array]) -> dict[str, float]:
+    """Step or noise of a state of charge, from its readings in each run, shape (samples,); nothing if it never changes.
+
+    A reading that stays the same from most samples to the next is a coarse one: it has steps, and its noise is hidden.
+    """
+    steps = np.concatenate([np.empty(0), *(np.abs(np.diff(charge)) for charge in charges)])
+    if not steps.any():
+        return {}
+    if np.mean(steps == 0.0) > thresholds.HALF:
+        smallest = float(steps[steps > 0.0].min())
+        return {"soc_step": _at_most_allowed(smallest), "soc_noise": 0.0}
+    noise = float(np.median([white_noise(charge) for charge in charges]))
+    return {"soc_step": 0.0, "soc_noise": _at_most_allowed(noise)}
 
 
 def _at_most_allowed(error: float) -> float:

@@ -11,7 +11,7 @@ from homeward.diagnosis.evidence import Analysis
 from homeward.diagnosis.result import Fit, FittedGroup, MissingPhysics, Range
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY
-from homeward.layout.notation import decimal, interval, number
+from homeward.layout.notation import decimal, interval, number, unit_after
 
 _WIDE = 70  # columns that the table of all figures takes
 
@@ -46,7 +46,7 @@ def show(analysis: Analysis, console: Console) -> None:
 
 def _show_arms(fit: Fit, accuracy_pct: Mapping[str, float | None], console: Console) -> None:
     """Print the held-out figures of each model, as a table that fits the width."""
-    table = _arms(fit, accuracy_pct, wide=console.width >= _WIDE)
+    table = _arms(fit, accuracy_pct, with_intervals=console.width >= _WIDE)
     console.print(Padding(table, (0, 0, 0, 2)))
     claim = ""
     if fit.unit == "W":
@@ -54,12 +54,13 @@ def _show_arms(fit: Fit, accuracy_pct: Mapping[str, float | None], console: Cons
     say(console, f"held out by {fit.held_out_by}, {fit.folds} folds{claim}", indent=2)
 
 
-def _arms(fit: Fit, accuracy_pct: Mapping[str, float | None], wide: bool) -> Table:
-    """A row for each arm; `wide` with intervals, and of power with errors of energy and range."""
-    table = Table(box=None, padding=(0, 2 if wide else 1, 0, 0), header_style="dim")
+def _arms(fit: Fit, accuracy_pct: Mapping[str, float | None], with_intervals: bool) -> Table:
+    """A row for each arm, of power with errors of energy and range; a narrow terminal has no room for intervals."""
+    gap = 2 if with_intervals else 1  # columns of the terminal
+    table = Table(box=None, padding=(0, gap, 0, 0), header_style="dim")
     table.add_column("model", no_wrap=True)
     headings = [f"RMSE, {fit.unit}"]
-    if wide:
+    if with_intervals:
         headings.append("95 %")
     headings.append("R^2")
     if fit.unit == "W":
@@ -71,7 +72,7 @@ def _arms(fit: Fit, accuracy_pct: Mapping[str, float | None], wide: bool) -> Tab
             continue
         arm = fit.arms[name]
         figures = [number(arm.rmse)]
-        if wide:
+        if with_intervals:
             figures.append(interval(arm.rmse_ci95))
         figures.append("-" if arm.r2 is None else decimal(arm.r2, 3))
         if fit.unit == "W":
@@ -84,8 +85,8 @@ def _arms(fit: Fit, accuracy_pct: Mapping[str, float | None], wide: bool) -> Tab
 def _show_effect(effect: MissingPhysics, console: Console) -> None:
     console.print(effect.name, style="bold", highlight=False)
     for name, value in effect.parameters.items():
-        unit = "" if value.unit == "1" else f" {value.unit}"
-        say(console, f"{name} = {number(value.value)}{unit} (95 %: {interval(value.ci95)})", indent=2)
+        size = number(value.value) + unit_after(value.unit)
+        say(console, f"{name} = {size} (95 %: {interval(value.ci95)})", indent=2)
     if effect.confused_with:
         rivals = ", ".join(effect.confused_with).replace("_", " ")
         say(console, f"confounded with: {rivals}. {effect.to_tell_apart}", indent=2)

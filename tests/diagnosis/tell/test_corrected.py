@@ -157,7 +157,7 @@ def test_before_an_effect_began_the_file_is_replayed_without_it(robot: Robot, ru
     theta = refit(runs, robot).theta
     had_not_begun = np.arange(len(runs.observed)) < len(runs.observed) // 2
     slope = {"hidden_grade": {"slope": -0.2}}
-    content = FileContent(theta, slope, WithEffects(), before={"hidden_grade": had_not_begun})
+    content = FileContent(theta, slope, WithEffects(), not_begun={"hidden_grade": had_not_begun})
     predicted = replayed(written(robot, content, runs.unit), content, runs)
     for effects, mask in (({}, had_not_begun), (slope, ~had_not_begun)):
         always = FileContent(theta, effects, WithEffects())
