@@ -30,7 +30,19 @@ def templates(package: str, autoescape: bool = True) -> Environment:
         "as": format,
         "file_name": lambda path: PurePath(path).name,
     }
+    environment.tests["none"] = _is_none
     return environment
+
+
+def _is_none(value: object) -> bool:
+    """Whether a value is None; Jinja's own test takes an undefined name, such as a misspelt one, for a value.
+
+    Raises:
+        UndefinedError: The name is undefined.
+    """
+    if isinstance(value, StrictUndefined):
+        str(value)  # raises
+    return value is None
 
 
 def _percent(share: float) -> str:

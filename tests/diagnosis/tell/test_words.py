@@ -140,6 +140,16 @@ def test_a_low_r2_is_no_praise_of_the_file(evidence: Evidence, fit: Fit) -> None
     assert "do not contradict the robot file" in found and "explains the recorded battery power" not in found
 
 
+def test_without_thrust_per_ampere_only_the_structure_is_said_to_explain(evidence: Evidence, fit: Fit) -> None:
+    unpredicted = dataclasses.replace(evidence, predictions={"refit": evidence.predictions["refit"]})
+    text = said("no_mismatch", unpredicted, dataclasses.replace(fit, unit="A"))
+    assert "The model's structure explains the recorded motor current; the robot file gives no thrust" in text
+    assert "robot file explains" not in text
+    arms = {**fit.arms, "refit": dataclasses.replace(fit.arms["refit"], r2=0.5)}
+    text = said("no_mismatch", unpredicted, dataclasses.replace(fit, unit="A", arms=arms))
+    assert "The recordings do not contradict the model's structure; the robot file gives no thrust" in text
+
+
 def test_a_low_r2_names_slopes_that_were_not_recorded_where_the_residual_drifts(evidence: Evidence, fit: Fit) -> None:
     """White noise points to no channel, and a high R^2 needs none."""
     context = {name: values for name, values in evidence.runs.context.items() if name != "grade_rad"}
