@@ -103,6 +103,7 @@ def analyse(
     if not usable:
         untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings), made_by=made_by(seed))
         return Analysis(untestable, robot, robot, tuple(findings), None)
+    # All steps draw from one sequence: their order is part of the result, to the last digit.
     rng = np.random.default_rng(seed)
     with threadpool_limits(1):
         runs, gauge = weigh_gauge(average(usable, thresholds.SAMPLES_A_WINDOW), robot)
@@ -314,12 +315,14 @@ def _predictions(
     if problem.current_known:
         arms["nominal"] = problem.predict(runs, problem.start)
     arms["refit"] = held_out(lambda training: fitted.fitted_to(training, runs.observed).replayed(runs), fold)
+    # The placebo, the same columns at other times, says what such columns gain by chance.
     if corrected is not None:
         arms["corrected"] = held_out(lambda training: corrected.refitted(training, runs).replayed(runs), fold)
         arms["placebo"] = refit_with(shifted_in_time(np.column_stack(corrected.contribution), rng))
     elif empirical is not None:
         arms["corrected"] = refit_with(empirical.columns)
         arms["placebo"] = refit_with(shifted_in_time(empirical.columns, rng))
+    # Trees see what the refit predicts and every channel: they bound what a model of these channels can gain.
     arms["black_box"] = held_out(lambda training: black_box(runs, fitted.predicted, training, rng), fold)
     return arms
 
@@ -328,16 +331,16 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
     """The verdict by precedence, and the parameters whose interval excludes the robot file's value."""
     off = _parameters_off(evidence)
     if evidence.blocks < thresholds.FEWEST_BLOCKS:
-        return "not_testable", ()
+        return "not_testable", ()  # too short: whatever is missing could not be significant
     if evidence.naming.named or evidence.channel_effects:
         return "missing_physics", off
     if evidence.location is not None:
-        return "unknown_physics", off
+        return "unknown_physics", off  # the residual depends on a channel, and no known effect explains it
     if all(estimate.fitted is None for estimate in evidence.estimates):
         return "not_testable", ()
     nominal = evidence.predictions.get("nominal")
     if nominal is None:
-        return "no_mismatch", ()
+        return "no_mismatch", ()  # the file gives no thrust per ampere: there is nothing to compare with currents
     if not _refit_is_better(nominal, evidence):
         of_battery = tuple(group for group in off if group.group == USABLE_ENERGY)
         if of_battery:

@@ -234,6 +234,7 @@ class Diagnosis:
     def to_json(self) -> str:
         """Text of diagnosis.json: valid JSON, with null for what the channels do not determine."""
         data = dataclasses.asdict(self)
+        # Python writes NaN and infinity, which are no JSON.
         text = json.dumps({"schema": data.pop("schema"), **data})
         return json.dumps(json.loads(text, parse_constant=lambda nan: None), indent=2) + "\n"
 

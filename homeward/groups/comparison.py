@@ -215,6 +215,7 @@ def _error(spreads: Sequence[_Spread], pooled: _Spread, counts: Sequence[int]) -
 
 def _left_out_rmse(*groups: Array) -> float:
     """Error (RMS) of runs predicted by the mean of the other runs of their group."""
+    # The mean without a run is n / (n - 1) times as far from it as the mean with it.
     errors = [(runs.mean() - runs) * len(runs) / (len(runs) - 1) for runs in groups]
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
@@ -285,5 +286,6 @@ def _sentence(difference: Difference) -> str:
     else:
         groups = f"{difference.minus} than in {difference.group}"
     size = number(abs(difference.value)) + unit_after(difference.unit)
+    # Named differences have intervals on one side of zero, so that their ends keep their order or swap it.
     smallest, largest = sorted(abs(end) for end in difference.ci95)
     return f"{difference.quantity} is {size} higher in {groups} (95 %: {interval((smallest, largest))})"

@@ -193,6 +193,7 @@ def _confounded(
     ]
     if voltages:
         remarks.append(f"the battery voltage differs too between {', '.join(voltages)}")
+    # A drift, such as a battery that empties, looks like a difference of groups that were recorded one after the other.
     starts_s = np.array([recording.channels["time_s"][0] for recording in recordings])
     labels_in_time = np.array(labels)[np.argsort(starts_s)]
     stretches = 1 + np.count_nonzero(labels_in_time[1:] != labels_in_time[:-1])

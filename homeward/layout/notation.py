@@ -74,6 +74,7 @@ def number(value: float | None, digits: int = 3) -> str:
         return "0"
     if abs(value) >= 10 ** (digits - 1):
         return decimal(value, 0)
+    # The flag # keeps zeros at the end: they are significant digits.
     sign = "−" if value < 0 else ""
     return f"{sign}{abs(value):#.{digits}g}"
 

@@ -33,6 +33,7 @@ def embedded(figure: go.Figure, name: str, says: str, top: int = 8, zooms: bool 
         **PLAIN,
     )
     figure.update_xaxes(**GRID).update_yaxes(**GRID)
+    # The titles of panels are annotations.
     figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
     text = figure.to_html(
         full_html=False,

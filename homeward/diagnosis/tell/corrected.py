@@ -127,6 +127,7 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
 
     Groups that the fit holds are unchanged, and so is ancillary power where motor current was recorded.
     """
+    # Of power the ancillary groups are idle power and energy per sample, of current that at rest.
     *ancillary, rolling_kg, drag, mass_kg = content.theta.tolist()
     if content.effects:
         robot = with_effects_of(robot, _rounded_effects(content.effects))
@@ -135,7 +136,8 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
     else:
         robot = dataclasses.replace(robot, rest_current_a=rounded(max(ancillary[0], 0.0)))
         if thrust_n_per_a(robot) == 0.0:
-            return robot
+            return robot  # a current then says nothing of forces
+    # Fitted is the product with the mass; a robot file requires a coefficient above 0.
     rolling_resistance = float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0))
     return dataclasses.replace(
         robot,
@@ -220,6 +222,7 @@ def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber] = ())
     """
     origins = {}
     for number in numbers:
+        # Of `C_rr m / Gamma` the first part: the losses, by which it is divided, stay as assumed.
         symbol = number.name.split(" / ")[0]
         as_effect = number.name.replace(" ", ".")
         for name in _FIELDS.get(symbol, (as_effect,)):

@@ -37,6 +37,7 @@ _LINES: Mapping[str, Mapping[str, Any]] = {
     "refit": {"color": "#c92a2a", "width": 1.6},
     "corrected": {"color": "#0b7285", "width": 1.7},
 }
+# Colours of shaded stretches. Of more effects than colours the first are shaded; the tables of the page have all.
 _AT_WORK = ("rgba(240, 140, 0, 0.20)", "rgba(112, 72, 232, 0.18)", "rgba(43, 138, 62, 0.18)")
 
 Stretch = tuple[float, float]
@@ -100,6 +101,7 @@ def _add_lines(
     for name, values in lines.items():
         own_row = 2 if name == "corrected" else 1
         if name == "recorded" or row == own_row:
+            # The page shows the traces of the run that is chosen, which it knows by `meta`; at first the worst run.
             figure.add_scatter(
                 x=time_s,
                 y=values,
@@ -129,6 +131,7 @@ def _worst_stretch(time_s: Array, squared: Array) -> tuple[float, float]:
     windows_shown = int(np.searchsorted(time_s, _SHOWN_S))
     if time_s[-1] < 1.5 * _SHOWN_S or windows_shown >= len(time_s):
         return 0.0, round(float(time_s[-1]), 1)
+    # The sum over a stretch is the difference of the running sum at its ends.
     sums = np.concatenate(([0.0], np.cumsum(squared)))
     start = int(np.argmax(sums[windows_shown:] - sums[:-windows_shown]))
     start_s = float(time_s[start])
@@ -173,6 +176,7 @@ def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[
         }
     if location is None:
         return {}
+    # Times are those of the middle of a window.
     half_s = runs.duration_s / 2.0
     starts_s = runs.time_s - half_s
     ends_s = runs.time_s + half_s
@@ -210,6 +214,7 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
         index_shown = _dependence_on(effect.effect, evidence)
         if index_shown is not None:
             effects_shown.setdefault(index_shown, []).append(effect.name)
+    # The dependences are in their order, the strongest first.
     if not effects_shown and evidence.dependences:
         effects_shown = {0: []}
     arms = [arm for arm in ("refit", "corrected") if arm in evidence.predictions]

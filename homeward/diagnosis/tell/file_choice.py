@@ -60,18 +60,15 @@ def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index
     One group after the other is held, first that whose assumed value raises the error least: of two confounded groups,
     the other is then identifiable. Windows of different `block`, shape (windows,), count as independent.
     """
-
-    def refit_holding(groups: Mask) -> Refit:
-        return holding(fit, runs, groups)
-
-    def model_holding(groups: Mask) -> Corrected:
-        assert corrected is not None
-        return fit_model(holding(fit, runs, groups), corrected.model.terms, runs, block)
-
     no_groups = np.zeros(len(fit.held), np.bool_)
-    plain = _determined(refit_holding, no_groups, runs, block)
+    plain = _determined(lambda groups: holding(fit, runs, groups), no_groups, runs, block)
     if corrected is None:
         return plain, None
+    terms = corrected.model.terms
+
+    def model_holding(groups: Mask) -> Corrected:
+        return fit_model(holding(fit, runs, groups), terms, runs, block)
+
     return plain, _determined(model_holding, corrected.groups.held, runs, block)
 
 
@@ -90,6 +87,7 @@ def expressible(
     forms_in_file = [form for form, effect in zip(forms, named, strict=True) if not _excluded(effect, form)]
     if not forms_in_file:
         return None
+    # Terms hold arrays, which have no single truth value: compare which objects they are.
     if [id(form) for form in forms_in_file] == [id(term) for term in terms]:
         return corrected
     held_groups = corrected.groups.held
@@ -125,6 +123,7 @@ def _determined(fit_holding: Callable[[Mask], Model], held_groups: Mask, runs: R
         candidates = _groups_to_hold(model, held_groups, runs, block)
         if not candidates.any():
             return model
+        # Of confounded groups, holding one makes the others identifiable: hold that which raises the error least.
         holding_one_more = [held_groups | (numbers == number) for number in np.flatnonzero(candidates)]
         fits = [fit_holding(groups) for groups in holding_one_more]
         errors = [runs.squared_error(fit.predicted) for fit in fits]
@@ -178,16 +177,15 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     trip = evidence.trip
     nominal = evidence.predictions.get("nominal")
     if verdict in ("no_mismatch", "not_testable"):
-        why = "the verdict requires no change of the robot file"
-        return FileChoice(robot, nominal, nominal, CorrectedFile("nominal", why))
+        return _unchanged(robot, nominal, why="the verdict requires no change of the robot file")
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so that its prediction cannot be tested"
-        return FileChoice(robot, None, None, CorrectedFile("nominal", why))
+        return _unchanged(robot, None, why)
     reasons = [_excluded(effect, effect.term.plain or effect.term) for effect in evidence.naming.named]
     if verdict == "unknown_physics":
         reasons.append("its parameters absorb a part of the unknown physics and are no measurement")
-    unchanged = FileChoice(robot, nominal, nominal, CorrectedFile("nominal", ""))
-    choice = unchanged
+    unchanged = _unchanged(robot, nominal)
+    choice = unchanged  # where every other candidate is worse
     for candidate in _ranked(robot, unchanged, evidence):
         worse = ""
         if candidate is not unchanged:
@@ -203,6 +201,11 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     return replace(choice, file=replace(choice.file, why=why))
 
 
+def _unchanged(robot: Robot, nominal: Array | None, why: str = "") -> FileChoice:
+    """The given file, with its prediction, (windows,): it is fitted to nothing, so that all of it is held out."""
+    return FileChoice(robot=robot, held_out=nominal, replayed=nominal, file=CorrectedFile("nominal", why))
+
+
 def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %"
 
@@ -210,15 +213,15 @@ def _percent(share: float) -> str:
 def _ranked(robot: Robot, unchanged: FileChoice, evidence: Evidence) -> list[FileChoice]:
     """The candidates, the smallest held-out error first; before them the fit made to predict, where one is needed."""
     runs = evidence.runs
-    named = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
-    candidates = [unchanged, _refitted(robot, evidence)]
-    if named is not None:
-        candidates.append(_named(robot, named, evidence))
+    model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
+    candidates = [unchanged, _candidate(robot, evidence.plain, "refit", evidence)]
+    if model is not None:
+        candidates.append(_candidate(robot, model, "corrected", evidence))
     ranked = sorted(candidates, key=lambda candidate: _error(candidate, evidence))
     _, energy_error = error_parts(ranked[0].predicted, runs, evidence.trip)
     # Beyond what the instruments explain, drives are consumed by what nothing proven models.
     if energy_error > thresholds.CLEAR * thresholds.GAIN_ERROR:
-        ranked.insert(0, _predictive(robot, named, evidence))
+        ranked.insert(0, _predictive(robot, model, evidence))
     return ranked
 
 
@@ -250,15 +253,7 @@ def error_parts(predicted: Array, runs: Runs, trip: Index) -> tuple[float, float
     return power_error, float(trip_errors.mean())
 
 
-def _refitted(robot: Robot, evidence: Evidence) -> FileChoice:
-    return _choice_of(robot, evidence.plain, "refit", evidence)
-
-
-def _named(robot: Robot, model: Corrected, evidence: Evidence) -> FileChoice:
-    return _choice_of(robot, model, "corrected", evidence)
-
-
-def _choice_of(
+def _candidate(
     robot: Robot, model: Refit | Corrected, holds: Literal["refit", "corrected"], evidence: Evidence
 ) -> FileChoice:
     """A fit as a candidate, with the held-out prediction of its file."""
@@ -288,6 +283,7 @@ def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> Fi
     def replay_of_file(fit: Predictive) -> Array:
         return replay(rounded_robot(robot, fit.changed))
 
+    # Fitted with all digits, and judged with those of a file.
     fit = fit_predictive(runs, robot, base, replay, evidence.fold)
     fitted = _joint_of(fit, evidence)
     return FileChoice(
@@ -359,6 +355,7 @@ def worse_than(reference: Array, candidate: Array, runs: Runs, trip: Index, rng:
         return f"the held-out error would be {rms_of_candidate:.4g} {runs.unit} instead of {rms_of_reference:.4g}"
     off_of_reference = np.abs(np.bincount(trip, (reference - runs.observed) * runs.duration_s))
     off_of_candidate = np.abs(np.bincount(trip, (candidate - runs.observed) * runs.duration_s))
+    # Paired by trip; worse is what the whole interval of the rise says.
     rise_low, _ = bootstrap((off_of_candidate - off_of_reference)[None], rng, lambda drawn: drawn[0])
     if rise_low <= 0.0:
         return ""

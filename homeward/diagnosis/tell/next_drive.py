@@ -66,6 +66,7 @@ def gains(
     """
     names = [group.name for group in fit.parameters.groups]
     of_interest = np.array([name in groups for name in names] + [True] * len(effects))
+    # A residual of next to nothing would make any drive seem to measure everything.
     noise = max(noise_of(residual, runs.run).long_run, 1e-6 * float(np.abs(runs.observed).max()))  # W or A
     recorded = np.column_stack([fit.jacobian, *(effect.column for effect in effects)]) / noise
     # The prior is the unit matrix: columns are per plausible change of a group, or of an effect at its size.

@@ -73,6 +73,7 @@ def summary(
         thresholds=thresholds,
         of_gauge=_of_gauge(gauge),
     )
+    # The template breaks its lines where its readers want them.
     return " ".join(text.split())
 
 
