@@ -291,14 +291,14 @@ def _known(free_fit: Fitted, determined: Fitted, runs: Runs, block: Index) -> tu
         effects = tuple(term.effect.replace("_", " ") for term in determined.model.terms)
     of_free_fit = estimates(free_fit, runs, block)
     of_determined = estimates(determined, runs, block)
-    is_held = determined.groups.held.tolist()
-    for free, final, held in zip(of_free_fit, of_determined, is_held, strict=True):
-        if held and free.status in ("fitted", "at bound"):
-            estimated.append(free.confounded(free.mixed_with or effects))
-        elif held or free.status == "confounded":
-            estimated.append(free)
+    held = determined.groups.held.tolist()
+    for free_estimate, estimate, is_held in zip(of_free_fit, of_determined, held, strict=True):
+        if is_held and free_estimate.status in ("fitted", "at bound"):
+            estimated.append(free_estimate.confounded(free_estimate.mixed_with or effects))
+        elif is_held or free_estimate.status == "confounded":
+            estimated.append(free_estimate)
         else:
-            estimated.append(final)
+            estimated.append(estimate)
     return tuple(estimated)
 
 

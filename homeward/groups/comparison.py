@@ -165,7 +165,8 @@ class _Spread:
 
 def _differences(quantity: Quantity, by_group: Mapping[str, Array]) -> Iterator[Difference]:
     """Each pair of groups by Welch's test, without Holm's correction."""
-    largest = max(float(np.max(np.abs(np.concatenate(list(by_group.values()))), initial=0.0)), 1e-9)
+    all_runs = np.concatenate(list(by_group.values()))
+    largest = max(float(np.max(np.abs(all_runs), initial=0.0)), 1e-9)
     rounding = (thresholds.SMALLEST_SPREAD * largest) ** 2
     runs_of = {group: runs for group, runs in by_group.items() if len(runs) > 1}
     spreads = {
@@ -176,9 +177,8 @@ def _differences(quantity: Quantity, by_group: Mapping[str, Array]) -> Iterator[
     summed = sum(spread.variance * spread.freedom for spread in spreads.values())
     pooled = _Spread(summed / max(freedom, 1), freedom)
     for minus, group in combinations(runs_of, 2):
-        runs = (runs_of[group], runs_of[minus])
-        error, degrees = _error([spreads[group], spreads[minus]], pooled, [len(runs[0]), len(runs[1])])
-        value = float(runs[0].mean() - runs[1].mean())
+        error, degrees = _error([spreads[group], spreads[minus]], pooled)
+        value = float(runs_of[group].mean() - runs_of[minus].mean())
         half = float(student.ppf(thresholds.UPPER_95, degrees)) * error
         p_value = float(2.0 * student.sf(abs(value) / error, degrees))
         yield Difference(
@@ -190,22 +190,23 @@ def _differences(quantity: Quantity, by_group: Mapping[str, Array]) -> Iterator[
             ci95=(value - half, value + half),
             p_value=p_value,
             p_holm=p_value,
-            held_out_rmse=_left_out_rmse(*runs),
-            held_out_rmse_without_groups=_left_out_rmse(np.concatenate(runs)),
+            held_out_rmse=_left_out_rmse(runs_of[group], runs_of[minus]),
+            held_out_rmse_without_groups=_left_out_rmse(np.concatenate([runs_of[group], runs_of[minus]])),
             named=False,
         )
 
 
-def _error(spreads: Sequence[_Spread], pooled: _Spread, counts: Sequence[int]) -> tuple[float, float]:
-    """Standard error of the difference of two means over `counts` runs, and its degrees of freedom (Welch).
+def _error(spreads: Sequence[_Spread], pooled: _Spread) -> tuple[float, float]:
+    """Standard error of the difference of the means of two groups, and its degrees of freedom (Welch).
 
     The spread of a group is at least the pooled one.
     """
     variances = []  # of the means
     squares = 0.0
-    for spread, count in zip(spreads, counts, strict=True):
+    for spread in spreads:
         at_least_pooled = spread if spread.variance > pooled.variance else pooled
-        variance = at_least_pooled.variance / count
+        runs = spread.freedom + 1
+        variance = at_least_pooled.variance / runs
         variances.append(variance)
         squares += variance**2 / at_least_pooled.freedom
     total = sum(variances)
@@ -215,8 +216,11 @@ def _error(spreads: Sequence[_Spread], pooled: _Spread, counts: Sequence[int]) -
 
 def _left_out_rmse(*groups: Array) -> float:
     """Error (RMS) of runs predicted by the mean of the other runs of their group."""
-    # The mean without a run is n / (n - 1) times as far from it as the mean with it.
-    errors = [(runs.mean() - runs) * len(runs) / (len(runs) - 1) for runs in groups]
+    errors = []
+    for runs in groups:
+        count = len(runs)
+        # The mean of the other runs is n / (n - 1) times as far from a run as the mean of all.
+        errors.append((runs.mean() - runs) * count / (count - 1))
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 

@@ -246,4 +246,5 @@ def _origin(number: FileNumber) -> str:
     """How sure a fitted number is, what it was fitted as, and its interval, in words."""
     certainty = "proven" if number.proven else "fitted, not proven"
     low, high = number.ci95
-    return f"{certainty}: {number.name} = {number.value:.4g} ({low:.4g} to {high:.4g}){unit_after(number.unit)}"
+    size = f"{number.value:.4g} ({low:.4g} to {high:.4g})" + unit_after(number.unit)
+    return f"{certainty}: {number.name} = {size}"

@@ -133,7 +133,9 @@ def _most_informative(gain_of_drive: Mapping[str, float]) -> tuple[Manoeuvre, fl
 
 def next_experiment(evidence: Evidence) -> str | None:
     """The next experiment, or None where nothing is ambiguous."""
-    fit, runs, residual = evidence.fitted, evidence.runs, evidence.residual
+    fit = evidence.fitted
+    runs = evidence.runs
+    residual = evidence.residual
     for named in evidence.naming.named:
         if named.rivals:
             return to_tell_apart(fit, runs, residual, named.term, named.rivals)

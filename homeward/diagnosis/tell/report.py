@@ -191,7 +191,8 @@ def _note(named: Named, named_before: Sequence[Named]) -> str:
         names_before = ", ".join(effect.term.hypothesis.name for effect in named_before)
         how = f"named beside {names_before}"
     low, high = named.gain_ci95
-    return f"{how}: gain {100.0 * low:.0f} to {100.0 * high:.0f} %, placebos p ≤ {named.p_value:.2g}"
+    gain = f"gain {100.0 * low:.0f} to {100.0 * high:.0f} %"
+    return f"{how}: {gain}, placebos p ≤ {named.p_value:.2g}"
 
 
 def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, float]], dict[str, list[str]]]:

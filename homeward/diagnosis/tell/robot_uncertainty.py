@@ -149,7 +149,9 @@ def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tupl
         names.append("capacity")
         relative = np.pad(relative, (0, 1))
         relative[-1, -1] = relative_error**2
-    rows = [tuple(rounded(value) for value in row) for row in relative.tolist()]
+    rows = []
+    for row in relative.tolist():
+        rows.append(tuple(rounded(value) for value in row))
     return tuple(names), tuple(rows)
 
 
