@@ -39,9 +39,9 @@ class Source:
 
     def apply(self, values: Mapping[str, Any] | pd.DataFrame) -> Any:
         """The channel, of the kind that the columns are."""
-        (first, scale), *others = self.terms
-        total = self._known(values[first]) * scale + self.offset
-        for column, factor in others:
+        column, factor = self.terms[0]
+        total = self._known(values[column]) * factor + self.offset
+        for column, factor in self.terms[1:]:
             total = total + self._known(values[column]) * factor
         return total
 
@@ -71,15 +71,19 @@ class Columns:
 
     def file_columns(self) -> list[str]:
         """Names of the columns that are read from the file."""
-        return list(dict.fromkeys(column for source in self.sources.values() for column, _ in source.terms))
+        columns = (column for source in self.sources.values() for column, _ in source.terms)
+        return list(dict.fromkeys(columns))
 
     def words_for_unknown(self) -> set[str]:
         """Texts in cells that mean unknown, in lower case."""
-        return {word.lower() for source in self.sources.values() for word in source.unknown if isinstance(word, str)}
+        marks = (mark for source in self.sources.values() for mark in source.unknown)
+        return {mark.lower() for mark in marks if isinstance(mark, str)}
 
     def time_columns(self) -> list[str]:
         """Names of the file's columns that the time comes from."""
-        return [column for column, _ in self.sources["time_s"].terms] if "time_s" in self.sources else []
+        if "time_s" not in self.sources:
+            return []
+        return [column for column, _ in self.sources["time_s"].terms]
 
     def apply(self, table: pd.DataFrame) -> pd.DataFrame:
         """Turn a table of the file's columns, whose index counts the file's lines, into one of the schema's channels.
@@ -91,8 +95,8 @@ class Columns:
         if self.sample_hz is not None:
             channels["time_s"] = table.index.to_series() / self.sample_hz
         for channel, source in self.sources.items():
-            of_stamps = channel == "time_s" and self.stamp is not None
-            values = _spread(table[self.stamp]) if of_stamps else source.apply(table)
+            is_stamped = channel == "time_s" and self.stamp is not None
+            values = _spread(table[self.stamp]) if is_stamped else source.apply(table)
             if channel not in self.unknown_if_zero or values.any():
                 channels[channel] = values
         return pd.DataFrame(channels).assign(**self.constants)
@@ -143,19 +147,29 @@ def source_of(where: str, entry: Any, key: str) -> Source:
     wanted = f"write the name of a {key}, or {{ {key} = NAME, factor = NUMBER, offset = NUMBER }}"
     if not isinstance(entry, dict) or entry.keys() - {key, f"{key}s", "factor", "factors", "offset", "unknown"}:
         raise RecordingError(f"{where} = {entry!r} is not understood; {wanted}")
-    names = entry.get(f"{key}s", [entry.get(key)])
-    names = names if isinstance(names, list) else [None]
-    factors: Any = entry.get("factors", [entry.get("factor", 1.0)] * len(names))
-    listed = isinstance(factors, list) and len(names) == len(factors) > 0
-    if not listed or not all(isinstance(name, str) for name in names):
+    names, factors = _names_and_factors(entry, key)
+    if not names or len(names) != len(factors) or not all(isinstance(name, str) for name in names):
         raise RecordingError(f"{where} needs one {key} and one factor each; {wanted}")
     offset = entry.get("offset", 0.0)
-    if not all(map(_is_number, [*factors, offset])) or not all(factors):
+    are_numbers = all(map(_is_number, [*factors, offset]))
+    if not are_numbers or not all(factors):
         raise RecordingError(f"{where} has a factor or offset that is not a finite number, or a factor of 0; {wanted}")
-    words = entry.get("unknown", [])
-    if not isinstance(words, list) or not all(isinstance(word, str) or _is_number(word) for word in words):
-        raise RecordingError(f"{where}.unknown = {words!r} is not a list of numbers and words that mean unknown")
-    return Source(tuple(zip(names, map(float, factors), strict=True)), float(offset), tuple(words))
+    marks = entry.get("unknown", [])
+    if not isinstance(marks, list) or not all(isinstance(mark, str) or _is_number(mark) for mark in marks):
+        raise RecordingError(f"{where}.unknown = {marks!r} is not a list of numbers and words that mean unknown")
+    terms = tuple((name, float(factor)) for name, factor in zip(names, factors, strict=True))
+    return Source(terms, float(offset), tuple(marks))
+
+
+def _names_and_factors(entry: Mapping[str, Any], key: str) -> tuple[list[Any], list[Any]]:
+    """Names of columns or fields of an entry, not yet checked, and their factors; [] for what is no list."""
+    names = entry.get(f"{key}s", [entry.get(key)])
+    if not isinstance(names, list):
+        names = []
+    factors = entry.get("factors", [entry.get("factor", 1.0)] * len(names))
+    if not isinstance(factors, list):
+        factors = []
+    return names, factors
 
 
 def load_columns(mapping: str | Path | Columns) -> Columns:
@@ -179,9 +193,11 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
     """
     if isinstance(mapping, Columns):
         return mapping
-    name, data = str(mapping), read_mapping("mapping", mapping, _MAPS, _ENTRIES)
+    name = str(mapping)
+    data = read_mapping("mapping", mapping, _MAPS, _ENTRIES)
     _check_tables(name, data)
-    _check_layout(name, data)
+    _check_lines(name, data)
+    _check_signs(name, data)
     _check_channels(name, data)
     stamp = _stamp_column(name, data["columns"])
     sources = {
@@ -206,19 +222,19 @@ def load_columns(mapping: str | Path | Columns) -> Columns:
 
 def _check_tables(name: str, data: Mapping[str, Any]) -> None:
     """Refuse a mapping without a time, or whose tables are none."""
-    sample_hz, columns = data.get("sample_hz"), data.get("columns")
+    sample_hz = data.get("sample_hz")
     if sample_hz is not None and not _is_number(sample_hz):
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not a finite number")
     if sample_hz is not None and not 0.0 < sample_hz < thresholds.FASTEST_SAMPLE_HZ:
         raise RecordingError(f"{name}: sample_hz = {sample_hz!r} is not between 0 and 1e6")
-    are_tables = isinstance(columns, dict) and isinstance(data.get("constants", {}), dict)
+    are_tables = isinstance(data.get("columns"), dict) and isinstance(data.get("constants", {}), dict)
     # The time comes from a column or from the sampling rate.
     if not are_tables or ("time_s" in data["columns"]) == bool(sample_hz):
         raise RecordingError(f"{name}: needs a table [columns] with at least time_s, or with sample_hz instead of it")
 
 
-def _check_layout(name: str, data: Mapping[str, Any]) -> None:
-    """Refuse entries on the form of a file that are none: its header, lines, separators and zeros."""
+def _check_lines(name: str, data: Mapping[str, Any]) -> None:
+    """Refuse entries on the lines of a file that are none: its header, longer lines and zeros."""
     header = data.get("header", [])
     is_list_of_names = isinstance(header, list) and all(isinstance(column, str) for column in header)
     if not is_list_of_names or len(set(header)) < len(header):
@@ -229,7 +245,12 @@ def _check_layout(name: str, data: Mapping[str, Any]) -> None:
     unknown_if_zero = data.get("unknown_if_zero", [])
     if not isinstance(unknown_if_zero, list) or not set(map(str, unknown_if_zero)) <= set(data["columns"]):
         raise RecordingError(f"{name}: unknown_if_zero = {unknown_if_zero!r} is not a list of channels in [columns]")
-    separator, decimal = data.get("separator"), data.get("decimal")
+
+
+def _check_signs(name: str, data: Mapping[str, Any]) -> None:
+    """Refuse a separator or decimal sign that is none."""
+    separator = data.get("separator")
+    decimal = data.get("decimal")
     is_character = isinstance(separator, str) and len(separator) == 1 and separator not in '\r\n"'
     if separator is not None and not is_character:
         raise RecordingError(f'{name}: separator = {separator!r} is not one character, such as ";"')
@@ -258,8 +279,10 @@ def _stamp_column(name: str, columns: Mapping[str, Any]) -> str | None:
     for channel, entry in columns.items():
         if not isinstance(entry, dict) or "whole_seconds" not in entry:
             continue
-        where, is_spread = f"{name}: columns.{channel}", entry["whole_seconds"]
-        if is_spread not in (False, True) or (is_spread and entry.keys() != {"column", "whole_seconds"}):
+        where = f"{name}: columns.{channel}"
+        is_spread = entry["whole_seconds"]
+        has_other_keys = entry.keys() != {"column", "whole_seconds"}
+        if is_spread not in (False, True) or (is_spread and has_other_keys):
             raise RecordingError(
                 f"{where} = {entry!r} is not understood; write {{ column = NAME, whole_seconds = true }}"
             )
@@ -290,10 +313,11 @@ def _refuse_other_use_of(stamp: str | None, name: str, sources: Mapping[str, Sou
 
 def known_columns(header: Collection[str]) -> Columns | None:
     """The shipped mapping for the program that writes tables with these columns; None if there is none."""
-    mappings = map(load_columns, shipped(_MAPS))
-    return next(
-        (mapping for mapping in mappings if mapping.known_by_columns and {*mapping.file_columns()} <= {*header}), None
-    )
+    for name in shipped(_MAPS):
+        mapping = load_columns(name)
+        if mapping.known_by_columns and set(mapping.file_columns()) <= set(header):
+            return mapping
+    return None
 
 
 def numeric(column: pd.Series[Any]) -> pd.Series[Any]:
@@ -314,14 +338,19 @@ def _spread(stamps: pd.Series[Any]) -> pd.Series[Any]:
     if seconds.isna().any():
         seconds = pd.to_timedelta(stamps.astype(str), errors="coerce").dt.total_seconds()
     if seconds.isna().any():
-        raise RecordingError(f"the time stamp {str(stamps[seconds.isna()].iloc[0])[:30]!r} is not a number or HH:MM:SS")
-    values = seconds.to_numpy(dtype=np.float64, copy=True)
-    values += 86400.0 * np.cumsum(np.diff(values, prepend=values[:1]) < -thresholds.HALF_A_DAY_S)  # past midnight
-    first = np.flatnonzero(np.diff(values) != 0.0) + 1
-    if len(first) < 2 or (np.diff(values) < 0.0).any():
+        stamp = str(stamps[seconds.isna()].iloc[0])[:30]
+        raise RecordingError(f"the time stamp {stamp!r} is not a number or HH:MM:SS")
+    stamp_s = seconds.to_numpy(dtype=np.float64, copy=True)
+    is_past_midnight = np.diff(stamp_s, prepend=stamp_s[:1]) < -thresholds.HALF_A_DAY_S
+    stamp_s += 86400.0 * np.cumsum(is_past_midnight)
+    changes = np.flatnonzero(np.diff(stamp_s) != 0.0) + 1  # samples with which a second begins
+    if len(changes) < 2 or (np.diff(stamp_s) < 0.0).any():
         raise RecordingError("the time stamps go back or change less than twice, so the sampling rate is not known")
-    index, at = np.arange(len(values), dtype=np.float64), values[first]
-    step_s = float((at[-1] - at[0]) / (first[-1] - first[0]))
-    time_s = np.interp(index, first, at)
-    time_s = np.where(index < first[0], at[0] + (index - first[0]) * step_s, time_s)
-    return pd.Series(np.where(index > first[-1], at[-1] + (index - first[-1]) * step_s, time_s), index=stamps.index)
+    change_s = stamp_s[changes]
+    step_s = float((change_s[-1] - change_s[0]) / (changes[-1] - changes[0]))
+    sample = np.arange(len(stamp_s), dtype=np.float64)
+    time_s = np.interp(sample, changes, change_s)
+    # Before the first change and after the last one the mean rate is continued.
+    time_s = np.where(sample < changes[0], change_s[0] + (sample - changes[0]) * step_s, time_s)
+    time_s = np.where(sample > changes[-1], change_s[-1] + (sample - changes[-1]) * step_s, time_s)
+    return pd.Series(time_s, index=stamps.index)

@@ -1,5 +1,6 @@
 """From a bag or flight log to a table of channels: the topic of each channel, on one clock, with notes on decisions."""
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from homeward.logs.bags import batteries, clock, grade, is_flight_log
 from homeward.logs.bags.container import Bag
 from homeward.logs.bags.flight import FlightLog
 from homeward.logs.bags.messages import SCHEMALESS
-from homeward.logs.bags.samples import keep_longest_part, read_samples, times_s
+from homeward.logs.bags.samples import Samples, keep_longest_part, read_samples, times_s
 from homeward.logs.bags.topics import (
     ACCELERATION,
     BATTERY,
@@ -33,6 +34,9 @@ from homeward.logs.unknown import left_out, unknown
 
 _ELECTRIC = {name for names in POWER for name in names}
 _NEEDED = {*_ELECTRIC, *(name for names in MOTION for name in names)}
+
+Candidate = tuple[Topic, Offer]
+"""An entry of a mapping, and a topic of the bag that it fits."""
 
 
 @dataclass(frozen=True)
@@ -63,40 +67,82 @@ class _Reading:
     """One bag while it is read: its samples by topic, their times, and notes."""
 
     def __init__(self, bag: Bag | FlightLog, topics: Topics) -> None:
-        self.bag, self.topics = bag, topics
-        self.notes: list[str] = []
+        self.bag = bag
+        self.topics = topics
         self.void: dict[str, list[str]] = {}  # channels of a topic that are zero or missing throughout
+        # Batteries that are added, by the name and type of the entry of the mapping.
+        self.added: dict[tuple[str, str], tuple[str, ...]] = {}
         offered = {name: topics.candidates(name, bag.connections) for name in (*CHANNELS, ORIENTATION, ACCELERATION)}
-        pairs = [pair for options in offered.values() for pair in options]
-        wanted: dict[str, dict[str, None]] = {}
-        for topic, connection in pairs:
-            wanted.setdefault(connection.topic, {}).update(dict.fromkeys(topic.paths()))
-        kinds = {connection.topic: topic.kind for topic, connection in pairs if topic.kind}
-        read = bag.samples(wanted) if isinstance(bag, FlightLog) else read_samples(bag, wanted, kinds)
-        self.samples, self.unread = read  # unread: why topics could not be read
+        pairs: list[Candidate] = [pair for candidates in offered.values() for pair in candidates]
+        self.samples, self.unread = self._read(pairs)  # unread: why topics could not be read
         if not self.samples:
             raise self._missing("motion and no power")
         if isinstance(bag, FlightLog):
             bag.notes += keep_longest_part(self.samples)
-        self.candidates: dict[str, list[tuple[Topic, Offer]]] = {
-            name: [pair for option in options for pair in self._read_from(*option)] for name, options in offered.items()
-        }
+        self.candidates: dict[str, list[Candidate]] = {name: [] for name in offered}
+        for name, candidates in offered.items():
+            for topic, connection in candidates:
+                self.candidates[name] += self._read_from(topic, connection)
         on_receipt = {connection.topic for topic, connection in pairs if topic.on_receipt}
-        self.times, self.start_ns, self.notes = times_s(
-            self.samples, {name for name in self.samples if without_part(name) in on_receipt or name in on_receipt}
-        )
-        # Batteries that are added, by the name and type of the entry of the mapping.
+        without_header = {name for name in self.samples if name in on_receipt or without_part(name) in on_receipt}
+        self.times, self.start_ns, self.notes = times_s(self.samples, without_header)
         for topic, connection in self.candidates["current_a"]:
             self._leave_out_with_voltage(topic, connection.topic)
-        self.added: dict[tuple[str, str], tuple[str, ...]] = {}
 
     def table(self) -> tuple[pd.DataFrame, list[str], float]:
+        """The channels on one clock, notes, and the start, as `read_bag` gives them.
+
+        Raises:
+            RecordingError: Power or motion is missing, or they were not recorded at the same time.
+        """
+        series = self._series()
+        motion = first_set(MOTION, series)
+        power = first_set(POWER, series)
+        if not motion:
+            raise self._missing("motion")
+        if not power:
+            raise self._missing("power")
+        self._derive(series)
+        ticks = clock.slower(*(series[name].time_s for name in (*motion, *power)))
+        if len(ticks) < 2:
+            raise RecordingError(
+                f"power ({series[power[0]].topic}) and motion ({series[motion[0]].topic}) were not "
+                'recorded at the same time; check the clocks, or set stamp = "receive" in a topic mapping'
+            )
+        columns = {name: clock.on_clock(channel.time_s, channel.values, ticks) for name, channel in series.items()}
+        self._leave_out_impossible(columns)
+        sources = f"power from {_topics_of(power, series)}, motion from {_topics_of(motion, series)}"
+        mapped = f"topic mapping {self.topics.name}: {sources}, on the clock of the slower"
+        notes = [*self.bag.notes, mapped, *self.notes, *self._why()]
+        start_s = self.start_ns * 1e-9 + float(ticks[0])
+        if not is_epoch(start_s):
+            start_s = 0.0
+        return pd.DataFrame({"time_s": ticks - ticks[0], **columns}), notes, start_s
+
+    def _read(self, pairs: Sequence[Candidate]) -> tuple[dict[str, Samples], list[str]]:
+        """Samples of the topics that the mapping names, and why others could not be read."""
+        wanted: dict[str, dict[str, None]] = {}  # paths in order, each once, by topic
+        kinds = {}
+        for topic, connection in pairs:
+            wanted.setdefault(connection.topic, {}).update(dict.fromkeys(topic.paths()))
+            if topic.kind:
+                kinds[connection.topic] = topic.kind
+        if isinstance(self.bag, FlightLog):
+            return self.bag.samples(wanted)
+        return read_samples(self.bag, wanted, kinds)
+
+    def _series(self) -> dict[str, Series]:
+        """The channels that topics of the mapping give, each at its own rate."""
         self._choose_batteries()
-        offered = {name: self._channel(name) for name in CHANNELS}
-        series = {name: channel for name, channel in offered.items() if channel is not None}
-        motion, power = first_set(MOTION, series), first_set(POWER, series)
-        if not motion or not power:
-            raise self._missing("power" if motion else "motion")
+        series = {}
+        for name in CHANNELS:
+            channel = self._channel(name)
+            if channel is not None:
+                series[name] = channel
+        return series
+
+    def _derive(self, series: dict[str, Series]) -> None:
+        """Give the current its sign, and add what follows from other channels, in place."""
         speed = _speed(series)
         if "current_a" in series:
             series["current_a"] = self._discharge(series["current_a"], speed)
@@ -106,24 +152,8 @@ class _Reading:
             del series["elevation_m"]  # odometry in the plane
         if "heading_rad" not in series:
             series |= self._heading()
-        ticks = clock.slower(*(series[name].time_s for name in (*motion, *power)))
-        if len(ticks) < 2:
-            raise RecordingError(
-                f"power ({series[power[0]].topic}) and motion ({series[motion[0]].topic}) were not "
-                'recorded at the same time; check the clocks, or set stamp = "receive" in a topic mapping'
-            )
-        columns = {name: clock.on_clock(samples.time_s, samples.values, ticks) for name, samples in series.items()}
-        self._leave_out_impossible(columns)
-        said = ", ".join(
-            f"{what} from {' and '.join(sorted({series[name].topic for name in names}))}"
-            for what, names in (("power", power), ("motion", motion))
-        )
-        first = f"topic mapping {self.topics.name}: {said}, on the clock of the slower"
-        notes = [*self.bag.notes, first, *self.notes, *self._why()]
-        start_s = self.start_ns * 1e-9 + float(ticks[0])
-        return pd.DataFrame({"time_s": ticks - ticks[0], **columns}), notes, start_s if is_epoch(start_s) else 0.0
 
-    def _read_from(self, topic: Topic, connection: Offer) -> list[tuple[Topic, Offer]]:
+    def _read_from(self, topic: Topic, connection: Offer) -> list[Candidate]:
         """A topic that was read, or each of the batteries that it reports."""
         if connection.topic in self.samples:
             return [(topic, connection)]
@@ -132,13 +162,14 @@ class _Reading:
 
     def _choose_batteries(self) -> None:
         """Decide, for each entry of the mapping, between several batteries that report what is drawn from them."""
-        of_entry: dict[int, dict[str, tuple[Topic, Offer]]] = {}
-        for name in ("power_w", "current_a"):
-            for topic, connection in self.candidates[name]:
-                of_entry.setdefault(id(topic), {})[connection.topic] = topic, connection
-        for offers in of_entry.values():
-            topic = next(iter(offers.values()))[0]
-            offered = [self._battery(topic, name) for name in offers]
+        entries: dict[int, Topic] = {}
+        names_of_entry: dict[int, dict[str, None]] = {}  # topics in order, each once
+        for channel in ("power_w", "current_a"):
+            for topic, connection in self.candidates[channel]:
+                entries[id(topic)] = topic
+                names_of_entry.setdefault(id(topic), {})[connection.topic] = None
+        for entry, topic in entries.items():
+            offered = [self._battery(topic, name) for name in names_of_entry[entry]]
             drawing = [battery for battery in offered if battery is not None]
             if len(drawing) < 2:
                 continue
@@ -146,10 +177,16 @@ class _Reading:
             self.notes.append(choice.why)
             if len(choice.names) > 1:
                 self.added[topic.pattern, topic.kind] = choice.names
-            for name in batteries.OF_BATTERY:
-                self.candidates[name] = [
-                    pair for pair in self.candidates[name] if pair[0] is not topic or pair[1].topic in choice.names
-                ]
+            self._keep_batteries(topic, choice.names)
+
+    def _keep_batteries(self, entry: Topic, names: Collection[str]) -> None:
+        """Of the topics of an entry keep those of some names as candidates for the channels of a battery."""
+        for channel in batteries.OF_BATTERY:
+            self.candidates[channel] = [
+                (topic, connection)
+                for topic, connection in self.candidates[channel]
+                if topic is not entry or connection.topic in names
+            ]
 
     def _leave_out_with_voltage(self, topic: Topic, name: str) -> None:
         """Leave out the readings of a battery in messages whose voltage is unknown: its driver has none yet."""
@@ -167,12 +204,13 @@ class _Reading:
     def _battery(self, topic: Topic, name: str) -> batteries.Battery | None:
         """What a battery reports; None if it reports nothing that is drawn."""
         values = self.samples[name].values
-        drawn = next(
-            topic.sources[channel].apply(values) for channel in ("current_a", "power_w") if channel in topic.sources
-        )
+        measured = "current_a" if "current_a" in topic.sources else "power_w"
+        drawn = topic.sources[measured].apply(values)
         if not np.nan_to_num(drawn).any():
             return None
-        voltage_v = topic.sources["voltage_v"].apply(values) if "voltage_v" in topic.sources else np.empty(0)
+        voltage_v = np.empty(0)
+        if "voltage_v" in topic.sources:
+            voltage_v = topic.sources["voltage_v"].apply(values)
         return batteries.Battery(name, voltage_v, drawn)
 
     def _channel(self, name: str) -> Series | None:
@@ -181,47 +219,47 @@ class _Reading:
             if name in batteries.OF_BATTERY and (topic.pattern, topic.kind) in self.added:
                 return self._over_packs(name, topic, connection)
             values = np.array(topic.sources[name].apply(self.samples[connection.topic].values))
-            said = [*left_out(name, values), *_stray_left_out(name, values)]
+            notes = [*left_out(name, values), *_stray_left_out(name, values)]
             count = int(np.isfinite(values).sum())
             time_s, values = clock.in_order(self.times[connection.topic], values)
-            if count - len(values) > thresholds.STRAY_SHARE * count:
-                repeated = (
-                    f"{count - len(values)} of {count} values of {name} have the time of another: the first is used"
-                )
-                said.append(repeated)
+            repeated = count - len(values)
+            if repeated > thresholds.STRAY_SHARE * count:
+                notes.append(f"{repeated} of {count} values of {name} have the time of another: the first is used")
             # Before they are averaged, which would spread a wrong reading over those beside it.
-            said += leave_out_spikes({"time_s": time_s, name: values})
+            notes += leave_out_spikes({"time_s": time_s, name: values})
             time_s, values = clock.in_order(time_s, values)
-            if len(values) >= 2 and (name not in _ELECTRIC or values.any()):
-                self.notes += said
+            is_measured = name not in _ELECTRIC or values.any()
+            if len(values) >= 2 and is_measured:
+                self.notes += notes
                 kind = topic.kind if connection.msgtype == SCHEMALESS else connection.msgtype
                 return Series(connection.topic, kind, time_s, values)
             if name in _NEEDED:
                 self.void.setdefault(connection.topic, []).append(name)
         return None
 
-    def _over_packs(self, name: str, topic: Topic, first: Offer) -> Series:
+    def _over_packs(self, name: str, topic: Topic, connection: Offer) -> Series:
         """A channel of several packs in parallel: what they draw is added, of the rest the mean is taken."""
+        names = self.added[topic.pattern, topic.kind]
         packs = [
-            clock.in_order(self.times[pack], topic.sources[name].apply(self.samples[pack].values))
-            for pack in self.added[topic.pattern, topic.kind]
+            clock.in_order(self.times[pack], topic.sources[name].apply(self.samples[pack].values)) for pack in names
         ]
-        packs = [pack for pack in packs if len(pack[0]) >= 2]
+        packs = [(time_s, values) for time_s, values in packs if len(time_s) >= 2]
         ticks = clock.slower(*(time_s for time_s, _ in packs))
-        values = np.array([clock.on_clock(*pack, ticks) for pack in packs])
-        over = values.sum(axis=0) if name in batteries.ADDED else values.mean(axis=0)
-        label = " + ".join(self.added[topic.pattern, topic.kind])
-        return Series(label, first.msgtype, *clock.in_order(ticks, over))
+        by_pack = np.array([clock.on_clock(time_s, values, ticks) for time_s, values in packs])  # (packs, ticks)
+        over_packs = by_pack.sum(axis=0) if name in batteries.ADDED else by_pack.mean(axis=0)
+        return Series(" + ".join(names), connection.msgtype, *clock.in_order(ticks, over_packs))
 
     def _missing(self, what: str) -> RecordingError:
         topics = {connection.topic: connection.msgtype for connection in self.bag.connections}
         shown = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items())[:12])
-        typeless = any(kind == SCHEMALESS for kind in topics.values())
-        hint = ", with the type of a topic without a schema" if typeless else ""
+        if len(topics) > 12:
+            shown += ", ..."
+        has_schemaless = SCHEMALESS in topics.values()
+        hint = ", with the type of a topic without a schema" if has_schemaless else ""
         because = "".join(f"; {reason}" for reason in (*self._why(), *self.bag.notes))
         return RecordingError(
             f"has no {what} by the topic mapping {self.topics.name}{because}; its topics: {shown}"
-            f"{', ...' if len(topics) > 12 else ''}; name them in a mapping file (--columns){hint}"
+            f"; name them in a mapping file (--columns){hint}"
         )
 
     def _why(self) -> list[str]:
@@ -247,16 +285,16 @@ class _Reading:
 
     def _grade(self, speed: Series) -> dict[str, Series]:
         """The grade by the first method of `homeward.logs.bags.grade` that the bag allows."""
-        orientations = self.candidates[ORIENTATION]
-        ways = [
-            *((ORIENTATION, *pair) for pair in orientations if pair[1].msgtype == IMU),
-            *((ACCELERATION, *pair) for pair in self.candidates[ACCELERATION]),
-            *((ORIENTATION, *pair) for pair in orientations if pair[1].msgtype != IMU),
-        ]
-        for method, topic, connection in ways:
-            name, path = connection.topic, topic.vectors[method]
+        by_orientation = [(ORIENTATION, topic, connection) for topic, connection in self.candidates[ORIENTATION]]
+        by_acceleration = [(ACCELERATION, topic, connection) for topic, connection in self.candidates[ACCELERATION]]
+        of_imu = [option for option in by_orientation if option[2].msgtype == IMU]
+        of_odometry = [option for option in by_orientation if option[2].msgtype != IMU]
+        for method, topic, connection in (*of_imu, *by_acceleration, *of_odometry):
+            name = connection.topic
+            path = topic.vectors[method]
             values = self.samples[name].values
-            if (values.get(f"{path}_covariance[0]", np.zeros(1)) == -1.0).any():
+            covariance = values.get(f"{path}_covariance[0]", np.zeros(1))
+            if (covariance == -1.0).any():  # the driver does not measure it (sensor_msgs/Imu)
                 continue
             if method == ORIENTATION:
                 time_s, quaternion = self._quaternion(name, path)
@@ -271,13 +309,13 @@ class _Reading:
 
     def _heading(self) -> dict[str, Series]:
         """The heading by odometry, else by an IMU."""
-        for topic, connection in sorted(self.candidates[ORIENTATION], key=lambda pair: pair[1].msgtype == IMU):
+        odometry_before_imu = sorted(self.candidates[ORIENTATION], key=lambda pair: pair[1].msgtype == IMU)
+        for topic, connection in odometry_before_imu:
             time_s, quaternion = self._quaternion(connection.topic, topic.vectors[ORIENTATION])
             heading_rad = grade.heading(quaternion)
             if heading_rad is not None:
-                return {
-                    "heading_rad": Series(connection.topic, connection.msgtype, *clock.in_order(time_s, heading_rad))
-                }
+                samples = clock.in_order(time_s, heading_rad)
+                return {"heading_rad": Series(connection.topic, connection.msgtype, *samples)}
         return {}
 
     def _quaternion(self, name: str, path: str) -> tuple[Array, Array]:
@@ -288,9 +326,10 @@ class _Reading:
 
     def _leave_out_impossible(self, columns: dict[str, Array]) -> None:
         """Leave out channels that are not needed and have values out of their limits."""
-        soc, most = columns.get("soc", np.empty(0)), CHANNELS["soc"].high
+        soc = columns.get("soc", np.empty(0))
         known_soc = soc[np.isfinite(soc)]
-        if len(known_soc) and most < np.median(known_soc) <= 100.0 * most:
+        highest_soc = CHANNELS["soc"].high
+        if len(known_soc) and highest_soc < np.median(known_soc) <= 100.0 * highest_soc:
             columns["soc"] = soc / 100.0
             self.notes.append("the state of charge is in per cent, and divided by 100")
         for name in sorted(set(columns) - _NEEDED):
@@ -318,6 +357,13 @@ def _stray_left_out(name: str, values: Array) -> list[str]:
 def _speed(series: dict[str, Series]) -> Series:
     if "speed_mps" in series:
         return series["speed_mps"]
-    left, right = series["wheel_left_mps"], series["wheel_right_mps"]
-    right_mps = np.interp(left.time_s, right.time_s, right.values)
-    return Series(left.topic, left.kind, left.time_s, 0.5 * (left.values + right_mps))
+    left_wheels = series["wheel_left_mps"]
+    right_wheels = series["wheel_right_mps"]
+    right_mps = np.interp(left_wheels.time_s, right_wheels.time_s, right_wheels.values)
+    speed_mps = 0.5 * (left_wheels.values + right_mps)
+    return replace(left_wheels, values=speed_mps)
+
+
+def _topics_of(channels: Sequence[str], series: Mapping[str, Series]) -> str:
+    """The topics that some channels come from, in words."""
+    return " and ".join(sorted({series[name].topic for name in channels}))

@@ -67,17 +67,16 @@ def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
         RecordingError: It is not clear, and would change the answer.
     """
     names = tuple(battery.name for battery in batteries)
-    listed = ", ".join(map(str, batteries))
+    listed = ", ".join(str(battery) for battery in batteries)
     if several == "sum":
         return Choice(names, f"batteries {listed}: added, as the mapping says")
     if several == "first":
         return Choice(names[:1], f"batteries {listed}: {names[0]} is used, as the mapping says")
-    means = np.array([np.nanmean(battery.drawn) for battery in batteries])
-    for place, battery in enumerate(batteries):
-        others = means.sum() - means[place]
-        if len(batteries) > 2 and abs(means[place] - others) <= thresholds.SAME_BATTERY * abs(means[place]):
-            return Choice((battery.name,), f"batteries {listed}: {battery.name} is the sum of the others, and used")
-    if len({_PLACES.sub("", name) for name in names}) == 1 and _one_voltage(batteries):
+    total = _sum_of_others(batteries)
+    if total is not None:
+        return Choice((total.name,), f"batteries {listed}: {total.name} is the sum of the others, and used")
+    names_without_place = {_PLACES.sub("", name) for name in names}
+    if len(names_without_place) == 1 and _one_voltage(batteries):
         return Choice(names, f"batteries {listed}: added, as packs in parallel by their names and voltage")
     if all(_equal(batteries[0], battery) for battery in batteries[1:]):
         return Choice(names[:1], f"batteries {listed}: readings are equal, so {names[0]} is used")
@@ -87,17 +86,32 @@ def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
     )
 
 
+def _sum_of_others(batteries: Sequence[Battery]) -> Battery | None:
+    """The battery whose mean current is the sum of at least two others'; None if there is none."""
+    if len(batteries) < 3:
+        return None
+    means = np.array([np.nanmean(battery.drawn) for battery in batteries])
+    for battery, mean in zip(batteries, means, strict=True):
+        mean_of_others = means.sum() - mean
+        if abs(mean - mean_of_others) <= thresholds.SAME_BATTERY * abs(mean):
+            return battery
+    return None
+
+
 def _one_voltage(batteries: Sequence[Battery]) -> bool:
+    """Whether all report a voltage, and their medians are equal but for the drop on leads."""
     readings = [battery.voltage_v[np.isfinite(battery.voltage_v)] for battery in batteries]
-    medians = [float(np.median(voltage_v)) for voltage_v in readings if len(voltage_v)]
-    return len(medians) == len(batteries) and max(medians) - min(medians) <= thresholds.SAME_BATTERY * max(medians)
+    medians_v = [float(np.median(voltage_v)) for voltage_v in readings if len(voltage_v)]
+    if len(medians_v) < len(batteries):
+        return False
+    return max(medians_v) - min(medians_v) <= thresholds.SAME_BATTERY * max(medians_v)
 
 
-def _equal(first: Battery, second: Battery) -> bool:
+def _equal(battery: Battery, repeated: Battery) -> bool:
     """Whether the quantiles of both currents are equal: they need not come at the same times."""
     shares = np.linspace(0.0, 1.0, 11)
-    quantiles_first = np.nanquantile(first.drawn, shares)
-    quantiles_second = np.nanquantile(second.drawn, shares)
-    largest = np.abs(quantiles_first).max()
-    same_current = bool(np.abs(quantiles_first - quantiles_second).max() <= thresholds.SAME_READING * largest)
-    return same_current and _one_voltage([first, second])
+    quantiles = np.nanquantile(battery.drawn, shares)
+    quantiles_repeated = np.nanquantile(repeated.drawn, shares)
+    largest = np.abs(quantiles).max()
+    same_current = bool(np.abs(quantiles - quantiles_repeated).max() <= thresholds.SAME_READING * largest)
+    return same_current and _one_voltage([battery, repeated])

@@ -16,15 +16,16 @@ from homeward.logs.times import median_step_s
 def in_order(time_s: Array, values: Array) -> tuple[Array, Array]:
     """Known samples sorted by time, one for each time."""
     is_known = np.isfinite(values)
-    times, first = np.unique(time_s[is_known], return_index=True)
-    return times, values[is_known][first]
+    unique_s, places = np.unique(time_s[is_known], return_index=True)
+    return unique_s, values[is_known][places]
 
 
 def slower(*times: Array) -> Array:
     """The times of the slowest topic, over the time that all cover."""
-    start, end = max(time_s[0] for time_s in times), min(time_s[-1] for time_s in times)
+    start_s = max(time_s[0] for time_s in times)
+    end_s = min(time_s[-1] for time_s in times)
     slowest = max(times, key=median_step_s)
-    clock: Array = slowest[(slowest >= start) & (slowest <= end)]
+    clock: Array = slowest[(slowest >= start_s) & (slowest <= end_s)]
     if len(clock) < 2:
         return clock
     stride = max(round(thresholds.FASTEST_CLOCK_S / median_step_s(clock)), 1)
@@ -44,19 +45,23 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     nearest = np.minimum(np.searchsorted(time_s, clock_s), len(time_s) - 1)
     if np.array_equal(time_s[nearest], clock_s) and tick_s < thresholds.THINNED_STEPS * median_step_s(time_s):
         return values[nearest]  # the channel that the clock is of
-    half = np.minimum(0.5 * np.diff(clock_s), 0.5 * tick_s)
-    half = np.minimum(np.append(half, half[-1:]), np.append(half[:1], half))
-    half = np.minimum(half, np.minimum(clock_s - time_s[0], time_s[-1] - clock_s))  # as far as the channel goes
-    inside = half >= 0.0
-    half = np.maximum(half, 0.0)
-    start = clock_s - half
-    end = clock_s + half
-    steps = np.diff(time_s)
+    # Half the width of the mean around each tick, (ticks,): symmetric, and as far as the channel goes.
+    half_s = np.minimum(0.5 * np.diff(clock_s), 0.5 * tick_s)
+    half_s = np.minimum(np.append(half_s, half_s[-1:]), np.append(half_s[:1], half_s))
+    half_s = np.minimum(half_s, np.minimum(clock_s - time_s[0], time_s[-1] - clock_s))
+    is_inside = half_s >= 0.0
+    half_s = np.maximum(half_s, 0.0)
+    start_s = clock_s - half_s
+    end_s = clock_s + half_s
     integral = make_interp_spline(time_s, values, k=1).antiderivative()
-    has_width = half > 0.0
+    has_width = half_s > 0.0
     means = np.interp(clock_s, time_s, values)
-    means[has_width] = (integral(end[has_width]) - integral(start[has_width])) / (2.0 * half[has_width])
-    gap = np.concatenate(([0], np.cumsum(steps > thresholds.GAP_STEPS * max(median_step_s(time_s), tick_s))))
-    first = np.clip(np.searchsorted(time_s, start, side="right"), 1, len(steps))
-    last = np.clip(np.searchsorted(time_s, end, side="right"), 1, len(steps))
-    return np.asarray(np.where(inside & (gap[last] == gap[first - 1]), means, np.nan))
+    means[has_width] = (integral(end_s[has_width]) - integral(start_s[has_width])) / (2.0 * half_s[has_width])
+    # How many gaps lie before each sample: two with the same number have none between them.
+    steps_s = np.diff(time_s)
+    is_gap = steps_s > thresholds.GAP_STEPS * max(median_step_s(time_s), tick_s)
+    gaps_before = np.concatenate(([0], np.cumsum(is_gap)))
+    after_start = np.clip(np.searchsorted(time_s, start_s, side="right"), 1, len(steps_s))
+    after_end = np.clip(np.searchsorted(time_s, end_s, side="right"), 1, len(steps_s))
+    has_no_gap = gaps_before[after_end] == gaps_before[after_start - 1]
+    return np.asarray(np.where(is_inside & has_no_gap, means, np.nan))

@@ -64,7 +64,8 @@ class Bag(contextlib.ExitStack):
             RecordingError: Nothing in it can be read.
         """
         super().__init__()
-        self.path, self.ros1 = path, path.suffix in (".bag", ".active")
+        self.path = path
+        self.ros1 = path.suffix in (".bag", ".active")
         self.notes: list[str] = []
         self._allowance = Allowance(sum(file.stat().st_size for file in storage_files(path)))
         self._packed_messages = False
@@ -91,46 +92,33 @@ class Bag(contextlib.ExitStack):
             in_reader = [connection for connection in connections if connection in reader.connections]
             if not in_reader:
                 continue
-            first_ns, last_ns = 2**63, 0
+            earliest_ns = 2**63  # later than any time of receipt
+            latest_ns = 0
             try:
                 for connection, received_ns, packed in _in_order_of_file(reader, in_reader):
                     data = self._allowance.unpack("zstd", packed) if self._packed_messages else packed
                     self._allowance.take(len(data))
                     if isinstance(received_ns, int):  # as above
-                        first_ns, last_ns = min(first_ns, received_ns), max(last_ns, received_ns)
+                        earliest_ns = min(earliest_ns, received_ns)
+                        latest_ns = max(latest_ns, received_ns)
                     yield connection, received_ns, data
             except TooLarge:
                 raise
             except Exception as error:  # a damaged record raises anything, from struct.error to zlib's
-                read_s = max(last_ns - first_ns, 0) * 1e-9
+                read_s = max(latest_ns - earliest_ns, 0) * 1e-9
                 self.notes.append(
                     f"{reader.path.name} is damaged ({_first_line(error)}): its first {read_s:.1f} s could be read"
                 )
 
     def _opened(self) -> list[Any]:
+        """Readers of the folder as a whole, or of each of its files."""
         if self.path.is_dir() and (self.path / "metadata.yaml").is_file():
-            reader: Any = Reader2(self.path)
-            try:
-                self._refuse_large_folder()
-                reader.open()
-            except RecordingError:
-                raise
-            except Exception as error:  # as below
-                self.notes.append(f"cannot be read as a whole ({_first_line(error)}), so its files are read one by one")
-            else:
-                self.callback(reader.close)
-                listed = {Path(storage.path).name for storage in reader.storage.storages}
-                stored = {file.name.removesuffix(".zstd") for file in storage_files(self.path)}
-                if stored - listed:
-                    said = f"metadata.yaml lists {len(listed)} of {len(stored)} files: all are read, one by one"
-                    self.notes.append(said)
-                    return [self._reader(file) for file in storage_files(self.path)]
-                if reader.storage.metadata.compression_mode == "message":  # they are unpacked here, within limits
-                    self._packed_messages = True
-                    reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
-                for storage in reader.storage.storages:
-                    _scan(storage)
-                return [reader]
+            folder = self._folder_reader()
+            if folder is not None and self._lists_all_files(folder):
+                self._unpack_messages_here(folder)
+                return [folder]
+            if folder is not None:
+                return [self._reader(file) for file in storage_files(self.path)]
         elif self.path.is_dir():
             self.notes.append("has no metadata.yaml: the recorder was stopped before it ended the bag")
         readers = [self._reader(file) for file in storage_files(self.path)]
@@ -138,7 +126,39 @@ class Bag(contextlib.ExitStack):
             self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]  # the files give better ones
         return readers
 
+    def _folder_reader(self) -> Any | None:
+        """Reader of a folder by its metadata; None, with a note, where it cannot be read as a whole."""
+        reader: Any = Reader2(self.path)
+        try:
+            self._refuse_large_folder()
+            reader.open()
+        except RecordingError:
+            raise
+        except Exception as error:  # as in `_reader`
+            self.notes.append(f"cannot be read as a whole ({_first_line(error)}), so its files are read one by one")
+            return None
+        self.callback(reader.close)
+        return reader
+
+    def _lists_all_files(self, folder: Any) -> bool:
+        """Whether the metadata of a folder lists all of its files; a note says if not."""
+        listed = {Path(storage.path).name for storage in folder.storage.storages}
+        stored = {file.name.removesuffix(".zstd") for file in storage_files(self.path)}
+        if stored <= listed:
+            return True
+        self.notes.append(f"metadata.yaml lists {len(listed)} of {len(stored)} files: all are read, one by one")
+        return False
+
+    def _unpack_messages_here(self, folder: Any) -> None:
+        """Let messages that are packed one by one be unpacked by this class, which has limits, and files be scanned."""
+        if folder.storage.metadata.compression_mode == "message":
+            self._packed_messages = True
+            folder.storage.metadata = folder.storage.metadata._replace(compression_mode=None)
+        for storage in folder.storage.storages:
+            _scan(storage)
+
     def _reader(self, file: Path) -> Any:
+        """Reader of one file; of a damaged one what remains of it, with a note."""
         try:
             reader: Any = _Bag1(file) if self.ros1 else Reader2(file)
             if not self.ros1:
@@ -149,15 +169,7 @@ class Bag(contextlib.ExitStack):
             raise
         except Exception as error:  # a cut file raises anything, from ReaderError to TypeError
             remains = DamagedBag(file, self._allowance)
-            left = f"{sum(connection.msgcount for connection in remains.connections)} messages could be read"
-            if file.suffix == ".db3":
-                left = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
-            reason = _not_damaged(error)
-            self.notes.append(
-                f"{file.name} {reason}, which are left out"
-                if reason
-                else f"{file.name} is cut off or damaged ({_first_line(error)}): {left}"
-            )
+            self.notes.append(_why_remains(file, error, remains))
             return remains
         self.callback(reader.close)
         if not self.ros1:
@@ -223,11 +235,24 @@ def _in_order_of_file(reader: Any, connections: Collection[Connection]) -> Itera
     """
     if isinstance(reader, Reader1):
         entries = (entry for connection in connections for entry in reader.indexes[connection.id])
-        places = {(entry.chunk_pos, entry.offset): entry for entry in entries}
-        first = next(iter(connections))
-        reader.indexes[first.id] = [places[place] for place in sorted(places)]
-        connections = [first]
+        by_place = {(entry.chunk_pos, entry.offset): entry for entry in entries}
+        # The reader gives the messages of an index in its order, whatever connection they are of.
+        index_of_all = next(iter(connections))
+        reader.indexes[index_of_all.id] = [by_place[place] for place in sorted(by_place)]
+        connections = [index_of_all]
     yield from reader.messages(connections)
+
+
+def _why_remains(file: Path, error: Exception, remains: DamagedBag) -> str:
+    """Why only a part of a file is read, in a line."""
+    reason = _not_damaged(error)
+    if reason is not None:
+        return f"{file.name} {reason}, which are left out"
+    count = sum(connection.msgcount for connection in remains.connections)
+    what_to_do = f"{count} messages could be read"
+    if file.suffix == ".db3":
+        what_to_do = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
+    return f"{file.name} is cut off or damaged ({_first_line(error)}): {what_to_do}"
 
 
 def _not_damaged(error: Exception) -> str | None:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
-from homeward.logs.bags.messages import WrongField, getter
+from homeward.logs.bags.messages import WrongField, field_of, getter
 from homeward.logs.bags.topics import BATTERY
 
 EVERY = "[*]"
 MOST_PARTS = 16
 """Most batteries of a topic. Chosen: with more, the text or the list is none of batteries."""
+
+
+Getters = dict[str, Callable[[Any], float]]
+"""Readers of the numbers of a message, by path."""
 
 
 class Element(NamedTuple):
@@ -26,31 +30,43 @@ def elements_reader(paths: Collection[str]) -> Callable[[Any, str], list[Element
     Raises:
         WrongField: A path is not understood or, on reading, the message has no such field or too long a list.
     """
-    alone = {path: getter(path) for path in paths if EVERY not in path}
+    of_message = _getters([path for path in paths if EVERY not in path])
     listed = [path for path in paths if EVERY in path]
-    of_place: list[dict[str, Callable[[Any], float]]] = []
+    if not listed:
+        return lambda message, kind: [Element(part_of(message, kind), _numbers(of_message, message))]
+    of_places: list[Getters] = []  # of each place in the lists, made once the first message has it
 
     def read(message: Any, kind: str) -> list[Element]:
-        values = {path: get(message) for path, get in alone.items()}
-        if not listed:
-            return [Element(part_of(message, kind), values)]
-        lists = [_list_at(message, path) for path in listed]
-        count = max(map(len, lists))
+        values = _numbers(of_message, message)
+        longest = max((_list_at(message, path) for path in listed), key=len)
+        count = len(longest)
         if count > MOST_PARTS:
             raise WrongField(f"{listed[0]!r} has {count} elements, more than the {MOST_PARTS} batteries of any robot")
-        while len(of_place) < count:
-            place = f"[{len(of_place)}]"
-            of_place.append({path: getter(path.replace(EVERY, place)) for path in listed})
-        longest = max(lists, key=len)
-        names = [_said_by(element) for element in longest]
-        if len({*names}) < count or "" in names:
-            names = [str(place) for place in range(count)]
-        return [
-            Element(name, values | {path: get(message) for path, get in getters.items()})
-            for name, getters in zip(names, of_place, strict=False)
-        ]
+        while len(of_places) < count:
+            of_places.append(_getters(listed, len(of_places)))
+        elements = []
+        for name, of_place in zip(_names(longest), of_places, strict=False):
+            elements.append(Element(name, values | _numbers(of_place, message)))
+        return elements
 
     return read
+
+
+def _getters(paths: Collection[str], place: int = 0) -> Getters:
+    """Readers of numbers by path; [*] in a path stands for a place in a list."""
+    return {path: getter(path.replace(EVERY, f"[{place}]")) for path in paths}
+
+
+def _numbers(getters: Getters, message: Any) -> dict[str, float]:
+    return {path: get(message) for path, get in getters.items()}
+
+
+def _names(batteries: Sequence[Any]) -> list[str]:
+    """Names of the batteries in a list: what they say of themselves, or their places where that is not unique."""
+    names = [_said_by(battery) for battery in batteries]
+    if len({*names}) < len(names) or "" in names:
+        return [str(place) for place in range(len(names))]
+    return names
 
 
 def part_of(message: Any, kind: str) -> str:
@@ -63,18 +79,14 @@ def part_of(message: Any, kind: str) -> str:
 
 def _said_by(state: Any) -> str:
     """Where a battery is, or its serial number, as far as its state says so."""
-    said = (getattr(state, "location", ""), getattr(state, "serial_number", ""))
-    return str(next((name for name in said if name), ""))
+    return str(getattr(state, "location", "") or getattr(state, "serial_number", "") or "")
 
 
 def _list_at(message: Any, path: str) -> Any:
     """The list of a message that a path with [*] names."""
     value = message
     for name in path.partition(EVERY)[0].split("."):
-        if not hasattr(value, name):
-            fields = [field for field in getattr(value, "__dataclass_fields__", {}) if not field.startswith("_")]
-            raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}")
-        value = getattr(value, name)
+        value = field_of(value, name, path)
     if not hasattr(value, "__len__") or isinstance(value, str):
         raise WrongField(f"{path!r} is not of a list but of {type(value).__name__}")
     return value

@@ -13,7 +13,7 @@ import io
 import mmap
 import os
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -66,11 +66,12 @@ class FlightLog(contextlib.ExitStack):
         """
         super().__init__()
         self.notes: list[str] = []
-        kind, opened = ("PX4", _ULog) if path.suffix.lower() == ".ulg" else ("ArduPilot", _DataFlash)
+        is_ulog = path.suffix.lower() == ".ulg"
+        kind = "PX4" if is_ulog else "ArduPilot"
         if path.stat().st_size == 0:
             raise RecordingError("is empty")
         with self._listening(path.name, kind):
-            self._log: Any = opened(path)
+            self._log: Any = _ULog(path) if is_ulog else _DataFlash(path)
         self.callback(self._log.close)
         self.connections = [FlightTopic(name, count) for name, count in sorted(self._log.counts.items()) if count]
         if not self.connections:
@@ -87,30 +88,29 @@ class FlightLog(contextlib.ExitStack):
         samples: dict[str, Samples] = {}
         with self._listening(*self._about):
             read: dict[str, list[Fields]] = self._log.instances(wanted)
-        instances = []
-        for name, several in read.items():
-            if len(several) > 1 and name in _BATTERIES:
-                instances += [(name, f"{name}{PART}{number}", fields) for number, fields in enumerate(several)]
-                continue
-            if len(several) > 1:
-                self.notes.append(f"{name} has {len(several)} instances, of which the first is read")
-            instances.append((name, name, several[0]))
-        for name, label, fields in instances:
+        for label, fields in self._topics(read):
+            name = without_part(label)
             if name in _DERIVED:
                 with contextlib.suppress(KeyError):  # a layout that lacks a field: named below if it is wanted
                     fields |= _DERIVED[name](fields)
-            for path in wanted[name]:
-                if path not in fields:
-                    raise RecordingError(f"{name}: no field {path!r}; it has {', '.join(fields)}")
-            time_us = fields["time_us"]
-            good = (time_us > 0.0) & (time_us < _LATEST_US)
-            if good.any():
-                stamp_ns = (time_us[good] * 1e3).astype(np.int64)
-                samples[label] = Samples(stamp_ns, stamp_ns, {path: fields[path][good] for path in wanted[name]})
-        read_of = {without_part(label) for label in samples}
-        return samples, [
-            f"{name} is left out: none of its messages can be read" for name in wanted if name not in read_of
-        ]
+            of_label = _samples_of(name, fields, wanted[name])
+            if of_label is not None:
+                samples[label] = of_label
+        names = {without_part(label) for label in samples}
+        unread = [f"{name} is left out: none of its messages can be read" for name in wanted if name not in names]
+        return samples, unread
+
+    def _topics(self, instances: Mapping[str, Sequence[Fields]]) -> list[tuple[str, Fields]]:
+        """Names and fields of topics: each battery of several, of other messages the first instance, with a note."""
+        topics = []
+        for name, of_message in instances.items():
+            if len(of_message) > 1 and name in _BATTERIES:
+                topics += [(f"{name}{PART}{number}", fields) for number, fields in enumerate(of_message)]
+                continue
+            if len(of_message) > 1:
+                self.notes.append(f"{name} has {len(of_message)} instances, of which the first is read")
+            topics.append((name, of_message[0]))
+        return topics
 
     @contextlib.contextmanager
     def _listening(self, name: str, kind: str) -> Iterator[None]:
@@ -121,9 +121,8 @@ class FlightLog(contextlib.ExitStack):
                 yield
         except ModuleNotFoundError as error:
             package = error.name or kind
-            raise RecordingError(
-                f"a log of {kind} needs {package}; install it with {advice('logs', package)}"
-            ) from None
+            needed = f"a log of {kind} needs {package}; install it with {advice('logs', package)}"
+            raise RecordingError(needed) from None
         except Exception as error:  # a damaged log raises anything, from ULogException to struct.error
             why = (str(error).splitlines() or [type(error).__name__])[0][:120]
             raise RecordingError(f"is not a whole {kind} log ({why}); copy it from the vehicle again") from error
@@ -131,15 +130,33 @@ class FlightLog(contextlib.ExitStack):
             self.notes.append(f"{name} is damaged ({said.text}): what could be read is used")
 
 
+def _samples_of(name: str, fields: Fields, paths: Collection[str]) -> Samples | None:
+    """Samples of a message at the times that are not damaged; None where there is none.
+
+    Raises:
+        RecordingError: The message has no such field.
+    """
+    for path in paths:
+        if path not in fields:
+            raise RecordingError(f"{name}: no field {path!r}; it has {', '.join(fields)}")
+    time_us = fields["time_us"]
+    is_possible = (time_us > 0.0) & (time_us < _LATEST_US)
+    if not is_possible.any():
+        return None
+    stamp_ns = (time_us[is_possible] * 1e3).astype(np.int64)
+    return Samples(stamp_ns, stamp_ns, {path: fields[path][is_possible] for path in paths})
+
+
 class _Finite:
     """A file with a limit on reads, twice its bytes, because `pyulog` may loop for ever in a damaged one."""
 
-    def __init__(self, file: Any, bytes_: int) -> None:
-        self._file, self._left = file, 2 * bytes_
+    def __init__(self, file: Any, size_bytes: int) -> None:
+        self._file = file
+        self._reads_left = 2 * size_bytes
 
     def read(self, size: int = -1) -> bytes:
-        self._left -= 1
-        if self._left < 0:
+        self._reads_left -= 1
+        if self._reads_left < 0:
             raise RuntimeError("its lengths lead back")  # not a ValueError, which pyulog ignores
         data: bytes = self._file.read(size)
         return data
@@ -219,29 +236,30 @@ class _DataFlash:
 
     def instances(self, names: Collection[str]) -> dict[str, list[Fields]]:
         instances = {}
-        for name in (kind for kind in names if self.counts.get(kind)):
-            rows, layout = self._rows(self._numbers[name]), self._log.formats[self._numbers[name]]
+        for name in names:
+            if not self.counts.get(name):
+                continue
+            number = self._numbers[name]
+            rows = self._rows(number)
+            layout = self._log.formats[number]
             fields = {
                 column: rows[column] * (factor or 1.0)
                 for column, factor in zip(layout.columns, layout.msg_mults, strict=True)
                 if rows[column].dtype.kind != "S"
             }
-            unit_us = {"TimeUS": 1.0, "TimeMS": 1e3}
-            clock = next((column for column in unit_us if column in fields), None)
+            clock = next((column for column in _CLOCKS_US if column in fields), None)
             if clock is None or not len(rows):
                 continue
-            fields["time_us"] = fields[clock] * unit_us[clock]
-            number = fields.get(layout.instance_field, np.zeros(len(rows)))
-            instances[name] = [_of_instance(fields, number == part) for part in np.unique(number)]
+            fields["time_us"] = fields[clock] * _CLOCKS_US[clock]
+            instance = fields.get(layout.instance_field, np.zeros(len(rows)))
+            instances[name] = [_of_instance(fields, instance == value) for value in np.unique(instance)]
         return instances
 
     def _rows(self, number: int) -> NDArray[np.void]:
         """The messages of a kind, shape (n,), from where pymavlink found them: one by one it takes 0.2 ms for each."""
         layout = self._log.formats[number]
-        kinds = (
-            f"S{kind[:-1]}" if kind[-1] == "s" else f"<{kind}" for kind in re.findall(r"\d*[a-zA-Z]", layout.msg_struct)
-        )
-        row = np.dtype(list(zip(layout.columns, kinds, strict=True)))
+        codes = re.findall(r"\d*[a-zA-Z]", layout.msg_struct)
+        row = np.dtype([(column, _numpy_kind(code)) for column, code in zip(layout.columns, codes, strict=True)])
         if row.itemsize + _HEADER_BYTES != layout.len:
             raise ValueError(f"{layout.name} is defined with another length than its fields have")
         content = np.frombuffer(self._log.data_map, np.uint8)
@@ -254,6 +272,8 @@ class _DataFlash:
         self._log.close()
 
 
+_CLOCKS_US = {"TimeUS": 1.0, "TimeMS": 1e3}
+"""Fields of the time since the start, the preferred first, each with its unit in microseconds."""
 _HEADER_BYTES = 3  # before the fields of a message: two that are always the same, and its kind
 _EMPTY_FORMAT = re.compile(rb"\xa3\x95\x80.[\x00-\x02]", re.DOTALL)
 """A FMT message of a message that is shorter than its own header."""
@@ -269,6 +289,11 @@ class _FirstLine(io.TextIOBase):
     def write(self, text: str) -> int:
         self.text = self.text or text.strip()[:120]
         return len(text)
+
+
+def _numpy_kind(code: str) -> str:
+    """A type of numpy, without padding, by a code of `struct` such as "64s" or "f"."""
+    return f"S{code[:-1]}" if code.endswith("s") else f"<{code}"
 
 
 def _of_instance(fields: Fields, rows: NDArray[np.bool_]) -> Fields:

@@ -34,14 +34,16 @@ def from_orientation(time_s: Array, quaternion: Array) -> Array | None:
 def uphill(quaternion: Array) -> Array:
     """Sine of the inclination of the forward axis, from quaternions as above; NaN where one is not a rotation."""
     length = np.linalg.norm(quaternion, axis=0)
-    x, y, z, w = quaternion / np.where(np.abs(length - 1.0) < thresholds.UNIT_LENGTH_ERROR, length, np.nan)
+    is_rotation = np.abs(length - 1.0) < thresholds.UNIT_LENGTH_ERROR
+    x, y, z, w = quaternion / np.where(is_rotation, length, np.nan)
     return np.asarray(2.0 * (x * z - w * y))
 
 
 def heading(quaternion: Array) -> Array | None:
     """Direction of the robot's forward axis, rad counter-clockwise, not wrapped, from quaternions as above, or None."""
-    off = np.abs(np.linalg.norm(quaternion, axis=0) - 1.0)
-    if not np.any(np.abs(quaternion[2]) > thresholds.PLANAR) or (off > thresholds.UNIT_LENGTH_ERROR).any():
+    length_error = np.abs(np.linalg.norm(quaternion, axis=0) - 1.0)
+    turns = np.any(np.abs(quaternion[2]) > thresholds.PLANAR)
+    if not turns or np.any(length_error > thresholds.UNIT_LENGTH_ERROR):
         return None
     return np.asarray(np.unwrap(yaw(quaternion)))
 
@@ -61,9 +63,11 @@ def from_acceleration(time_s: Array, forward_mps2: Array, motion_s: Array, speed
     """
     if not np.any(forward_mps2) or len(motion_s) < 2:
         return None
+    # What the robot's own change of speed adds to the slope's share of gravity.
     own_mps2 = np.gradient(_smoothed(motion_s, speed_mps, 0.5 * ACCELERATION_S), motion_s)
-    force = _smoothed(time_s, forward_mps2 - np.interp(time_s, motion_s, own_mps2), ACCELERATION_S)
-    return np.arcsin(np.clip(force / GRAVITY_MPS2, -1.0, 1.0))
+    uphill_mps2 = forward_mps2 - np.interp(time_s, motion_s, own_mps2)
+    sine = _smoothed(time_s, uphill_mps2, ACCELERATION_S) / GRAVITY_MPS2
+    return np.arcsin(np.clip(sine, -1.0, 1.0))
 
 
 def _smoothed(time_s: Array, values: Array, width_s: float) -> Array:

@@ -6,7 +6,7 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
+from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat, Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -50,7 +50,9 @@ def decoder(connection: Connection, ros1: bool, kind: str = "") -> Callable[[byt
     def decode(content: bytes) -> Any:
         while True:
             try:
-                return stores[0].deserialize_ros1(content, kind) if ros1 else stores[0].deserialize_cdr(content, kind)
+                if ros1:
+                    return stores[0].deserialize_ros1(content, kind)
+                return stores[0].deserialize_cdr(content, kind)
             except Exception:  # a damaged message or definition raises anything, from SerdeError to KeyError
                 if len(stores) == 1:
                     raise SerdeError(f"a message of type {kind} does not fit its definition") from None
@@ -60,15 +62,17 @@ def decoder(connection: Connection, ros1: bool, kind: str = "") -> Callable[[byt
 
 
 def _stores(connection: Connection) -> list[Typestore]:
-    kind, definition = connection.msgtype, connection.msgdef
+    """Definitions of a topic's type, the one to try first in front.
+
+    Raises:
+        UnknownType: There is none, or that of the bag cannot be read.
+    """
+    kind = connection.msgtype
+    definition = connection.msgdef
     try:
-        if not definition.data.strip():
-            pass  # as none
-        elif definition.format == MessageDefinitionFormat.MSG:
-            return [_store(Stores.EMPTY, [get_types_from_msg(definition.data, kind)])]
-        elif definition.format == MessageDefinitionFormat.IDL:
-            parts = [part.split("\n", 1)[1] for part in definition.data.split(_SEPARATOR) if part.startswith("IDL: ")]
-            return [_store(Stores.EMPTY, [get_types_from_idl(part) for part in parts or [definition.data]])]
+        own_types = _own_types(kind, definition)
+        if own_types:
+            return [_store(Stores.EMPTY, own_types)]
     except Exception as error:  # a damaged one raises anything, from TypesysError to KeyError
         why = (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise UnknownType(f"{kind}: its definition in the bag cannot be read ({why})") from None
@@ -83,6 +87,19 @@ def _stores(connection: Connection) -> list[Typestore]:
     if not stores:
         raise UnknownType(f"{kind}: the bag has no definition of this type, and neither has this package")
     return stores
+
+
+def _own_types(kind: str, definition: MessageDefinition) -> list[Any]:
+    """The types that the bag itself defines for a topic; none where the definition is missing or empty."""
+    text = definition.data
+    if not text.strip():
+        return []
+    if definition.format == MessageDefinitionFormat.MSG:
+        return [get_types_from_msg(text, kind)]
+    if definition.format == MessageDefinitionFormat.IDL:
+        parts = [part.split("\n", 1)[1] for part in text.split(_SEPARATOR) if part.startswith("IDL: ")]
+        return [get_types_from_idl(part) for part in parts or [text]]
+    return []
 
 
 def _refuse_large(store: Typestore, kind: str) -> None:
@@ -141,7 +158,8 @@ def shipped_definitions() -> list[dict[str, str]]:
     older: dict[str, str] = {}
     for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
         package, name, *age = entry.name.removesuffix(".msg").split(".")
-        (older if age else newest)[f"{package}/msg/{name}"] = entry.read_text(encoding="utf-8")
+        layouts = older if age else newest
+        layouts[f"{package}/msg/{name}"] = entry.read_text(encoding="utf-8")
     return [newest, newest | older]
 
 
@@ -159,23 +177,18 @@ def getter(path: str) -> Callable[[Any], float]:
     2.5
     """
     steps = [(match[1], match[2]) for match in _STEP.finditer(path)]
-    if not steps or "".join(f"[{key}]" if key else f".{name}" for name, key in steps).lstrip(".") != path:
+    understood = "".join(f"[{key}]" if key else f".{name}" for name, key in steps).lstrip(".")
+    if not steps or understood != path:
         raise WrongField(f"{path!r} is not a path such as twist.twist.linear.x or velocity[left_wheel]")
 
     def get(message: Any) -> float:
         value = message
         for name, key in steps:
             if name:
-                if not hasattr(value, name):
-                    fields = [
-                        field for field in getattr(value, "__dataclass_fields__", {}) if not field.startswith("_")
-                    ]
-                    raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}")
-                value = getattr(value, name)
+                value = field_of(value, name, path)
                 continue
-            names = list(getattr(message, "name", ()))
-            place = int(key) if key.isdigit() else names.index(key) if key in names else len(value)
-            if place >= len(value):
+            place = _place(message, key)
+            if place is None or place >= len(value):
                 return float(np.nan)
             value = value[place]
         try:
@@ -184,3 +197,23 @@ def getter(path: str) -> Callable[[Any], float]:
             raise WrongField(f"{path!r} is not a number but {type(value).__name__}") from None
 
     return get
+
+
+def field_of(message: Any, name: str, path: str) -> Any:
+    """A field of a message or of a part of it.
+
+    Raises:
+        WrongField: It has no such field; `path` is where a mapping names it.
+    """
+    if not hasattr(message, name):
+        fields = [field for field in getattr(message, "__dataclass_fields__", {}) if not field.startswith("_")]
+        raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}")
+    return getattr(message, name)
+
+
+def _place(message: Any, key: str) -> int | None:
+    """Place in a list by its number, or by the name that the message gives it; None where it gives none."""
+    if key.isdigit():
+        return int(key)
+    names = list(getattr(message, "name", ()))
+    return names.index(key) if key in names else None

@@ -21,7 +21,8 @@ from homeward.logs.limits import Allowance, TooLarge
 
 Record = Connection | tuple[int, int, bytes]  # of a message: id of its connection, time of receipt in ns, content
 
-_ROS1_MAGIC, _MCAP_MAGIC = b"#ROSBAG V2.0\n", b"\x89MCAP0\r\n"
+_ROS1_MAGIC = b"#ROSBAG V2.0\n"
+_MCAP_MAGIC = b"\x89MCAP0\r\n"
 _ROS1_MESSAGE, _ROS1_CHUNK, _ROS1_CONNECTION = 2, 5, 7  # op codes, wiki.ros.org/Bags/Format/2.0
 _MCAP_SCHEMA, _MCAP_CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK = 3, 4, 5, 6  # op codes, mcap.dev/spec
 _FORMATS = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL,
@@ -100,7 +101,8 @@ def _ros1(file: BinaryIO, allowance: Allowance) -> Iterator[Record]:
 
 
 def _ros1_fields(data: bytes) -> dict[bytes, bytes]:
-    stream, fields = io.BytesIO(data), {}
+    stream = io.BytesIO(data)
+    fields = {}
     while (field := _sized(stream)) is not None:
         name, _, value = field.partition(b"=")
         fields[name] = value

@@ -6,11 +6,13 @@ another clock (more than `thresholds.CLOCKS_DIFFER_S` from the rest). Their time
 delay of receipt of the other topics.
 """
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.interfaces import Connection
 from rosbags.serde import SerdeError
 from scipy.ndimage import median_filter
 
@@ -47,52 +49,82 @@ def read_samples(
     Raises:
         RecordingError: A message has no such field.
     """
-    unread: dict[str, str] = {}
-    decoders, readable = {}, []
-    for connection in bag.connections:
-        if connection.topic in wanted:
-            try:
-                decoders[id(connection.owner), connection.id] = decoder(
-                    connection, bag.ros1, (kinds or {}).get(connection.topic, "")
-                )
-                readable.append(connection)
-            except UnknownType as error:
-                unread[connection.topic] = f"{connection.topic} is left out: {error}"
+    decoders, unread = _decoders(bag, wanted, kinds or {})
+    offered = [connection for connection in bag.connections if connection.topic in wanted]
+    readable = [connection for connection in offered if _key(connection) in decoders]
     readers = {name: elements_reader(paths) for name, paths in wanted.items()}
-    rows: dict[str, list[list[float]]] = {connection.topic: [] for connection in readable}
-    times: dict[str, list[tuple[int, int]]] = {name: [] for name in rows}
-    parts: dict[str, list[str]] = {name: [] for name in rows}
-    failures = dict.fromkeys(rows, 0)
+    rows = {connection.topic: _Rows() for connection in readable}
     for connection, received_ns, content in bag.messages(readable):
-        name, decode = connection.topic, decoders.get((id(connection.owner), connection.id))
+        name = connection.topic
+        decode = decoders.get(_key(connection))
         if decode is None:
             continue  # where a damaged index leads to messages of another topic
+        of_topic = rows[name]
         if not isinstance(received_ns, int) or received_ns > _LATEST_NS:  # a damaged database may give other types
-            failures[name] += 1
+            of_topic.failures += 1
             continue
         try:
             message = decode(content)
             elements = readers[name](message, getattr(message, "__msgtype__", connection.msgtype))
         except SerdeError:
-            failures[name] += 1
+            of_topic.failures += 1
             continue
         except WrongField as error:
             raise RecordingError(f"{name} ({connection.msgtype}): {error}") from None
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         stamp_ns = 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
         for element in elements:
-            rows[name].append([element.values[path] for path in wanted[name]])
-            parts[name].append(element.part)
-            times[name].append((received_ns, stamp_ns))
-    bag.notes += [f"{n} messages of {name} do not fit their type and are left out" for name, n in failures.items() if n]
-    unread |= {name: f"{name} is left out: none of its messages can be read" for name in rows if not rows[name]}
+            of_topic.values.append([element.values[path] for path in wanted[name]])
+            of_topic.parts.append(element.part)
+            of_topic.times_ns.append((received_ns, stamp_ns))
     samples: dict[str, Samples] = {}
-    for name in (topic for topic in rows if rows[topic]):
-        table = np.array(rows[name], dtype=np.float64).reshape(len(rows[name]), -1).T
-        received, stamps = np.array(times[name], dtype=np.int64).T
-        samples_of_topic = Samples(received, stamps, dict(zip(wanted[name], table, strict=True)))
-        samples |= _by_part(name, samples_of_topic, np.array(parts[name]))
-    return samples, [line for name, line in unread.items() if name not in {without_part(part) for part in samples}]
+    for name, of_topic in rows.items():
+        if of_topic.failures:
+            bag.notes.append(f"{of_topic.failures} messages of {name} do not fit their type and are left out")
+        if of_topic.values:
+            samples |= _by_part(name, of_topic.samples(wanted[name]), np.array(of_topic.parts))
+        else:
+            unread[name] = f"{name} is left out: none of its messages can be read"
+    names = {without_part(label) for label in samples}
+    return samples, [line for name, line in unread.items() if name not in names]
+
+
+@dataclass
+class _Rows:
+    """Numbers of one topic while its messages are read: a row for each message, or for each battery in it."""
+
+    values: list[list[float]] = field(default_factory=list)
+    parts: list[str] = field(default_factory=list)  # names of the batteries
+    times_ns: list[tuple[int, int]] = field(default_factory=list)  # of receipt, and of the header
+    failures: int = 0  # messages that cannot be read
+
+    def samples(self, paths: Collection[str]) -> Samples:
+        """The rows as samples, by the paths of their columns."""
+        columns = np.array(self.values, dtype=np.float64).reshape(len(self.values), -1).T  # (paths, n)
+        received_ns, stamp_ns = np.array(self.times_ns, dtype=np.int64).T
+        return Samples(received_ns, stamp_ns, dict(zip(paths, columns, strict=True)))
+
+
+def _key(connection: Connection) -> tuple[int, int]:
+    """What tells connections apart, also those of several files."""
+    return id(connection.owner), connection.id
+
+
+def _decoders(
+    bag: Bag, wanted: Collection[str], kinds: Mapping[str, str]
+) -> tuple[dict[tuple[int, int], Callable[[bytes], Any]], dict[str, str]]:
+    """Decoders of the connections of some topics, by `_key`, and why topics have none."""
+    decoders = {}
+    undefined = {}
+    for connection in bag.connections:
+        name = connection.topic
+        if name not in wanted:
+            continue
+        try:
+            decoders[_key(connection)] = decoder(connection, bag.ros1, kinds.get(name, ""))
+        except UnknownType as error:
+            undefined[name] = f"{name} is left out: {error}"
+    return decoders, undefined
 
 
 def restarts(stamp_ns: NDArray[np.int64]) -> int:
@@ -153,24 +185,25 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
 
     The header of the topics in `on_receipt` is not used.
     """
-    late_s = {
-        name: float(np.median(of_topic.received_ns - of_topic.stamp_ns)) * 1e-9
-        for name, of_topic in samples.items()
-        if (of_topic.stamp_ns > 0).all() and name not in on_receipt and not restarts(of_topic.stamp_ns)
-    }
-    median_s = float(np.median(list(late_s.values()))) if late_s else 0.0
-    stamped = {name for name, late in late_s.items() if abs(late - median_s) <= thresholds.CLOCKS_DIFFER_S}
-    times = {
-        name: of_topic.stamp_ns if name in stamped else of_topic.received_ns - int(median_s * 1e9)
-        for name, of_topic in samples.items()
-    }  # fmt: skip
-    start_ns = min(int(topic_ns.min()) for topic_ns in times.values())
+    restarted = {name for name in samples if name not in on_receipt and restarts(samples[name].stamp_ns)}
+    delays_s = {}  # of receipt, of topics whose stamps may be used
+    for name, of_topic in samples.items():
+        if (of_topic.stamp_ns > 0).all() and name not in on_receipt and name not in restarted:
+            delays_s[name] = float(np.median(of_topic.received_ns - of_topic.stamp_ns)) * 1e-9
+    delay_s = float(np.median(list(delays_s.values()))) if delays_s else 0.0
+    of_one_clock = {name for name in delays_s if abs(delays_s[name] - delay_s) <= thresholds.CLOCKS_DIFFER_S}
+    times_ns = {}
+    for name, of_topic in samples.items():
+        if name in of_one_clock:
+            times_ns[name] = of_topic.stamp_ns
+        else:
+            times_ns[name] = of_topic.received_ns - int(delay_s * 1e9)
+    start_ns = min(int(topic_ns.min()) for topic_ns in times_ns.values())
     notes = []
-    if others := sorted(set(samples) - stamped):
-        notes.append(f"{', '.join(others)}: placed by the time of receipt, as they have no stamp of the same clock")
-    by_stamp = [name for name in sorted(samples) if name not in on_receipt]
-    restarted = [name for name in by_stamp if restarts(samples[name].stamp_ns)]
+    by_receipt = sorted(samples.keys() - of_one_clock)
+    if by_receipt:
+        notes.append(f"{', '.join(by_receipt)}: placed by the time of receipt, as they have no stamp of the same clock")
     if restarted:
-        notes.append(f"stamps of {', '.join(restarted)} go back, as after a restart")
-    since = {name: np.asarray((topic_ns - start_ns) * 1e-9, dtype=np.float64) for name, topic_ns in times.items()}
-    return since, start_ns, notes
+        notes.append(f"stamps of {', '.join(sorted(restarted))} go back, as after a restart")
+    since_start_s = {name: np.asarray((topic_ns - start_ns) * 1e-9, np.float64) for name, topic_ns in times_ns.items()}
+    return since_start_s, start_ns, notes

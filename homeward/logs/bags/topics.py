@@ -71,10 +71,11 @@ class Topic:
     def fits(self, connection: Offer) -> bool:
         """Whether a topic matches."""
         name = connection.topic
-        wanted = fnmatchcase(name, without_part(self.pattern)) and not fnmatchcase(name, self.refused)
+        if not fnmatchcase(name, without_part(self.pattern)) or fnmatchcase(name, self.refused):
+            return False
         # A topic without a schema is of the type that an entry for it alone says.
-        unnamed = connection.msgtype == SCHEMALESS and "*" not in self.pattern
-        return wanted and (unnamed or self.kind in ("", connection.msgtype))
+        takes_its_type_from_here = connection.msgtype == SCHEMALESS and "*" not in self.pattern
+        return takes_its_type_from_here or self.kind in ("", connection.msgtype)
 
     def takes(self, part: str) -> bool:
         """Whether one of several batteries of a topic that fits is meant, by its name such as `/battery@left`."""
@@ -84,7 +85,8 @@ class Topic:
         """Paths of all numbers that are read from a message."""
         paths = [path for source in self.sources.values() for path, _ in source.terms]
         for name, path in self.vectors.items():
-            paths += [f"{path}.{axis}" for axis in ("xyzw" if name == ORIENTATION else "x")]
+            axes = "xyzw" if name == ORIENTATION else "x"
+            paths += [f"{path}.{axis}" for axis in axes]
             if self.kind == IMU:
                 paths.append(f"{path}_covariance[0]")  # -1 where the driver does not measure it
         return list(dict.fromkeys(paths))
@@ -147,14 +149,14 @@ def best_topics(connections: Sequence[Offer]) -> Topics:
 
 
 def _topic(where: str, entry: dict[str, Any]) -> Topic:
-    texts = {key: entry.get(key, "") for key in _KEYS}
-    if not texts["name"] or not all(isinstance(text, str) for text in texts.values()):
-        raise RecordingError(f"{where}: needs the name of a topic; {', '.join(_KEYS)} are text")
-    if texts["stamp"] not in ("", "header", "receive"):
-        raise RecordingError(f"{where}: stamp = {texts['stamp']!r} is not allowed; choose from header, receive")
-    if texts["several"] not in ("", "sum", "first"):
-        raise RecordingError(f"{where}: several = {texts['several']!r} is not allowed; choose from sum, first")
-    sources, vectors = {}, {}
+    """A topic by an entry of a mapping file; `where` it stands is for messages.
+
+    Raises:
+        RecordingError: The entry is invalid.
+    """
+    texts = _texts(where, entry)
+    sources = {}
+    vectors = {}
     for key, value in entry.items():
         if key in (ORIENTATION, ACCELERATION):
             if not isinstance(value, str):
@@ -167,11 +169,34 @@ def _topic(where: str, entry: dict[str, Any]) -> Topic:
                 f"{where}: {key} is not a channel; channels: {', '.join(list(CHANNELS)[1:])}, "
                 f"{ORIENTATION}, {ACCELERATION}"
             )
-    on_receipt = texts["stamp"] == "receive"
-    topic = Topic(texts["name"], texts["type"], texts["except"], on_receipt, sources, vectors, texts["several"])
+    topic = Topic(
+        pattern=texts["name"],
+        kind=texts["type"],
+        refused=texts["except"],
+        on_receipt=texts["stamp"] == "receive",
+        sources=sources,
+        vectors=vectors,
+        several=texts["several"],
+    )
     for path in topic.paths():
         try:
             getter(path.replace("[*]", "[0]"))
         except WrongField as error:
             raise RecordingError(f"{where}: {error}") from None
     return topic
+
+
+def _texts(where: str, entry: dict[str, Any]) -> dict[str, str]:
+    """The entries of a topic that are text, "" where one is missing.
+
+    Raises:
+        RecordingError: The name is missing, or an entry is no text or has a value that is not allowed.
+    """
+    texts = {key: entry.get(key, "") for key in _KEYS}
+    if not texts["name"] or not all(isinstance(text, str) for text in texts.values()):
+        raise RecordingError(f"{where}: needs the name of a topic; {', '.join(_KEYS)} are text")
+    if texts["stamp"] not in ("", "header", "receive"):
+        raise RecordingError(f"{where}: stamp = {texts['stamp']!r} is not allowed; choose from header, receive")
+    if texts["several"] not in ("", "sum", "first"):
+        raise RecordingError(f"{where}: several = {texts['several']!r} is not allowed; choose from sum, first")
+    return texts
