@@ -20,15 +20,16 @@ def correlation_windows(residual: Array, run: Index) -> float:
     """
     centred = residual - residual.mean()
     power = float(centred @ centred)
-    total, lag = 1.0, 1
-    while lag < min(len(centred) // 4, LONGEST_LAG) and power > 0.0:
-        together = run[lag:] == run[:-lag]
-        correlation = float(centred[lag:][together] @ centred[:-lag][together]) / power
+    if power <= 0.0:
+        return 1.0
+    time_windows = 1.0
+    for lag in range(1, min(len(centred) // 4, LONGEST_LAG)):
+        same_run = run[lag:] == run[:-lag]
+        correlation = float(centred[lag:][same_run] @ centred[:-lag][same_run]) / power
         if correlation < UNCORRELATED:
             break
-        total += 2.0 * correlation
-        lag += 1
-    return total
+        time_windows += 2.0 * correlation  # of the lag and of its negative
+    return time_windows
 
 
 def independent_windows(residual: Array, run: Index) -> float:
@@ -36,10 +37,10 @@ def independent_windows(residual: Array, run: Index) -> float:
     return max(len(residual) / correlation_windows(residual, run), 2.0)
 
 
-def innovations(residual: Array, run: Index, *others: Array) -> tuple[Index, list[Array]]:
+def innovations(residual: Array, run: Index, *causes: Array) -> tuple[Index, list[Array]]:
     """Windows after the first few of a run, and what those before do not predict of a residual, shape (windows,).
 
-    The residual is taken as autoregressive, one process in all runs. Others, (windows, ...), are filtered likewise.
+    The residual is taken as autoregressive, one process in all runs. Causes, (windows, ...), are filtered likewise.
 
     >>> steps = np.repeat([0.0, 1.0, 0.0, 1.0], 50) + np.random.default_rng(0).normal(0.0, 0.01, 200)
     >>> _, (left,) = innovations(steps, np.zeros(200))
@@ -53,7 +54,8 @@ def innovations(residual: Array, run: Index, *others: Array) -> tuple[Index, lis
         return np.stack([values[rows - lag] for lag in range(1, _PAST + 1)], axis=-1)
 
     weights = np.linalg.lstsq(past(residual), residual[rows], rcond=None)[0]
-    return rows, [np.asarray(series[rows] - past(series) @ weights) for series in (residual, *others)]
+    filtered = [np.asarray(series[rows] - past(series) @ weights) for series in (residual, *causes)]
+    return rows, filtered
 
 
 @dataclass(frozen=True)
@@ -72,28 +74,32 @@ def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)
 
     >>> rng = np.random.default_rng(0)
     >>> series = rng.normal(size=20000) + 50.0 * (np.arange(20000) // 1000 % 2)
-    >>> found = noise_of(series, np.zeros(20000, dtype=int), lags=(1, 2, 4))
-    >>> round(found.correlation), round(found.long_run)
+    >>> noise = noise_of(series, np.zeros(20000, dtype=int), lags=(1, 2, 4))
+    >>> round(noise.correlation), round(noise.long_run)
     (1, 1)
     """
-    fitted = Noise(1.0, _spread(residual, run, 1) / np.sqrt(2.0))
+    largest = Noise(correlation=1.0, long_run=_spread(residual, run, 1) / np.sqrt(2.0))
     for lag in lags:
-        short, long = _spread(residual, run, lag) ** 2, _spread(residual, run, 2 * lag) ** 2
-        if short <= 0.0 or long <= 0.0:
+        variance_of_steps = _spread(residual, run, lag) ** 2
+        variance_of_double_steps = _spread(residual, run, 2 * lag) ** 2
+        if variance_of_steps <= 0.0 or variance_of_double_steps <= 0.0:
             continue
-        phi = float(np.clip(long / short - 1.0, 0.0, MOST_CORRELATED)) ** (1.0 / lag)
-        variance = short / (2.0 * (1.0 - phi**lag))
+        ratio = variance_of_double_steps / variance_of_steps
+        phi = float(np.clip(ratio - 1.0, 0.0, MOST_CORRELATED)) ** (1.0 / lag)
+        variance = variance_of_steps / (2.0 * (1.0 - phi**lag))
         correlation = (1.0 + phi) / (1.0 - phi)
-        if variance * correlation > fitted.long_run**2:
-            fitted = Noise(correlation, float(np.sqrt(variance * correlation)))
-    return fitted
+        if variance * correlation > largest.long_run**2:
+            largest = Noise(correlation, long_run=float(np.sqrt(variance * correlation)))
+    return largest
 
 
 def _spread(values: Array, run: Index, lag: int) -> float:
     """Standard deviation of increments over a lag within runs, from their median size."""
     same_run = run[lag:] == run[:-lag]
-    steps = np.abs(values[lag:] - values[:-lag])[same_run]
-    return 1.4826 * float(np.median(steps)) if len(steps) else 0.0  # of normal noise, 1 / ndtri(0.75)
+    sizes = np.abs(values[lag:] - values[:-lag])[same_run]
+    if not len(sizes):
+        return 0.0
+    return 1.4826 * float(np.median(sizes))  # of normal noise, 1 / ndtri(0.75)
 
 
 def shifted_in_time(columns: Array, rng: np.random.Generator) -> Array:

@@ -35,8 +35,10 @@ class Channel:
 
 
 _SPEED = ("km/h", 1 / 3.6), ("mm/s", 1e-3)
-_DEGREES, _PER_CENT = ("degrees", 0.017453292519943295), ("per cent", 1e-2)
-_MM, _MA = (("millimetres", 1e-3),), (("milliamperes", 1e-3),)
+_DEGREES = ("degrees", 0.017453292519943295)
+_PER_CENT = ("per cent", 1e-2)
+_MM = (("millimetres", 1e-3),)
+_MA = (("milliamperes", 1e-3),)
 _SMALLER_S = ("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)
 
 _SLOPES = -shared.STEEPEST_RAD, shared.STEEPEST_RAD
@@ -86,5 +88,6 @@ def lacking(present: Collection[str]) -> str | None:
     """The missing channels of motion or power, such as "motion channel (speed_mps or ...)", or None."""
     for what, sets in (("motion", MOTION), ("power", POWER)):
         if not first_set(sets, present):
-            return f"{what} channel ({' or '.join(' + '.join(names) for names in sets)})"
+            alternatives = [" + ".join(names) for names in sets]
+            return f"{what} channel ({' or '.join(alternatives)})"
     return None

@@ -26,6 +26,8 @@ _UNITS: Mapping[tuple[str, str], Mapping[float, str]] = MappingProxyType({
 """Units of the first of two, by the ratio to the second."""
 _INTEGRATED = "speed_mps", WHEELS, "yaw_rate_radps"
 """What gives an amount over time."""
+_MEASURED_AS_A_WHOLE = "distance_m", "heading_rad"
+"""What is an amount itself."""
 _CHANNELS = {WHEELS: ("wheel_left_mps", "wheel_right_mps"), PRODUCT: ("voltage_v", "current_a")}
 
 
@@ -60,19 +62,16 @@ class Twice(NamedTuple):
     @property
     def unit(self) -> tuple[float, str] | None:
         """Factor and name of the unit that explains the ratio; None where none does."""
-        near = (
-            (factor, unit)
-            for factor, unit in _UNITS[self.what, self.reference].items()
-            if abs(np.log(self.ratio / factor)) < thresholds.UNIT_LOG_RATIO
-        )
-        return next(near, None)
+        for factor, unit in _UNITS[self.what, self.reference].items():
+            if abs(np.log(self.ratio / factor)) < thresholds.UNIT_LOG_RATIO:
+                return factor, unit
+        return None
 
     @property
     def is_long_enough(self) -> bool:
         """Whether two ways are long enough to be compared; other amounts always are."""
-        return (
-            self.what not in ("speed_mps", WHEELS) or min(self.amount, self.by_reference) > thresholds.LEAST_ODOMETER_M
-        )
+        is_way = self.what in ("speed_mps", WHEELS)
+        return not is_way or min(self.amount, self.by_reference) > thresholds.LEAST_ODOMETER_M
 
     @property
     def agree(self) -> bool:
@@ -86,30 +85,48 @@ def measured_twice(channels: Mapping[str, Array]) -> list[Twice]:
     Args:
         channels: Channels in SI units with `time_s`, shape (n,) each.
     """
-    time_s, checked = channels["time_s"], dict(channels)
-    if "wheel_left_mps" in checked and "wheel_right_mps" in checked:
-        checked[WHEELS] = (checked["wheel_left_mps"] + checked["wheel_right_mps"]) / 2.0
-    amounts = {
-        name: _over_time(time_s, checked[name]) for name in ("speed_mps", WHEELS, "yaw_rate_radps") if name in checked
-    }
-    if "distance_m" in checked:
-        amounts["distance_m"] = _travel(checked["distance_m"])
-    if "heading_rad" in checked:
-        amounts["heading_rad"] = _travel(np.unwrap(checked["heading_rad"][np.isfinite(checked["heading_rad"])]))
-    product = drawn_w({name: _everywhere(time_s, checked[name]) for name in _CHANNELS[PRODUCT] if name in checked})
-    if "power_w" in checked and product is not None:
-        amounts |= {"power_w": _mean_size(checked["power_w"]), PRODUCT: _mean_size(product)}
-    return [
-        Twice(
-            what,
-            reference,
-            amounts[what],
-            amounts[reference],
-            {what, reference} & {"distance_m", "heading_rad"} != set(),
+    amounts = _ways_and_angles(channels) | _powers(channels)
+    pairs = []
+    for what, reference in _UNITS:
+        if amounts.get(what, 0.0) <= 0.0 or amounts.get(reference, 0.0) <= 0.0:
+            continue
+        # A rate over time depends on the unit of the time, what is measured as a whole does not.
+        is_whole = what in _MEASURED_AS_A_WHOLE or reference in _MEASURED_AS_A_WHOLE
+        pairs.append(
+            Twice(
+                what=what,
+                reference=reference,
+                amount=amounts[what],
+                by_reference=amounts[reference],
+                power_of_time=1 if is_whole else 0,
+            )
         )
-        for what, reference in _UNITS
-        if amounts.get(what, 0.0) > 0.0 and amounts.get(reference, 0.0) > 0.0
-    ]
+    return pairs
+
+
+def _ways_and_angles(channels: Mapping[str, Array]) -> dict[str, float]:
+    """Ways in m and angles turned in rad, by the channel or `WHEELS` that gives them."""
+    time_s = channels["time_s"]
+    rates = {name: channels[name] for name in ("speed_mps", "yaw_rate_radps") if name in channels}
+    if "wheel_left_mps" in channels and "wheel_right_mps" in channels:
+        rates[WHEELS] = (channels["wheel_left_mps"] + channels["wheel_right_mps"]) / 2.0
+    amounts = {name: _over_time(time_s, rate) for name, rate in rates.items()}
+    if "distance_m" in channels:
+        amounts["distance_m"] = _travel(channels["distance_m"])
+    if "heading_rad" in channels:
+        heading_rad = channels["heading_rad"]
+        amounts["heading_rad"] = _travel(np.unwrap(heading_rad[np.isfinite(heading_rad)]))
+    return amounts
+
+
+def _powers(channels: Mapping[str, Array]) -> dict[str, float]:
+    """Mean sizes of the power as recorded and as voltage times current, W; {} where they are not both there."""
+    time_s = channels["time_s"]
+    factors = {name: _everywhere(time_s, channels[name]) for name in _CHANNELS[PRODUCT] if name in channels}
+    product_w = drawn_w(factors)
+    if "power_w" not in channels or product_w is None:
+        return {}
+    return {"power_w": _mean_size(channels["power_w"]), PRODUCT: _mean_size(product_w)}
 
 
 def refuse_contradictions(channels: Mapping[str, Array]) -> list[str]:

@@ -52,12 +52,16 @@ def turned_slopes(
         causes = causes[:, :2]  # at one speed
     if np.linalg.matrix_rank(causes) < causes.shape[1] or len(causes) < thresholds.FEWEST_CLIMBS:
         return None
-    sizes = np.linalg.lstsq(causes, power_w, rcond=None)[0]
-    left = power_w - causes @ sizes
-    variance = float(left @ left) / (len(left) - causes.shape[1]) * correlation_windows(left, run)
+    coefficients = np.linalg.lstsq(causes, power_w, rcond=None)[0]
+    force_n = float(coefficients[0])  # along the slope: power for each m/s of climbing
+    residual_w = power_w - causes @ coefficients
+    # Windows that depend on those before count for less: the variance grows by their autocorrelation time.
+    degrees_of_freedom = len(residual_w) - causes.shape[1]
+    variance = float(residual_w @ residual_w) / degrees_of_freedom * correlation_windows(residual_w, run)
     error_n = float(np.sqrt(variance * np.linalg.inv(causes.T @ causes)[0, 0]))
-    force_n = float(sizes[0])
-    if force_n > -thresholds.SHARE_OF_WEIGHT * weight_n or force_n > -thresholds.CLEAR_CLIMB * error_n:
+    is_small = force_n > -thresholds.SHARE_OF_WEIGHT * weight_n
+    is_unclear = force_n > -thresholds.CLEAR_CLIMB * error_n
+    if is_small or is_unclear:
         return None
     return (
         f"climbs draw less than level ground, taken all together ({force_n:.3g} N along the slope, where the weight "
@@ -100,14 +104,16 @@ def _in_fahrenheit(channels: Mapping[str, Array]) -> str | None:
 
 
 def _used_for_left(channels: Mapping[str, Array]) -> str | None:
-    soc, power_w = _known(channels, "soc"), drawn_w(channels)
-    if len(soc) < 2 or power_w is None or not np.isfinite(power_w).any() or np.nanmean(power_w) <= 0.0:
+    soc = _known(channels, "soc")
+    power_w = drawn_w(channels)
+    if len(soc) < 2 or power_w is None or not np.isfinite(power_w).any():
         return None
+    mean_w = float(np.nanmean(power_w))
     steps = np.diff(soc)
-    mostly_up = (steps > 0.0).sum() > (steps < 0.0).sum()
-    if soc[-1] - soc[0] <= thresholds.SOC_RISE or not mostly_up:
+    rises_mostly = (steps > 0.0).sum() > (steps < 0.0).sum()
+    if mean_w <= 0.0 or soc[-1] - soc[0] <= thresholds.SOC_RISE or not rises_mostly:
         return None
-    energy_j = float(np.nanmean(power_w)) * float(np.ptp(channels["time_s"]))
+    energy_j = mean_w * float(np.ptp(channels["time_s"]))
     return (
         f"soc rises from {soc[0]:.3g} to {soc[-1]:.3g} while {energy_j / 1e3:.3g} kJ are drawn: is it the charge used? "
         "(a negative factor, and offset = 1, in a mapping file)"
@@ -116,7 +122,8 @@ def _used_for_left(channels: Mapping[str, Array]) -> str | None:
 
 def _counter(name: str, channels: Mapping[str, Array]) -> str | None:
     steps = np.diff(_known(channels, name))
-    rises, falls = int((steps > 0.0).sum()), int((steps < 0.0).sum())
+    rises = int((steps > 0.0).sum())
+    falls = int((steps < 0.0).sum())
     if min(rises, falls) > 0 or max(rises, falls) < thresholds.COUNTS:
         return None
     how = f"rises {rises} times and never falls" if rises else f"falls {falls} times and never rises"

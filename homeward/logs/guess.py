@@ -70,9 +70,10 @@ class Guess:
 
 def _toml_number(value: float) -> str:
     text = f"{value:.12g}"
-    return text if any(mark in text for mark in ".e") else f"{text}.0"
+    is_float = "." in text or "e" in text
+    return text if is_float else f"{text}.0"
 
 
 def one_line(text: str) -> str:
     """A text that ends no comment of a mapping file."""
-    return "".join(c if c.isprintable() else "?" for c in text)
+    return "".join(character if character.isprintable() else "?" for character in text)

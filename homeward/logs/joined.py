@@ -23,18 +23,19 @@ def tables_of_run(path: Path) -> list[Path]:
     names = str(path).split(BETWEEN)
     # A plus may stand in the name of a folder, too.
     are_tables = all(name.lower().endswith((*SUFFIXES, ".parquet")) for name in names)
-    return [path] if path.exists() or not are_tables else [Path(name) for name in names]
+    if path.exists() or not are_tables:
+        return [path]
+    return [Path(name) for name in names]
 
 
 def mapping_of_table(mapping: Columns | None, header: Sequence[str]) -> Columns | None:
     """The part of a mapping for all tables of a run that one of them has."""
     if mapping is None or mapping.header:
         return mapping
-    sources = {
-        channel: source
-        for channel, source in mapping.sources.items()
-        if {name for name, _ in source.terms} <= {*header}
-    }
+    sources = {}
+    for channel, source in mapping.sources.items():
+        if all(name in header for name, _ in source.terms):
+            sources[channel] = source
     return replace(mapping, sources=sources)
 
 
@@ -50,44 +51,55 @@ def join(tables: Sequence[tuple[str, pd.DataFrame]]) -> tuple[pd.DataFrame, list
     Raises:
         RecordingError: Two have the same channel, or were not recorded at the same time.
     """
-    (first_name, first), *others = tables
-    table_of = {channel: first_name for channel in first if channel != "time_s"}  # name of the table, by channel
-    joined = [first]
-    parts = [_said(first_name, first)]
+    reference_name, reference = tables[0]
+    name_of_table = dict.fromkeys(_channels(reference), reference_name)  # by channel
+    joined = [reference]
+    sources = [_source(reference_name, reference)]
     clocks = []
-    for name, table in others:
-        for channel in (channel for channel in table if channel != "time_s"):
-            if channel in table_of:
-                raise RecordingError(f"{channel} is in {table_of[channel]} and in {name}; name one in a mapping file")
-            table_of[channel] = name
-        late_s, how = _late_s(first_name, first["time_s"], name, table["time_s"])
+    for name, table in tables[1:]:
+        for channel in _channels(table):
+            if channel in name_of_table:
+                earlier = name_of_table[channel]
+                raise RecordingError(f"{channel} is in {earlier} and in {name}; name one in a mapping file")
+            name_of_table[channel] = name
+        ahead_s, how = _ahead_s(reference_name, reference["time_s"], name, table["time_s"])
         clocks.append(how)
-        joined.append(table.assign(time_s=table["time_s"] - late_s))
-        parts.append(_said(name, table))
+        joined.append(table.assign(time_s=table["time_s"] - ahead_s))
+        sources.append(_source(name, table))
     rows = pd.concat(joined).groupby("time_s", as_index=False).first()
-    return rows, [f"tables of one run are joined: {'; '.join(parts)}", *clocks]
+    return rows, [f"tables of one run are joined: {'; '.join(sources)}", *clocks]
 
 
-def _said(name: str, table: pd.DataFrame) -> str:
-    return f"{', '.join(str(channel) for channel in table if channel != 'time_s')} from {name}"
+def _channels(table: pd.DataFrame) -> list[str]:
+    """Channels of a table beside its time."""
+    return [str(channel) for channel in table if channel != "time_s"]
 
 
-def _late_s(first_name: str, first_s: pd.Series[float], name: str, other_s: pd.Series[float]) -> tuple[float, str]:
-    """Time by which the clock of another table is ahead of that of the first, s, and a line on how it is known."""
-    start_s, other_start_s = float(first_s.iloc[0]), float(other_s.iloc[0])
-    overlap_s = min(float(first_s.iloc[-1]), float(other_s.iloc[-1])) - max(start_s, other_start_s)
+def _source(name: str, table: pd.DataFrame) -> str:
+    return f"{', '.join(_channels(table))} from {name}"
+
+
+def _ahead_s(
+    reference_name: str, reference_s: pd.Series[float], name: str, time_s: pd.Series[float]
+) -> tuple[float, str]:
+    """Time by which the clock of a table is ahead of that of the reference, s, and a line on how it is known."""
+    reference_start_s = float(reference_s.iloc[0])
+    start_s = float(time_s.iloc[0])
+    end_of_both_s = min(float(reference_s.iloc[-1]), float(time_s.iloc[-1]))
+    overlap_s = end_of_both_s - max(reference_start_s, start_s)
     if overlap_s > 0.0:
-        return 0.0, f"times of {first_name} and {name} overlap by {overlap_s:.4g} s: assumed to be of one clock"
-    if is_epoch(start_s) and is_epoch(other_start_s):
+        return 0.0, f"times of {reference_name} and {name} overlap by {overlap_s:.4g} s: assumed to be of one clock"
+    ahead_s = start_s - reference_start_s
+    if is_epoch(reference_start_s) and is_epoch(start_s):
         raise RecordingError(
-            f"{first_name} and {name} were not recorded at the same time: {abs(other_start_s - start_s):.6g} s lie "
+            f"{reference_name} and {name} were not recorded at the same time: {abs(ahead_s):.6g} s lie "
             "between their starts"
         )
-    durations_s = np.array([np.ptp(first_s), np.ptp(other_s)])
+    durations_s = np.array([np.ptp(reference_s), np.ptp(time_s)])
     if durations_s.min() < thresholds.TOGETHER_SHARE * durations_s.max():
         raise RecordingError(
-            f"{first_name} lasts {durations_s[0]:.4g} s and {name} {durations_s[1]:.4g} s, on different clocks: "
+            f"{reference_name} lasts {durations_s[0]:.4g} s and {name} {durations_s[1]:.4g} s, on different clocks: "
             "give both times of one clock"
         )
-    how = f"the clock of {name} is another: it is taken to start together with {first_name}"
-    return other_start_s - start_s, how
+    how = f"the clock of {name} is another: it is taken to start together with {reference_name}"
+    return ahead_s, how

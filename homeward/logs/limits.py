@@ -18,9 +18,10 @@ MOST_CELLS = 10_000_000
 LONGEST_CELL = 1000
 """Most characters of a number or time. Chosen: they have some tens, and this bounds memory."""
 
-MOST_UNPACKED_TIMES, LEAST_UNPACKED_BYTES = 100, 2**26
-"""Times its own size to which a bag may unpack, and bytes to which any may. Chosen: recordings unpack to 2 to 20 times
-their size, and a chunk of a bag has about a MB, or one large image."""
+MOST_UNPACKED_TIMES = 100
+"""Times its own size to which a bag may unpack. Chosen: recordings unpack to 2 to 20 times their size."""
+LEAST_UNPACKED_BYTES = 2**26
+"""Bytes to which any bag may unpack. Chosen: a chunk of a bag has about a MB, or one large image."""
 MOST_CHUNK_BYTES = 2**28
 """Most bytes of a chunk of a bag, unpacked. Chosen: the largest image or point cloud has some tens of MB."""
 MOST_TOPICS = 5000
@@ -66,7 +67,7 @@ class Allowance:
 
     def __init__(self, packed_bytes: int) -> None:
         self._most = max(LEAST_UNPACKED_BYTES, MOST_UNPACKED_TIMES * packed_bytes)
-        self._left = self._most
+        self._left_bytes = self._most
         self._packed = packed_bytes
 
     def take(self, count: int) -> None:
@@ -75,8 +76,8 @@ class Allowance:
         Raises:
             TooLarge: They are more than are left.
         """
-        self._left -= count
-        if self._left < 0:
+        self._left_bytes -= count
+        if self._left_bytes < 0:
             raise TooLarge(
                 f"has {self._packed / 1e6:.3g} MB and unpacks to more than {self._most / 1e6:.3g} MB, "
                 "which no recording does; record or copy it again"

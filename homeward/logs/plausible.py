@@ -33,10 +33,10 @@ def leave_out_spikes(channels: Mapping[str, Array]) -> list[str]:
         if len(known_places) <= thresholds.SPIKE_SAMPLES:
             continue
         usual = median_filter(values[known_places], thresholds.SPIKE_SAMPLES, mode="nearest")
-        most = per_s * max(half_s, thresholds.SPIKE_S)
-        spikes = known_places[np.abs(values[known_places] - usual) > most]
-        off = f"are more than {most:.3g} {CHANNELS[name].unit} off those beside them"
-        notes += _left_out(name, values, spikes, off)
+        largest_change = per_s * max(half_s, thresholds.SPIKE_S)
+        spikes = known_places[np.abs(values[known_places] - usual) > largest_change]
+        why = f"are more than {largest_change:.3g} {CHANNELS[name].unit} off those beside them"
+        notes += _left_out(name, values, spikes, why)
     return notes
 
 
@@ -47,17 +47,20 @@ def within_top_speed(recording: Recording, max_speed_mps: float) -> Recording:
         recording: The recording.
         max_speed_mps: Top speed of its robot, m/s.
     """
-    channels, notes = dict(recording.channels), []
-    most_mps = thresholds.FASTER_THAN_TOP * max_speed_mps
-    for name in (name for names in MOTION for name in names if name in channels):
+    channels = dict(recording.channels)
+    notes = []
+    fastest_mps = thresholds.FASTER_THAN_TOP * max_speed_mps
+    why = f"exceed {fastest_mps:.3g} m/s, which the robot does not"
+    measured = [name for names in MOTION for name in names if name in channels]
+    for name in measured:
         values = channels[name].copy()
-        fast: Mask = np.abs(np.nan_to_num(values)) > most_mps
-        if 0 < fast.sum() <= thresholds.STRAY_SHARE * len(values):  # more are another robot, or another unit
-            notes += _left_out(
-                name, values, np.flatnonzero(fast), f"exceed {most_mps:.3g} m/s, which the robot does not"
-            )
+        is_too_fast: Mask = np.abs(np.nan_to_num(values)) > fastest_mps
+        if 0 < is_too_fast.sum() <= thresholds.STRAY_SHARE * len(values):  # more are another robot, or another unit
+            notes += _left_out(name, values, np.flatnonzero(is_too_fast), why)
             channels[name] = values
-    return replace(recording, channels=channels, notes=(*recording.notes, *notes)) if notes else recording
+    if not notes:
+        return recording
+    return replace(recording, channels=channels, notes=(*recording.notes, *notes))
 
 
 def _left_out(name: str, values: Array, places: Index, why: str) -> list[str]:

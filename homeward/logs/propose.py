@@ -19,6 +19,8 @@ from homeward.logs.times import from_text
 from homeward.logs.trial import tried_on_physics
 from homeward.remedies import why_no_recording
 
+_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
+"""What stands in brackets in a name of a column, mostly its unit."""
 _ROWS = 5000  # that are read; chosen: enough to see units and signs, in a moment
 
 _NAMES: dict[str, tuple[str, str]] = {
@@ -103,8 +105,10 @@ class Proposal:
     def toml(self) -> str:
         """The mapping file."""
         head = f"# Proposed for {one_line(self.path.name)}: check each line, above all signs and guesses."
-        rest = [f"# Not used: {one_line(', '.join(self.left_over))}"] if self.left_over else []
-        return "\n".join([head, "", "[columns]", *(guess.entry() for guess in self.guesses), *rest]) + "\n"
+        lines = [head, "", "[columns]", *(guess.entry() for guess in self.guesses)]
+        if self.left_over:
+            lines.append(f"# Not used: {one_line(', '.join(self.left_over))}")
+        return "\n".join(lines) + "\n"
 
 
 def propose(path: str | Path) -> Proposal:
@@ -119,27 +123,31 @@ def propose(path: str | Path) -> Proposal:
     path = Path(path)
     try:
         header, table, notes, units = _beginning(path)
+        offered = _by_program(header, table)
+        if not offered:
+            for name in header:
+                offered += _guesses(name, table[name], units.get(name, ""))
+            offered += _by_unit(header, table, units, offered)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
-    try:
-        offered = _by_program(header, table)
-        if not offered:
-            offered = [guess for name in header for guess in _guesses(name, table[name], units.get(name, ""))]
-            offered += _by_unit(header, table, units, offered)
-    except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from None
-    offered = _dated(offered, table)
-    chosen: dict[str, Guess] = {}
-    offered = [_less_sure(guess) for guess in offered]
+    offered = [_less_sure(guess) for guess in _dated(offered, table)]
+    proposed = tried_on_physics(_surest(offered), table)
+    used = {name for guess in proposed.values() for name in (guess.column, guess.and_column)}
+    left_over = {name: _why_left_over(name, offered, proposed, table[name]) for name in header if name not in used}
+    return Proposal(path, tuple(proposed[name] for name in CHANNELS if name in proposed), left_over, notes)
+
+
+def _surest(offered: Sequence[Guess]) -> dict[str, Guess]:
+    """The surest guess for each channel; a column is used once."""
+    guesses: dict[str, Guess] = {}
+    used = set()
     for guess in sorted(offered, key=_rank):
-        if guess.channel not in chosen and guess.column not in {other.column for other in chosen.values()}:
-            chosen[guess.channel] = guess
-    chosen = tried_on_physics(chosen, table)
-    used = {name for guess in chosen.values() for name in (guess.column, guess.and_column)}
-    left = {name: _why_left(name, offered, chosen, table[name]) for name in header if name not in used}
-    return Proposal(path, tuple(chosen[name] for name in CHANNELS if name in chosen), left, notes)
+        if guess.channel not in guesses and guess.column not in used:
+            guesses[guess.channel] = guess
+            used.add(guess.column)
+    return guesses
 
 
 def propose_each(paths: Sequence[Path]) -> list[Proposal]:
@@ -151,26 +159,25 @@ def propose_each(paths: Sequence[Path]) -> list[Proposal]:
         RecordingError: As of `propose`.
     """
     proposals = [propose(path) for path in paths]
-    best: dict[str, tuple[tuple[int, int, int], Path, str]] = {}
+    surest: dict[str, tuple[Guess, Path]] = {}  # guess and its table, by channel
     for proposal in proposals:
         for guess in proposal.guesses:
-            rank = _rank(guess)
-            if guess.channel not in best or rank < best[guess.channel][0]:
-                best[guess.channel] = rank, proposal.path, guess.column
-    return [_without_others(proposal, best) for proposal in proposals]
+            if guess.channel not in surest or _rank(guess) < _rank(surest[guess.channel][0]):
+                surest[guess.channel] = guess, proposal.path
+    return [_without_other_tables(proposal, surest) for proposal in proposals]
 
 
-def _without_others(proposal: Proposal, best: Mapping[str, tuple[tuple[int, int, int], Path, str]]) -> Proposal:
+def _without_other_tables(proposal: Proposal, surest: Mapping[str, tuple[Guess, Path]]) -> Proposal:
     """The proposal for one of several tables without the channels that another has; all have a time."""
     left_over = dict(proposal.left_over)
-    kept = []
+    guesses = []
     for guess in proposal.guesses:
-        _, path, column = best[guess.channel]
+        used, path = surest[guess.channel]
         if guess.channel == "time_s" or path == proposal.path:
-            kept.append(guess)
+            guesses.append(guess)
         else:
-            left_over[guess.column] = f" (could be {guess.channel}, for which {column} of {path.name} is used)"
-    return replace(proposal, guesses=tuple(kept), left_over=left_over)
+            left_over[guess.column] = f" (could be {guess.channel}, for which {used.column} of {path.name} is used)"
+    return replace(proposal, guesses=tuple(guesses), left_over=left_over)
 
 
 def _dated(offered: list[Guess], table: pd.DataFrame) -> list[Guess]:
@@ -192,8 +199,8 @@ def _of_few_days(column: pd.Series[Any]) -> bool:
 def _rank(guess: Guess) -> tuple[int, int, int]:
     """The order of guesses: the surest first, then the name that is most like the channel's and has least beside it."""
     words, _ = _words(guess.column)
-    whole = next(iter(guess.channel.rsplit("_", 1)))
-    return guess.sure, whole not in words, len(words)
+    channel_without_unit = guess.channel.rsplit("_", 1)[0]
+    return guess.sure, int(channel_without_unit not in words), len(words)
 
 
 def _less_sure(guess: Guess) -> Guess:
@@ -202,9 +209,10 @@ def _less_sure(guess: Guess) -> Guess:
         return guess
     words, _ = _words(guess.column)
     if words & _AVERAGED:
-        return replace(guess, sure=2, why=f"{guess.why}; an average")
-    if re.search(r"[a-z]\d+([^a-z\d]|$)", re.sub(r"[\[(<].*", "", guess.column.lower())):
-        return replace(guess, sure=2, why=f"{guess.why}; one of several by its number")
+        return replace(guess, sure=LEAST_SURE, why=f"{guess.why}; an average")
+    name = re.sub(r"[\[(<].*", "", guess.column.lower())  # without its unit
+    if re.search(r"[a-z]\d+([^a-z\d]|$)", name):
+        return replace(guess, sure=LEAST_SURE, why=f"{guess.why}; one of several by its number")
     return guess
 
 
@@ -220,16 +228,15 @@ def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], di
         return names, table, (), {}
     if not path.name.lower().endswith(tables.SUFFIXES):
         kinds = ", ".join(tables.SUFFIXES)
-        if remedy := why_no_recording(path):
-            raise RecordingError(remedy)
-        raise RecordingError(f"is not a table; give a {kinds} or .parquet file (a bag has topics, not columns)")
+        no_table = f"is not a table; give a {kinds} or .parquet file (a bag has topics, not columns)"
+        raise RecordingError(why_no_recording(path) or no_table)
     text = tables.sniff(path)
     names = list(dict.fromkeys(name for name in text.header if name))
     if not names:
         raise RecordingError("has no names of columns in its first line")
-    pieces = text.pieces(names)
+    beginning = next(text.pieces(names), pd.DataFrame(columns=names)).iloc[:_ROWS]
     units = dict(zip(text.header, text.units, strict=False))
-    return names, next(pieces, pd.DataFrame(columns=names)).iloc[:_ROWS], text.notes, units
+    return names, beginning, text.notes, units
 
 
 def _by_program(header: list[str], table: pd.DataFrame) -> list[Guess]:
@@ -237,132 +244,172 @@ def _by_program(header: list[str], table: pd.DataFrame) -> list[Guess]:
     mapping = known_columns(header)
     if mapping is None:
         return []
-    return [
-        Guess(column, channel, factor, source.offset, 0, f"the mapping {mapping.name} that ships")
-        for channel, source in mapping.sources.items()
-        for column, factor in source.terms
-        if channel not in mapping.unknown_if_zero or table[column].any()
-    ]
+    why = f"the mapping {mapping.name} that ships"
+    guesses = []
+    for channel, source in mapping.sources.items():
+        for column, factor in source.terms:
+            if channel not in mapping.unknown_if_zero or table[column].any():
+                guesses.append(Guess(column, channel, factor, source.offset, sure=0, why=why))
+    return guesses
 
 
 def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
     """The channels that a column may be, by its name."""
-    words, unit_words = _words(f"{name} [{unit}]" if unit else name)
+    name_and_unit = f"{name} [{unit}]" if unit else name
+    words, unit_words = _words(name_and_unit)
     dated = from_text(column)
-    values = (numeric(column) if dated is None else dated[0]).to_numpy(np.float64, na_value=np.nan)
+    numbers = numeric(column) if dated is None else dated[0]
+    values = numbers.to_numpy(np.float64, na_value=np.nan)
     if not np.isfinite(values).any():
         return []
-    by_letter = None if dated is not None else _by_letter(name, values, unit)
+    if dated is not None and name not in _NAMES:
+        _, taken_for = dated
+        is_time = _names_channel(words, "time_s")
+        return [Guess(name, "time_s", factor=1.0, offset=0.0, sure=0, why=taken_for)] if is_time else []
+    by_letter = _by_letter(name, name_and_unit, values)
     if by_letter is not None:
         return [by_letter]
-    guesses = []
+    guesses: list[Guess | None] = []
     if name == "curR":  # beside curL; in other cases it is short for current
-        guesses += _in_unit_or_none(name, "motor_right_a", values, unit_words)
-    for channel, (groups, against) in _NAMES.items():
+        guesses.append(_in_unit(name, "motor_right_a", values, unit_words))
+    for channel in _NAMES:
         if name == channel:
-            guesses.append(_signed(Guess(name, channel, 1.0, 0.0, 0, "it has the channel's name"), values))
-        elif (words & _COUNTED and channel not in _COUNTERS) or (words & _NOT_MEASURED and channel != "time_s"):
-            continue
-        elif any(set(group.split("+")) <= words for group in groups.split()) and not words & set(against.split()):
-            if dated is None:
-                of_channel = _in_unit_or_none(name, channel, values, unit_words)
-                guesses += [_left_of(guess, words) if channel == "soc" else guess for guess in of_channel]
-            elif channel == "time_s":
-                guesses.append(Guess(name, channel, 1.0, 0.0, 0, dated[1]))
-    return guesses
+            exact = Guess(name, channel, factor=1.0, offset=0.0, sure=0, why="it has the channel's name")
+            guesses.append(_signed(exact, values))
+        elif _names_channel(words, channel):
+            guess = _in_unit(name, channel, values, unit_words)
+            if guess is not None and channel == "soc" and words & _USED:
+                guess = _turned(guess)
+            guesses.append(guess)
+    return [guess for guess in guesses if guess is not None]
 
 
-def _left_of(guess: Guess, words: set[str]) -> Guess:
-    """The guess for a state of charge, turned where its name is that of the charge used."""
-    if not words & _USED:
-        return guess
+def _names_channel(words: set[str], channel: str) -> bool:
+    """Whether the words of a column's name are those of a channel, and not of a counter or a limit of it."""
+    if words & _COUNTED and channel not in _COUNTERS:
+        return False
+    if words & _NOT_MEASURED and channel != "time_s":
+        return False
+    groups, excluding = _NAMES[channel]
+    if words & set(excluding.split()):
+        return False
+    return any(set(group.split("+")) <= words for group in groups.split())
+
+
+def _turned(guess: Guess) -> Guess:
+    """The guess for a state of charge whose column is the charge used."""
     return replace(guess, factor=-guess.factor, offset=1.0, sure=LEAST_SURE, why=f"{guess.why}; 1 minus what is used")
 
 
-def _in_unit_or_none(name: str, channel: str, values: Array, unit_words: list[str]) -> list[Guess]:
-    guess = _in_unit(name, channel, values, unit_words)
-    return [] if guess is None else [guess]
-
-
-def _by_letter(name: str, values: Array, unit: str) -> Guess | None:
+def _by_letter(name: str, name_and_unit: str, values: Array) -> Guess | None:
     """The guess for a name that is a letter of formulas and a unit, such as "I mA" or "U [V]"."""
-    parts = re.fullmatch(r"\s*([a-z])[\s_.\[(<]+([a-z]+)\s*[\])>]?\s*", f"{name} [{unit}]" if unit else name, re.I)
-    channel = _LETTERS.get(parts[1].lower()) if parts else None
-    if parts is None or channel is None:
+    parts = re.fullmatch(r"\s*([a-z])[\s_.\[(<]+([a-z]+)\s*[\])>]?\s*", name_and_unit, re.IGNORECASE)
+    if parts is None:
         return None
-    factor = UNITS[CHANNELS[channel].unit].get(parts[2].lower())
+    letter, unit = parts.groups()
+    channel = _LETTERS.get(letter.lower())
+    if channel is None:
+        return None
+    factor = UNITS[CHANNELS[channel].unit].get(unit.lower())
     if factor is None or not _possible(channel, values * factor):
         return None
-    return _signed(Guess(name, channel, factor, 0.0, 2, f"a letter and {parts[2]}"), values)
+    guess = Guess(name, channel, factor, offset=0.0, sure=LEAST_SURE, why=f"a letter and {unit}")
+    return _signed(guess, values)
 
 
 def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offered: list[Guess]) -> list[Guess]:
     """Guesses by the unit alone, for channels and columns of which nothing else says anything."""
     explained = {guess.channel for guess in offered} | {guess.column for guess in offered}
+    unit_of = {name: units.get(name) or _bracket(name) for name in header if name not in explained}
     guesses = []
-    for channel, of_channel in _BY_UNIT.items():
-        columns = {name: units.get(name) or _bracket(name) for name in header if name not in explained}
-        having = [name for name, unit in columns.items() if unit in of_channel and not _words(name)[0] & _OF_OTHERS]
-        if channel in explained or len(having) != 1:
+    for channel, units_of_channel in _BY_UNIT.items():
+        names = [name for name, unit in unit_of.items() if unit in units_of_channel and not _is_of_other(name)]
+        if channel in explained or len(names) != 1:
             continue
-        (name,) = having
-        unit = columns[name]
+        name = names[0]
+        unit = unit_of[name]
         values = numeric(table[name]).to_numpy(np.float64, na_value=np.nan)
-        factor = UNITS[of_channel[0]][unit.lower()]
+        factor = UNITS[units_of_channel[0]][unit.lower()]
         if np.isfinite(values).any() and _possible(channel, values * factor):
-            guesses.append(_signed(Guess(name, channel, factor, 0.0, 2, f"only its unit, {unit}, says so"), values))
+            why = f"only its unit, {unit}, says so"
+            guesses.append(_signed(Guess(name, channel, factor, offset=0.0, sure=LEAST_SURE, why=why), values))
     return guesses
 
 
+def _is_of_other(name: str) -> bool:
+    """Whether a column is of something else than the whole battery, or not measured."""
+    words, _ = _words(name)
+    return bool(words & _OF_OTHERS)
+
+
 def _bracket(name: str) -> str:
-    return next(iter(re.findall(r"[\[(<]\s*([^\])>]*?)\s*[\])>]", name)), "")
+    """What stands in the first brackets of a name; "" where there are none."""
+    brackets = _BRACKETS.findall(name)
+    return str(brackets[0]) if brackets else ""
 
 
 def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> Guess | None:
     """The guess with the unit that the name gives or, failing that, the values; None where neither is possible."""
-    channel_info = CHANNELS[channel]
-    units = UNITS[channel_info.unit]
     for word in unit_words:
-        if word in units:
-            factor = units[word]
-            offset = OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
-            if channel == "soc" and np.nanmax(values) <= channel_info.high:
-                return Guess(name, channel, 1.0, 0.0, 1, f"its name says {word}, and its values lie in 0 to 1")
-            if _possible(channel, values * factor + offset):
-                return _signed(Guess(name, channel, factor, offset, 0, f"its name says {word}"), values)
-    for word, factor in [(channel_info.unit, 1.0), *channel_info.mistaken]:
-        if _possible(channel, values * factor) and _plausible(channel, values * factor):
-            sure = 1 if factor == 1.0 else 2
-            why = (
-                f"its name says no unit; values fit {word}" if channel_info.unit != "1" else "its values lie in 0 to 1"
-            )
-            why = why if sure == 1 else f"values fit {word}"
-            if channel == "time_s" and values[0] > thresholds.EPOCH_COUNT:
-                why = "its name says no unit; a count since 1970, whose size shows its unit"
-            step = float(np.median(np.diff(values))) if channel == "time_s" and len(values) > 1 else 0.0
-            if factor != 1.0 and thresholds.SLOW_STEP_S < step < thresholds.LONGEST_STEP_S:
-                why = f"{why}, or seconds with a sample every {step:.3g} s"
-            return _signed(Guess(name, channel, factor, 0.0, sure, why, by_values=True), values)
+        if word in UNITS[CHANNELS[channel].unit]:
+            guess = _in_named_unit(name, channel, values, word)
+            if guess is not None:
+                return guess
+    return _in_unit_of_values(name, channel, values)
+
+
+def _in_named_unit(name: str, channel: str, values: Array, word: str) -> Guess | None:
+    """The guess with the unit that a word of the name gives; None where the values are impossible in it."""
+    info = CHANNELS[channel]
+    factor = UNITS[info.unit][word]
+    offset = OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
+    if channel == "soc" and np.nanmax(values) <= info.high:
+        why = f"its name says {word}, and its values lie in 0 to 1"
+        return Guess(name, channel, factor=1.0, offset=0.0, sure=1, why=why)
+    if not _possible(channel, values * factor + offset):
+        return None
+    return _signed(Guess(name, channel, factor, offset, sure=0, why=f"its name says {word}"), values)
+
+
+def _in_unit_of_values(name: str, channel: str, values: Array) -> Guess | None:
+    """The guess with the unit that the values fit, the channel's own first; None where they fit none."""
+    info = CHANNELS[channel]
+    for unit, factor in [(info.unit, 1.0), *info.mistaken]:
+        if not _possible(channel, values * factor) or not _plausible(channel, values * factor):
+            continue
+        is_own_unit = factor == 1.0
+        why = f"values fit {unit}"
+        if is_own_unit:
+            why = "its values lie in 0 to 1" if info.unit == "1" else f"its name says no unit; values fit {unit}"
+        if channel == "time_s" and values[0] > thresholds.EPOCH_COUNT:
+            why = "its name says no unit; a count since 1970, whose size shows its unit"
+        step_s = float(np.median(np.diff(values))) if channel == "time_s" and len(values) > 1 else 0.0
+        if not is_own_unit and thresholds.SLOW_STEP_S < step_s < thresholds.LONGEST_STEP_S:
+            why = f"{why}, or seconds with a sample every {step_s:.3g} s"
+        sure = 1 if is_own_unit else LEAST_SURE
+        return _signed(Guess(name, channel, factor, 0.0, sure, why, by_values=True), values)
     return None
 
 
 def _possible(channel: str, values: Array) -> bool:
+    """Whether values in SI units are within the limits of a channel, but for strays; a time increases."""
+    finite = values[np.isfinite(values)]
     if channel == "time_s":
-        steps = np.diff(values[np.isfinite(values)])
-        return bool(
-            len(steps) and (steps >= 0.0).mean() > thresholds.INCREASING_SHARE and values[0] > thresholds.EARLIEST_S
-        )
-    return float(np.mean(CHANNELS[channel].impossible(values[np.isfinite(values)]))) <= thresholds.STRAY_SHARE
+        steps_s = np.diff(finite)
+        if not len(steps_s):
+            return False
+        increases = (steps_s >= 0.0).mean() > thresholds.INCREASING_SHARE
+        return bool(increases and values[0] > thresholds.EARLIEST_S)
+    return float(np.mean(CHANNELS[channel].impossible(finite))) <= thresholds.STRAY_SHARE
 
 
 def _plausible(channel: str, values: Array) -> bool:
     """Whether values without a unit are in the typical range of a ground robot, beyond being possible."""
-    finite = np.abs(values[np.isfinite(values)])
-    largest = float(finite.max())
-    step = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     if channel == "time_s":
+        step_s = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
         # The reader infers the unit of an epoch in ms to ns.
-        return 0.0 < step < thresholds.SLOW_STEP_S or values[0] > thresholds.EPOCH_COUNT
+        return 0.0 < step_s < thresholds.SLOW_STEP_S or values[0] > thresholds.EPOCH_COUNT
+    largest = float(np.abs(values[np.isfinite(values)]).max())
     return largest <= thresholds.TYPICAL_SIZES.get(channel, np.inf)
 
 
@@ -370,31 +417,42 @@ def _signed(guess: Guess, values: Array) -> Guess:
     """The guess with the sign of battery current or power turned where it is mostly negative."""
     if guess.channel in ("current_a", "power_w") and float(np.nanmedian(values)) < 0.0:
         why = f"{guess.why}; mostly negative, so assumed to be negative when discharging"
-        return replace(guess, factor=-guess.factor, sure=2, why=why)
+        return replace(guess, factor=-guess.factor, sure=LEAST_SURE, why=why)
     if guess.channel in ("grade_rad", "heading_rad") and "pitch" in guess.column.lower():
-        return replace(guess, sure=2, why=f"{guess.why}; uphill must be positive")
+        return replace(guess, sure=LEAST_SURE, why=f"{guess.why}; uphill must be positive")
     return guess
 
 
 def _words(name: str) -> tuple[set[str], list[str]]:
     """Words of a column's name, and those that may be its unit: what is in brackets, and its last words."""
-    bracket = re.findall(r"[\[(<]\s*([^\])>]*?)\s*[\])>]", name)
-    plain = re.sub(r"[\[(<][^\])>]*[\])>]", " ", name)
-    split = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain)
-    words = [word for word in re.split(r"[^a-zA-Z°%µ/]+", split) if word]
-    lower = [word.lower() for word in words]
-    units = [unit.replace("µ", "u").replace("^-1", "").replace(".", "").lower() for unit in bracket]
-    whole = [word.lower() for word in re.split(r"[^a-zA-Z°%µ/]+", plain) if word]  # mA, which was split as m and A
-    ends = ["/".join(lower[-2:]), *whole[::-1], *lower[::-1]] if len(lower) > 1 or len(whole) > 1 else []
+    plain = re.sub(r"[\[(<][^\])>]*[\])>]", " ", name)  # without what is in brackets
+    with_spaces = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain)  # motorTemp is motor temp
+    parts = _lower_words(with_spaces)
+    unsplit = _lower_words(plain)  # mA, which was split as m and A
     joined = [word.replace("_", "").lower() for word in re.split(r"[^a-zA-Z_]+", plain)]  # v_in is vin
-    parts = {part for word in (*lower, *whole, *joined) for part in (word, *word.split("/"))}
-    return parts | {end for end in _COMPOUND for part in parts if part.endswith(end)}, [*units, *ends]
+    words = {*parts, *unsplit, *joined}
+    for word in (*parts, *unsplit, *joined):
+        words.update(word.split("/"))
+    for ending in _COMPOUND:
+        if any(word.endswith(ending) for word in words):
+            words.add(ending)
+    units = [unit.replace("µ", "u").replace("^-1", "").replace(".", "").lower() for unit in _BRACKETS.findall(name)]
+    if len(parts) > 1 or len(unsplit) > 1:
+        units += ["/".join(parts[-2:]), *reversed(unsplit), *reversed(parts)]  # the last words first
+    return words, units
 
 
-def _why_left(name: str, offered: list[Guess], chosen: dict[str, Guess], column: pd.Series[Any]) -> str:
-    mine = [guess for guess in offered if guess.column == name]
-    if not mine and _words(name)[0] & set(_NAMES["time_s"][0].split()) and not pd.api.types.is_numeric_dtype(column):
+def _lower_words(text: str) -> list[str]:
+    return [word.lower() for word in re.split(r"[^a-zA-Z°%µ/]+", text) if word]
+
+
+def _why_left_over(name: str, offered: list[Guess], proposed: dict[str, Guess], column: pd.Series[Any]) -> str:
+    """What a column that is not used could be, in brackets; "" where nothing is known of it."""
+    could_be = [guess.channel for guess in offered if guess.column == name]
+    if could_be:
+        return f" (could be {could_be[0]}, for which {proposed[could_be[0]].column} is used)"
+    words, _ = _words(name)
+    time_words, _ = _NAMES["time_s"]
+    if words & set(time_words.split()) and not pd.api.types.is_numeric_dtype(column):
         return " (neither numbers nor times such as 2024-05-01T12:00:00.1)"
-    if not mine:
-        return ""
-    return f" (could be {mine[0].channel}, for which {chosen[mine[0].channel].column} is used)"
+    return ""

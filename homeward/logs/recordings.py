@@ -9,7 +9,7 @@ import os
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
 from homeward.logs import limits, tables, thresholds, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
-from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, first_set, lacking
+from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, Mask, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
 from homeward.logs.contradictions import refuse_contradictions
 from homeward.logs.doubts import doubts
@@ -90,11 +90,17 @@ def read_recording(path: str | Path, columns: Mappings = None, *, standing: bool
         return read_tables(parts, columns, standing=standing)
     if isinstance(columns, list):
         raise RecordingError(f"{path}: is one table, and {len(columns)} mappings are given")
-    bag = path.exists() and is_bag(path)
-    mapping = None if bag or columns is None else load_columns(columns)
+    is_log = path.exists() and is_bag(path)
+    mapping = None if is_log or columns is None else load_columns(columns)
     try:
-        table, notes, start_s = _read_bag(path, columns) if bag else (*_read_table(path, mapping, standing), 0.0)
-        return Recording(_name(path), sha256(path), _checked(table, notes), tuple(notes), start_s)
+        start_s = 0.0
+        if is_log:
+            table, notes, start_s = _read_bag(path, columns)
+        else:
+            table, notes = _read_table(path, mapping, standing)
+        digest = sha256(path)
+        channels = _checked(table, notes)
+        return Recording(_name(path), digest, channels, tuple(notes), start_s)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
     except RecordingError as error:
@@ -112,45 +118,72 @@ def read_tables(paths: Sequence[Path], columns: Mappings = None, *, standing: bo
     Raises:
         RecordingError: As of `read_recording`, or two have the same channel or were not recorded at the same time.
     """
-    mappings: Sequence[str | Path | Columns | None]
-    mappings = columns if isinstance(columns, list) else [columns] * len(paths)
-    if isinstance(columns, str | Path) and BETWEEN in str(columns) and not Path(columns).exists():
-        mappings = list(str(columns).split(BETWEEN))
-    if len(mappings) != len(paths):
-        raise RecordingError(f"{len(paths)} tables are joined by {len(mappings)} mappings; give one, or one each")
-    tables, notes = [], list[str]()
-    for path, mapping in zip(paths, mappings, strict=True):
+    parts = []
+    notes: list[str] = []
+    for path, mapping in zip(paths, _mapping_of_each(paths, columns), strict=True):
         try:
-            if path.exists() and is_bag(path):
-                raise RecordingError("is a bag or log, which is a run by itself; only tables are joined")
-            table, said = _read_table(path, None if mapping is None else load_columns(mapping), False, part=True)
-            _refuse_few(table)
-            time_s, taken_for = from_epoch(_finite(table["time_s"]))
-            said += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
-            _refuse_bad_time(time_s)
+            table, notes_of_part = _read_part(path, mapping)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
         except RecordingError as error:
             raise RecordingError(f"{path}: {error}") from error
-        tables.append((path.name, table.assign(time_s=time_s)))
-        notes += [f"{path.name}: {note}" for note in said]
+        parts.append((path.name, table))
+        notes += [f"{path.name}: {note}" for note in notes_of_part]
     name = BETWEEN.join([_name(paths[0]), *(path.name for path in paths[1:])])
     try:
-        rows, joined = join(tables)
-        notes += joined
+        rows, notes_of_join = join(parts)
+        notes += notes_of_join
         rows = _with_motion(rows, standing)
         digest = hashlib.sha256("".join(map(sha256, paths)).encode()).hexdigest()
-        return Recording(name, digest, _checked(rows, notes, is_joined=True), tuple(notes))
+        channels = _checked(rows, notes, is_joined=True)
+        return Recording(name, digest, channels, tuple(notes))
     except RecordingError as error:
         raise RecordingError(f"{name}: {error}") from error
+
+
+def _mapping_of_each(paths: Sequence[Path], columns: Mappings) -> Sequence[str | Path | Columns | None]:
+    """The mapping of each of several tables.
+
+    Raises:
+        RecordingError: There are more or fewer mappings than tables.
+    """
+    mappings: Sequence[str | Path | Columns | None]
+    if isinstance(columns, list):
+        mappings = columns
+    elif isinstance(columns, str | Path) and BETWEEN in str(columns) and not Path(columns).exists():
+        mappings = str(columns).split(BETWEEN)
+    else:
+        mappings = [columns] * len(paths)
+    if len(mappings) != len(paths):
+        raise RecordingError(f"{len(paths)} tables are joined by {len(mappings)} mappings; give one, or one each")
+    return mappings
+
+
+def _read_part(path: Path, columns: str | Path | Columns | None) -> tuple[pd.DataFrame, list[str]]:
+    """One of several tables of a run, its time in s and increasing, and notes."""
+    if path.exists() and is_bag(path):
+        raise RecordingError("is a bag or log, which is a run by itself; only tables are joined")
+    mapping = None if columns is None else load_columns(columns)
+    table, notes = _read_table(path, mapping, standing=False, part=True)
+    _refuse_few(table)
+    time_s = _in_seconds(_finite(table["time_s"]), notes)
+    _refuse_bad_time(time_s)
+    return table.assign(time_s=time_s), notes
+
+
+def _in_seconds(times: Array, notes: list[str]) -> Array:
+    """Times in s; a note says which unit a count since 1970 is taken for."""
+    time_s, unit = from_epoch(times)
+    if unit:
+        notes.append(f"time_s is in {unit}, read as s since 1970")
+    return time_s
 
 
 def _read_standard_input(columns: Mappings, standing: bool) -> Recording:
     """Like `read_recording`, for a table from standard input: CSV, gzipped or not, or Parquet."""
     with tempfile.TemporaryDirectory() as folder:
         start = sys.stdin.buffer.read(4)
-        kind = ".parquet" if start == b"PAR1" else ".csv.gz" if start[:2] == b"\x1f\x8b" else ".csv"
-        path = Path(folder) / f"standard_input{kind}"
+        path = Path(folder) / f"standard_input{_suffix_of(start)}"
         with path.open("wb") as file:
             file.write(start)
             while piece := sys.stdin.buffer.read(2**20):
@@ -163,9 +196,19 @@ def _read_standard_input(columns: Mappings, standing: bool) -> Recording:
             raise RecordingError(str(error).replace(str(path), "standard input")) from None
 
 
+def _suffix_of(start: bytes) -> str:
+    """Ending of a table's name by its first bytes."""
+    if start == b"PAR1":
+        return ".parquet"
+    if start.startswith(b"\x1f\x8b"):
+        return ".csv.gz"
+    return ".csv"
+
+
 def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.DataFrame, list[str], float]:
-    if strange := [file.name for file in storage_files(path) if not file.is_file()]:
-        which = f"{strange[0]} is" if path.is_dir() else "is"
+    not_files = [file.name for file in storage_files(path) if not file.is_file()]
+    if not_files:
+        which = f"{not_files[0]} is" if path.is_dir() else "is"
         raise RecordingError(f"{which} a pipe or device; a bag is a file")
     if isinstance(mapping, Columns):
         raise RecordingError("a bag takes a mapping of topics, not of columns")
@@ -180,7 +223,7 @@ def _read_table(
     path: Path, mapping: Columns | None, standing: bool, *, part: bool = False
 ) -> tuple[pd.DataFrame, list[str]]:
     """Channels of a table, of which only the time is needed where it is a part of a run, and notes."""
-    suffix = next((s for s in _SUFFIXES if path.name.lower().endswith(s)), None)
+    suffix = next((suffix for suffix in _SUFFIXES if path.name.lower().endswith(suffix)), None)
     if not path.exists():
         raise RecordingError("no such file")
     if path.is_dir():
@@ -211,8 +254,7 @@ def _with_motion(table: pd.DataFrame, standing: bool) -> pd.DataFrame:
 def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.DataFrame:
     """Columns that the mapping names, by line of the file; broken lines are left out, and a note says so."""
     wanted = _wanted(list(mapping.header), mapping)
-    places = [mapping.header.index(name) for name in wanted]
-    stamp = wanted.index(mapping.stamp) if mapping.stamp is not None else None
+    places = {name: mapping.header.index(name) for name in wanted}
     columns: dict[str, list[Any]] = {name: [] for name in wanted}
     numbers: list[int] = []
     broken = 0
@@ -220,9 +262,7 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
         for number, line in enumerate(io.TextIOWrapper(file, "utf-8-sig", "replace")):
             if number >= limits.MOST_ROWS:
                 raise RecordingError(f"has more than {limits.MOST_ROWS} lines; cut it into several runs")
-            cells = line.rstrip("\r\n").split(mapping.separator or ",")
-            complete = len(cells) == len(mapping.header) or (mapping.longer_lines and len(cells) > len(mapping.header))
-            values = _values(cells, places, stamp) if complete else None
+            values = _values(line, mapping, places)
             if values is None:
                 broken += 1
                 continue
@@ -231,37 +271,52 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
                 columns[name].append(value)
     count = broken + len(numbers)
     if broken > thresholds.MOST_BROKEN_SHARE * count:
-        meant = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
-        raise RecordingError(f"{broken} of {count} lines do not hold {meant}")
+        expected = f"the {len(mapping.header)} numbers of the mapping {mapping.name}"
+        raise RecordingError(f"{broken} of {count} lines do not hold {expected}")
     if broken:
         notes.append(f"{broken} broken lines are left out")
     return mapping.apply(pd.DataFrame(columns, index=numbers))
 
 
-def _values(cells: Sequence[str], places: Sequence[int], stamp: int | None) -> list[float | str] | None:
-    """The wanted cells of a line as numbers, or as it is for the stamp; None where one is no number."""
-    try:
-        values = [cells[place] if column == stamp else float(cells[place]) for column, place in enumerate(places)]
-    except ValueError:
+def _values(line: str, mapping: Columns, places: Mapping[str, int]) -> list[float | str] | None:
+    """The wanted cells of a line as numbers, that of the stamp as it is; None where the line is broken."""
+    cells = line.rstrip("\r\n").split(mapping.separator or ",")
+    width = len(mapping.header)
+    if len(cells) < width or (len(cells) > width and not mapping.longer_lines):
         return None
-    return values if all(isinstance(value, str) or math.isfinite(value) for value in values) else None
+    values: list[float | str] = []
+    for name, place in places.items():
+        cell = cells[place]
+        if name == mapping.stamp:
+            values.append(cell)
+            continue
+        try:
+            value = float(cell)
+        except ValueError:
+            return None
+        if not math.isfinite(value):
+            return None
+        values.append(value)
+    return values
 
 
 def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool) -> pd.DataFrame:
-    given = mapping or Columns("", {}, {})
-    table = tables.sniff(path, given.separator, given.decimal)
     if mapping is None:
+        table = tables.sniff(path)
         mapping = known_columns(table.header)
         if mapping is not None:
             notes.append(f"mapping {mapping.name}, known by the names of the columns")
+    else:
+        table = tables.sniff(path, mapping.separator, mapping.decimal)
     mapping = mapping_of_table(mapping, table.header) if part else mapping
     wanted = _wanted(table.header, mapping, standing, part)
     dated: list[str] = []
     words: Counter[str] = Counter()
     pieces = [_in_numbers(piece, mapping, dated, words) for piece in table.pieces(wanted)]
     notes += _said_unknown(words)
-    if how := (*table.notes, *dict.fromkeys(dated)):
-        notes.append(f"read with {', '.join(how)}")
+    read_with = (*table.notes, *dict.fromkeys(dated))
+    if read_with:
+        notes.append(f"read with {', '.join(read_with)}")
     return _joined(pieces, wanted, mapping)
 
 
@@ -287,11 +342,12 @@ def _joined(pieces: Sequence[pd.DataFrame], wanted: list[str], mapping: Columns 
 
 def _batches(file: Any, wanted: Sequence[str]) -> Iterator[pd.DataFrame]:
     """Some columns, piece by piece; the index counts the rows."""
-    rows = size = 0
+    rows = 0
+    size_bytes = 0
     # The size of columns in the metadata is not read: where it is damaged, Arrow ends the process.
     for batch in file.iter_batches(_BATCH_ROWS, columns=list(wanted)):
-        size += batch.nbytes
-        if size > limits.MOST_BYTES or rows > limits.MOST_ROWS:
+        size_bytes += batch.nbytes
+        if size_bytes > limits.MOST_BYTES or rows > limits.MOST_ROWS:
             raise RecordingError(
                 f"holds more than {limits.MOST_BYTES / 1e9:.2g} GB or {limits.MOST_ROWS} rows, unpacked; "
                 "cut it into several runs"
@@ -304,26 +360,35 @@ def _batches(file: Any, wanted: Sequence[str]) -> Iterator[pd.DataFrame]:
 def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str], notes: Counter[str]) -> pd.DataFrame:
     """The columns as float64; dates in the columns of the time become seconds, and `dated` says so; words that mean
     unknown are missing, and `notes` counts them."""
-    words = unknown.WORDS | (mapping.words_for_unknown() if mapping is not None else set())
-    stamp = None if mapping is None else mapping.stamp
-    times = ["time_s"] if mapping is None else mapping.time_columns()
+    words: Collection[str] = unknown.WORDS
+    stamp = None
+    times = ["time_s"]
+    if mapping is not None:
+        words = unknown.WORDS | mapping.words_for_unknown()
+        stamp = mapping.stamp
+        times = mapping.time_columns()
     columns: dict[str, Any] = {}
     for name in table.columns:
-        column: pd.Series[Any] = table[name]
         if name == stamp:
-            columns[name] = column
-        elif name not in times:
-            columns[name] = _numbers(_without_words(column, words, notes))
-        elif (times_read := from_text(column)) is not None:
-            seconds, how = times_read
-            dated.append(how)
-            columns[name] = _numbers(seconds)
+            columns[name] = table[name]
+        elif name in times:
+            columns[name] = _times(table[name], dated)
         else:
-            columns[name] = _numbers(column, "neither a number nor a time such as 2024-05-01T12:00:00.1")
+            columns[name] = _numbers(_without_words(table[name], words, notes))
     return pd.DataFrame(columns, index=table.index)
 
 
-def _without_words(column: pd.Series[Any], words: frozenset[str] | set[str], count: Counter[str]) -> pd.Series[Any]:
+def _times(column: pd.Series[Any], dated: list[str]) -> Array:
+    """A column of times as float64; `dated` says what texts are taken for."""
+    read = from_text(column)
+    if read is None:
+        return _numbers(column, "neither a number nor a time such as 2024-05-01T12:00:00.1")
+    seconds, taken_for = read
+    dated.append(taken_for)
+    return _numbers(seconds)
+
+
+def _without_words(column: pd.Series[Any], words: Collection[str], count: Counter[str]) -> pd.Series[Any]:
     """A column without the texts that mean unknown, which are counted."""
     if pd.api.types.is_numeric_dtype(column):
         return column
@@ -341,23 +406,38 @@ def _said_unknown(count: Counter[str]) -> list[str]:
 
 
 def _wanted(header: list[str], mapping: Columns | None, standing: bool = False, part: bool = False) -> list[str]:
-    """Columns to read: those that the mapping names, or those of the schema; of a part of a run the time is enough."""
-    if mapping is not None:
-        missing = [name for name in mapping.file_columns() if name not in header]
-        if missing:
-            names = ", ".join(missing)
-            raise RecordingError(f"has no column {names}, which the mapping {mapping.name} names; {_has(header)}")
-        wanted = mapping.file_columns()
-    else:
-        wanted = [name for name in CHANNELS if name in header]
-        offer = f"{_has(header)}; `homeward columns RUN` proposes a mapping file (--columns) that says which is which"
-        if "time_s" not in header:
-            _refuse_nameless(header)
-        of_a_stand = ("speed_mps",) if standing else ()
-        _refuse_missing([*wanted, *(_ENOUGH if part else of_a_stand)], offer)
+    """Columns to read: those that the mapping names, or those of the schema; of a part of a run the time is enough.
+
+    Raises:
+        RecordingError: The table lacks one, or has it twice.
+    """
+    wanted = _wanted_by_schema(header, standing, part) if mapping is None else _wanted_by_mapping(header, mapping)
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:
         raise RecordingError(f"has two columns {twice[0]}; keep one")
+    return wanted
+
+
+def _wanted_by_mapping(header: list[str], mapping: Columns) -> list[str]:
+    wanted = mapping.file_columns()
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        names = ", ".join(missing)
+        raise RecordingError(f"has no column {names}, which the mapping {mapping.name} names; {_has(header)}")
+    return wanted
+
+
+def _wanted_by_schema(header: list[str], standing: bool, part: bool) -> list[str]:
+    wanted = [name for name in CHANNELS if name in header]
+    if "time_s" not in header:
+        _refuse_nameless(header)
+    offer = f"{_has(header)}; `homeward columns RUN` proposes a mapping file (--columns) that says which is which"
+    not_needed: tuple[str, ...] = ()
+    if part:
+        not_needed = _ENOUGH
+    elif standing:
+        not_needed = ("speed_mps",)
+    _refuse_missing([*wanted, *not_needed], offer)
     return wanted
 
 
@@ -381,7 +461,8 @@ def _is_number(text: str) -> bool:
 def _refuse_missing(present: list[str], advice: str) -> None:
     if "time_s" not in present:
         raise RecordingError(f"has no column time_s; {advice}")
-    if lacks := lacking(present):
+    lacks = lacking(present)
+    if lacks is not None:
         stood = "; say --standing if the robot stood" if lacks.startswith("motion") else ""
         raise RecordingError(
             f"has no {lacks}; {advice}; if another table of the run has it, give RUN{BETWEEN}OTHER{stood}"
@@ -389,11 +470,16 @@ def _refuse_missing(present: list[str], advice: str) -> None:
 
 
 def _has(header: list[str]) -> str:
-    return f"it has {', '.join(map(_shown, header[:12])) or 'none'}{', ...' if len(header) > 12 else ''}"
+    """The columns of a table in words, as far as they fit into a line."""
+    names = [_shown(name) for name in header[:12]]
+    if len(header) > 12:
+        names.append("...")
+    return f"it has {', '.join(names) or 'none'}"
 
 
 def _shown(text: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in text)[:30]
+    """The beginning of a text of a file, without what a terminal would not print."""
+    return "".join(character if character.isprintable() else "?" for character in text)[:30]
 
 
 def _refuse_few(table: pd.DataFrame) -> None:
@@ -407,15 +493,14 @@ def _checked(table: pd.DataFrame, notes: list[str], *, is_joined: bool = False) 
     if "time_s" not in table.columns:
         raise RecordingError(f"has no time_s; the mapping gives {', '.join(table.columns) or 'nothing'}")
     channels: dict[str, Array] = {}
-    for channel in (CHANNELS[column] for column in table.columns):
-        values = _finite(table[channel.name])
-        if channel.name == "time_s":
-            values, taken_for = from_epoch(values)
-            notes += [f"time_s is in {taken_for}, read as s since 1970"] if taken_for else []
+    for name in table.columns:
+        values = _finite(table[name])
+        if name == "time_s":
+            values = _in_seconds(values, notes)
         else:
-            notes += unknown.left_out(channel.name, values)
-            notes += _leave_out_impossible(channel, values)
-        channels[channel.name] = values
+            notes += unknown.left_out(name, values)
+            notes += _leave_out_impossible(CHANNELS[name], values)
+        channels[name] = values
     channels = _aligned(channels, notes, is_joined)
     _refuse_bad_time(channels["time_s"])
     notes += leave_out_spikes(channels)
@@ -427,17 +512,11 @@ def _checked(table: pd.DataFrame, notes: list[str], *, is_joined: bool = False) 
 
 def _aligned(channels: dict[str, Array], notes: list[str], is_joined: bool) -> dict[str, Array]:
     """A table whose power and motion stand in different rows, as those of PlotJuggler and Foxglove, on one clock, which
-    is chosen as for bags; other tables as they are.
-
-    Of tables that are joined the slower one is sparse among the rows of the faster, also where it shares its times."""
+    is chosen as for bags; other tables as they are."""
     needed = [*first_set(MOTION, channels), *first_set(POWER, channels)]
     time_s = channels.get("time_s", np.empty(0))
-    if not needed or not np.isfinite(time_s).all() or (np.diff(time_s) < 0.0).any():
-        return channels
-    is_known = np.array([np.isfinite(channels[name]) for name in needed])
-    fewest = int(is_known.sum(axis=1).min())
-    rows = len(time_s) if is_joined else fewest
-    if fewest < 2 or is_known.all(axis=0).sum() >= thresholds.TOGETHER_SHARE * rows:
+    is_in_order = np.isfinite(time_s).all() and (np.diff(time_s) >= 0.0).all()
+    if not needed or not is_in_order or _stand_together([channels[name] for name in needed], is_joined):
         return channels
     from homeward.logs.bags import clock  # only now, as it needs a part of SciPy that takes a while to load
 
@@ -446,16 +525,33 @@ def _aligned(channels: dict[str, Array], notes: list[str], is_joined: bool) -> d
     if len(ticks) < 2:
         raise RecordingError("power and motion were not recorded at the same time")
     notes.append("power and motion stand in different rows: faster columns are averaged at the times of the slower")
-    return {"time_s": ticks, **{name: clock.on_clock(*samples, ticks) for name, samples in series.items()}}
+    aligned = {"time_s": ticks}
+    for name, (known_s, values) in series.items():
+        aligned[name] = clock.on_clock(known_s, values, ticks)
+    return aligned
+
+
+def _stand_together(channels: Sequence[Array], is_joined: bool) -> bool:
+    """Whether most rows with one of the channels have all of them, or one is not known at all.
+
+    Of tables that are joined the slower one is sparse among the rows of the faster, also where it shares its times: all
+    rows count.
+    """
+    is_known = np.isfinite(np.array(channels))  # (channels, rows)
+    fewest = int(is_known.sum(axis=1).min())
+    rows = is_known.shape[1] if is_joined else fewest
+    complete_rows = int(is_known.all(axis=0).sum())
+    return fewest < 2 or complete_rows >= thresholds.TOGETHER_SHARE * rows
 
 
 def _numbers(column: pd.Series[Any], wrong: str = "not a number") -> Array:
     """A column as float64, NaN where a cell is empty."""
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
         numbers = numeric(column)
-        bad = np.flatnonzero((numbers.isna() & column.notna()).to_numpy())
-        if len(bad):
-            cell, row = _shown(str(column.iloc[bad[0]])), int(column.index[bad[0]]) + 1
+        wrong_places = np.flatnonzero((numbers.isna() & column.notna()).to_numpy())
+        if len(wrong_places):
+            cell = _shown(str(column.iloc[wrong_places[0]]))
+            row = int(column.index[wrong_places[0]]) + 1
             raise RecordingError(f"{_shown(str(column.name))} in row {row} is {cell!r}, {wrong}")
         column = numbers
     values: Array = column.to_numpy(dtype=np.float64, na_value=np.nan, copy=True)
@@ -472,41 +568,61 @@ def _finite(column: pd.Series[Any]) -> Array:
 def _refuse_bad_time(time_s: Array) -> None:
     if np.isnan(time_s).any():
         raise RecordingError(f"time_s in row {int(np.argmax(np.isnan(time_s))) + 1} is missing")
-    steps = np.diff(time_s)
-    if not (steps > 0.0).all():
-        row = int(np.argmax(~(steps > 0.0))) + 2
-        how = "repeats" if steps[row - 2] == 0.0 else "goes back"
+    steps_s = np.diff(time_s)
+    increases = steps_s > 0.0
+    if not increases.all():
+        row = int(np.argmin(increases)) + 2
+        how = "repeats" if steps_s[row - 2] == 0.0 else "goes back"
         raise RecordingError(
             f"time_s {how} in row {row} ({time_s[row - 1]:.6g} after {time_s[row - 2]:.6g}); "
             "sort the samples, drop repeated ones, one run a file"
         )
-    step_s, duration_s = float(np.median(steps)), float(time_s[-1] - time_s[0])
+    step_s = float(np.median(steps_s))
+    duration_s = float(time_s[-1] - time_s[0])
     if (
         step_s > thresholds.LONGEST_STEP_S
         or duration_s > thresholds.LONGEST_RUN_S
         or abs(time_s[0]) > CHANNELS["time_s"].high
     ):
-        units = CHANNELS["time_s"].mistaken
-        unit, factor = min(units, key=lambda u: abs(np.log(step_s * u[1] / thresholds.TYPICAL_STEP_S)))
+        unit, factor = _likeliest_unit(step_s)
         raise RecordingError(
             f"time_s steps by {step_s:.6g} over {duration_s:.6g}; this looks like {unit}, not seconds "
             f"(factor {factor:g} in a mapping file)"
         )
 
 
+def _likeliest_unit(step: float) -> tuple[str, float]:
+    """Name and factor of the unit in which a time step is nearest to a typical one."""
+
+    def distance(unit: tuple[str, float]) -> float:
+        return float(abs(np.log(step * unit[1] / thresholds.TYPICAL_STEP_S)))
+
+    return min(CHANNELS["time_s"].mistaken, key=distance)
+
+
 def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
     """Set impossible values to NaN, with a note; many of those that are not 0 are a wrong unit."""
     impossible = channel.impossible(values)
-    count, allowed = int(impossible.sum()), f"{channel.low:g} to {channel.high:g} {channel.unit}"
-    beyond = f"{count} of {len(values)} values of {channel.name} are outside {allowed}"
-    moving = np.isfinite(values) & (values != 0.0)
-    if count > thresholds.STRAY_SHARE * len(values) and impossible[moving].mean() > thresholds.MOST_BROKEN_SHARE:
-        sizes = np.abs(values[impossible])
-        typical, worst = float(np.median(sizes)), float(sizes.max())
-        at_hand = [(unit, f) for unit, f in channel.mistaken if channel.low <= typical * f <= channel.high]
-        guess = f"; this looks like {at_hand[0][0]} (factor {at_hand[0][1]:.6g} in a mapping file)" if at_hand else ""
-        if channel.name == "temperature_c" and np.nanmin(values) > thresholds.COLDEST_K:
-            guess = "; this looks like kelvin (offset -273.15 in a mapping file)"
-        raise RecordingError(f"{channel.name} reaches {worst:.6g}, outside {allowed}{guess}")
+    count = int(impossible.sum())
+    if not count:
+        return []
+    allowed = f"{channel.low:g} to {channel.high:g} {channel.unit}"
+    is_measured = np.isfinite(values) & (values != 0.0)
+    is_stray = count <= thresholds.STRAY_SHARE * len(values)
+    if not is_stray and impossible[is_measured].mean() > thresholds.MOST_BROKEN_SHARE:
+        largest = float(np.abs(values[impossible]).max())
+        hint = _hint_of_unit(channel, values, impossible)
+        raise RecordingError(f"{channel.name} reaches {largest:.6g}, outside {allowed}{hint}")
     values[impossible] = np.nan
-    return [f"{beyond} and left out"] if count else []
+    return [f"{count} of {len(values)} values of {channel.name} are outside {allowed} and left out"]
+
+
+def _hint_of_unit(channel: Channel, values: Array, impossible: Mask) -> str:
+    """What a mapping file would say if the values are of a likely wrong unit; "" where none fits."""
+    if channel.name == "temperature_c" and np.nanmin(values) > thresholds.COLDEST_K:
+        return "; this looks like kelvin (offset -273.15 in a mapping file)"
+    typical = float(np.median(np.abs(values[impossible])))
+    for unit, factor in channel.mistaken:
+        if channel.low <= typical * factor <= channel.high:
+            return f"; this looks like {unit} (factor {factor:.6g} in a mapping file)"
+    return ""

@@ -7,12 +7,13 @@ import contextlib
 import csv
 import gzip
 import io
+import itertools
 import re
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, NamedTuple, cast
 
 import pandas as pd
 
@@ -29,7 +30,8 @@ _PIECE = 200_000  # rows at a time; chosen: some tens of MB
 _SNIFFED = 2**16  # bytes from which encoding, separator and decimal sign are inferred; chosen: hundreds of lines
 _SEPARATORS = (",", ";", "\t", "|")
 _NAMES = {" ": "spaces", ";": "semicolons", "\t": "tabs", "|": "vertical bars", ",": "commas"}
-_MARKS = (b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")
+_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+"""Encodings by the byte order mark at the start."""
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 _DECIMAL_POINT = re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*")
 _NUMBER = re.compile(r"\s*[-+]?[\d.]")  # or a date: start of a cell with a value
@@ -42,7 +44,9 @@ class _Limited(io.RawIOBase):
 
     def __init__(self, file: BinaryIO, packed: bool) -> None:
         super().__init__()
-        self._file, self._bytes, self._line = file, 0, 0
+        self._file = file
+        self._bytes = 0
+        self._line_bytes = 0  # of the last line, as far as it is read
         self._stream = cast(BinaryIO, gzip.GzipFile(fileobj=file, mode="rb")) if packed else file
 
     def readable(self) -> bool:
@@ -52,12 +56,12 @@ class _Limited(io.RawIOBase):
         data = self._stream.read(len(buffer))
         self._bytes += len(data)
         end = max(data.rfind(b"\n"), data.rfind(b"\r"))
-        self._line = self._line + len(data) if end < 0 else len(data) - end - 1
+        self._line_bytes = self._line_bytes + len(data) if end < 0 else len(data) - end - 1
         if self._bytes > limits.MOST_BYTES:
             raise RecordingError(
                 f"holds more than {limits.MOST_BYTES / 1e9:.2g} GB, unpacked; cut it into several runs"
             )
-        if self._line > _LONGEST_LINE:
+        if self._line_bytes > _LONGEST_LINE:
             raise RecordingError(f"has a line of more than {_LONGEST_LINE} bytes; a recording has a line per sample")
         buffer[: len(data)] = data
         return len(data)
@@ -106,24 +110,29 @@ class TextTable:
         Raises:
             RecordingError: The table is broken, or larger than the limits.
         """
-        places, width = [self.header.index(name) for name in columns], len(self.header)
-        last: pd.DataFrame | None = None
+        width = len(self.header)
+        places = [self.header.index(name) for name in columns]
+        is_last_cell_empty = False
         # All cells of a piece are in memory, also those of columns that are not read.
         rows = min(_PIECE, max(limits.MOST_CELLS // width, 1))
-        wide = self.encoding != "utf-8-sig"
         with refusing(), opened(self.path) as file:
+            source: Any = file
+            encoding: str | None = self.encoding
+            if self.encoding != "utf-8-sig":  # pandas takes other text from a stream that is decoded already
+                source = io.TextIOWrapper(file, self.encoding, newline="")
+                encoding = None
             # The last column is read as well, so that a short last line differs from an empty last cell.
             reader = pd.read_csv(
-                io.TextIOWrapper(file, self.encoding, newline="") if wide else file,
-                encoding=None if wide else "utf-8-sig", sep=self.separator, decimal=self.decimal,
+                source, encoding=encoding, sep=self.separator, decimal=self.decimal,
                 skipinitialspace=True, header=0, names=range(width), usecols=[*places, width - 1], index_col=False,
                 low_memory=False, chunksize=rows, skiprows=list(self.skipped),
             )  # fmt: skip
-            for last in reader:
-                if len(last) and last.index[-1] >= limits.MOST_ROWS:
+            for piece in reader:
+                if len(piece) and piece.index[-1] >= limits.MOST_ROWS:
                     raise RecordingError(f"has more than {limits.MOST_ROWS} rows; cut it into several runs")
-                yield last[places].set_axis(list(columns), axis="columns")
-        if last is not None and len(last) and pd.isna(last[width - 1].iloc[-1]):
+                yield piece[places].set_axis(list(columns), axis="columns")
+                is_last_cell_empty = len(piece) > 0 and bool(pd.isna(piece[width - 1].iloc[-1]))
+        if is_last_cell_empty:
             self._refuse_cut_line()
 
     def _refuse_cut_line(self) -> None:
@@ -155,37 +164,65 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
         start = file.read(_SNIFFED)
     if not start.strip():
         raise RecordingError("holds no samples")
-    encoding, ended = _encoding(start), len(start) < _SNIFFED
-    try:
-        text = codecs.getincrementaldecoder(encoding)().decode(start, ended)
-    except UnicodeDecodeError as error:
-        raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from error
-    numbered = list(enumerate(_ENDS.split(text)[: None if ended else -1]))
-    comments, lines = _comments([(number, line) for number, line in numbered if line.strip()])
+    encoding = _encoding(start)
+    comments, lines = _comments(_lines(start, encoding))
     if not lines:
         raise RecordingError("holds no samples")
     if separator is None:
-        separator = _separator([line for _, line in lines[:20]])
-    header, *rows = (_cells_of(line, separator) for _, line in lines[:200])
-    units = rows.pop(0) if len(rows) > 1 and _are_units(rows[0], rows[1]) else []
+        separator = _separator([line.text for line in lines[:20]])
+    header, *rows = (_cells_of(line.text, separator) for line in lines[:200])
+    skipped = [line.number for line in comments]
+    units: list[str] = []
+    if len(rows) > 1 and _are_units(rows[0], rows[1]):
+        units = rows.pop(0)
+        skipped.append(lines[1].number)
     if decimal is None:
         decimal = "," if _has_decimal_commas(rows) else "."
     _refuse_wide(rows, header, separator)
     notes = _notes(encoding, separator, decimal, len(comments), bool(units))
-    skipped = (*comments, *([lines[1][0]] if units else []))
-    return TextTable(path, header, separator, decimal, encoding, notes, skipped, tuple(units))
+    return TextTable(
+        path=path,
+        header=header,
+        separator=separator,
+        decimal=decimal,
+        encoding=encoding,
+        notes=notes,
+        skipped=tuple(skipped),
+        units=tuple(units),
+    )
 
 
-def _comments(lines: Sequence[tuple[int, str]]) -> tuple[list[int], list[tuple[int, str]]]:
-    """Numbers of the lines that begin with # before the names, and the other lines from the names on.
+class _Line(NamedTuple):
+    """A line of a file, and its number from 0."""
+
+    number: int
+    text: str
+
+
+def _lines(start: bytes, encoding: str) -> list[_Line]:
+    """The lines in the beginning of a file that are not empty; one that may go on after it is left out."""
+    is_whole = len(start) < _SNIFFED
+    try:
+        text = codecs.getincrementaldecoder(encoding)().decode(start, is_whole)
+    except UnicodeDecodeError as error:
+        raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from error
+    texts = _ENDS.split(text)
+    if not is_whole:
+        texts.pop()
+    return [_Line(number, text) for number, text in enumerate(texts) if text.strip()]
+
+
+def _comments(lines: Sequence[_Line]) -> tuple[list[_Line], list[_Line]]:
+    """The lines that begin with # before the names, and the other lines from the names on.
 
     Names may stand behind a # themselves, as NumPy writes them: then samples follow at once.
     """
-    count = next((place for place, (_, line) in enumerate(lines) if not line.startswith("#")), len(lines))
-    if 0 < count < len(lines) and _NUMBER.match(lines[count][1]):
-        count -= 1
-        lines = [*lines[:count], (lines[count][0], lines[count][1].lstrip("# ")), *lines[count + 1 :]]
-    return [number for number, _ in lines[:count]], list(lines[count:])
+    comments = list(itertools.takewhile(lambda line: line.text.startswith("#"), lines))
+    table = list(lines[len(comments) :])
+    if comments and table and _NUMBER.match(table[0].text):
+        names = comments.pop()
+        table.insert(0, names._replace(text=names.text.lstrip("# ")))
+    return comments, table
 
 
 def _cells_of(line: str, separator: str) -> list[str]:
@@ -195,17 +232,27 @@ def _cells_of(line: str, separator: str) -> list[str]:
 
 def _separator(lines: Sequence[str]) -> str:
     """Separator with most cells in the line of names; spaces if no other occurs and all lines have equally many."""
-    most_used = max(_SEPARATORS, key=lambda separator: len(_cells(lines[0], separator)))
-    widths = {len([cell for cell in _cells(line, " ") if cell]) for line in lines}
-    return " " if len(_cells(lines[0], most_used)) == 1 and widths != {1} and len(widths) == 1 else most_used
+    names = lines[0]
+    most_used = max(_SEPARATORS, key=lambda separator: len(_cells(names, separator)))
+    if len(_cells(names, most_used)) != 1:
+        return most_used
+    widths = {sum(cell != "" for cell in _cells(line, " ")) for line in lines}
+    has_columns = len(widths) == 1 and widths != {1}
+    return " " if has_columns else most_used
 
 
 def _are_units(row: Sequence[str], following: Sequence[str]) -> bool:
+    """Whether a line below the names holds texts, and the next one numbers."""
     return any(row) and not any(map(_NUMBER.match, row)) and any(map(_NUMBER.match, following))
 
 
 def _encoding(start: bytes) -> str:
-    for mark, encoding in _MARKS:
+    """Encoding of a text by its beginning.
+
+    Raises:
+        RecordingError: It is no text.
+    """
+    for mark, encoding in _MARKS.items():
         if start.startswith(mark):
             return encoding
     if start.translate(None, _BINARY) != start:
@@ -241,20 +288,21 @@ def _refuse_wide(rows: Sequence[Sequence[str]], header: Sequence[str], separator
     """Rows with more cells than names: their numbers have decimal commas, or a name is missing."""
     for number, row in enumerate(rows, start=1):
         if any(cell.strip() for cell in row[len(header) :]):
-            guess = "; numbers with decimal commas need another separator, such as ;" if separator == "," else ""
-            raise RecordingError(f"row {number} has {len(row)} cells, the header {len(header)}{guess}")
+            hint = "; numbers with decimal commas need another separator, such as ;" if separator == "," else ""
+            raise RecordingError(f"row {number} has {len(row)} cells, the header {len(header)}{hint}")
 
 
 def _notes(encoding: str, separator: str, decimal: str, comments: int, units: bool) -> tuple[str, ...]:
     notes = []
-    if encoding not in ("utf-8-sig",):
+    if encoding != "utf-8-sig":
         notes.append(f"encoding {encoding}")
     if separator != ",":
         notes.append(f"cells separated by {_NAMES.get(separator, repr(separator))}")
     if decimal != ".":
         notes.append("decimal commas")
     if comments:
-        notes.append(f"{comments} {'line' if comments == 1 else 'lines'} of comment before the names left out")
+        counted = "1 line" if comments == 1 else f"{comments} lines"
+        notes.append(f"{counted} of comment before the names left out")
     if units:
         notes.append("the line of units after the names left out")
     return tuple(notes)
@@ -276,9 +324,7 @@ def opened_parquet(path: Path) -> Iterator[Any]:
     with open_regular(path) as stream:
         try:
             schema = pq.read_schema(stream)
-            texts = [
-                column.name for column in schema if pa.types.is_string(column.type) or pa.types.is_binary(column.type)
-            ]
+            texts = [field.name for field in schema if pa.types.is_string(field.type) or pa.types.is_binary(field.type)]
             stream.seek(0)
             with pq.ParquetFile(stream, read_dictionary=texts) as file:
                 yield file

@@ -20,7 +20,9 @@ _UNITS = ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)
 
 def median_step_s(time_s: Array) -> float:
     """Median time between samples, s."""
-    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
+    if len(time_s) < 2:
+        return np.inf
+    return float(np.median(np.diff(time_s)))
 
 
 def from_text(column: pd.Series[Any]) -> tuple[pd.Series[Any], str] | None:
@@ -37,7 +39,8 @@ def from_text(column: pd.Series[Any]) -> tuple[pd.Series[Any], str] | None:
             return None  # pandas takes "now" and "today" for the present
         column = column.str.replace(_COMMA, r"\1.", regex=True)
         if column.str.match(_DAY_FIRST).all():
-            column, form = column.str.replace(_DAY_FIRST, r"\3-\2-\1", regex=True), "day.month.year"
+            column = column.str.replace(_DAY_FIRST, r"\3-\2-\1", regex=True)
+            form = "day.month.year"
     seconds = _from_iso(column)
     if seconds is not None:
         return seconds, f"dates ({form}) as s since 1970"
@@ -70,9 +73,12 @@ def from_epoch(time_s: Array) -> tuple[Array, str | None]:
     >>> from_epoch(np.array([1.7e12, 1.7e12 + 100.0]))[1]
     'ms'
     """
-    first = float(time_s[0]) if len(time_s) else np.nan
+    if not len(time_s):
+        return time_s, None
+    start = float(time_s[0])
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     for unit, factor in _UNITS:
-        if is_epoch(first * factor) and step * factor <= thresholds.LONGEST_STEP_S:
-            return time_s * factor, unit if factor != 1.0 else None
+        if is_epoch(start * factor) and step * factor <= thresholds.LONGEST_STEP_S:
+            other_unit = None if unit == "s" else unit
+            return time_s * factor, other_unit
     return time_s, None

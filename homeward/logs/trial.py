@@ -27,36 +27,41 @@ def tried_on_physics(guesses: Mapping[str, Guess], table: pd.DataFrame) -> dict[
         guesses: The guess for each channel.
         table: First rows of the file.
     """
-    tried = dict(guesses)
-    if "time_s" not in tried:
-        return tried
-    tried |= _by_changes_of_speed(tried, table)
-    for pair in measured_twice(_channels(tried, table)):
-        tried |= _by_ratio(pair, tried, _channels(tried, table))
-    for name, line in doubts(_channels(tried, table)).items():
-        tried[name] = _doubted(tried[name], line)
-    return tried
+    revised = dict(guesses)
+    if "time_s" not in revised:
+        return revised
+    revised |= _by_changes_of_speed(revised, table)
+    for pair in measured_twice(_channels(revised, table)):
+        revised |= _by_ratio(pair, revised, _channels(revised, table))
+    for name, line in doubts(_channels(revised, table)).items():
+        revised[name] = _doubted(revised[name], line)
+    return revised
 
 
 def _channels(guesses: Mapping[str, Guess], table: pd.DataFrame) -> dict[str, Array]:
     """Values of the guessed channels in the rows whose time is known, as the reader would take them."""
-    time_s = _values(guesses["time_s"], table)
-    is_finite = np.isfinite(time_s)
-    channels = {"time_s": from_epoch(time_s[is_finite])[0]}
+    times = _values(guesses["time_s"], table)
+    is_known = np.isfinite(times)
+    time_s, _ = from_epoch(times[is_known])
+    channels = {"time_s": time_s}
     for name, guess in guesses.items():
-        if name != "time_s":
-            values = _values(guess, table)[is_finite]
-            unknown.left_out(name, values)
-            values[CHANNELS[name].impossible(values)] = np.nan
-            channels[name] = values
+        if name == "time_s":
+            continue
+        values = _values(guess, table)[is_known]
+        unknown.left_out(name, values)
+        values[CHANNELS[name].impossible(values)] = np.nan
+        channels[name] = values
     return channels
 
 
 def _values(guess: Guess, table: pd.DataFrame) -> Array:
+    """Values of a guessed channel, SI, in all rows."""
     total = np.zeros(len(table))
-    for name in filter(None, (guess.column, guess.and_column)):
-        as_time = from_text(table[name]) if guess.channel == "time_s" else None
-        column = numeric(table[name]) if as_time is None else as_time[0]
+    for name in (guess.column, guess.and_column):
+        if not name:
+            continue
+        dated = from_text(table[name]) if guess.channel == "time_s" else None
+        column = numeric(table[name]) if dated is None else dated[0]
         total += column.to_numpy(np.float64, na_value=np.nan) * guess.factor
     return total + guess.offset
 
@@ -69,17 +74,18 @@ def _by_changes_of_speed(guesses: Mapping[str, Guess], table: pd.DataFrame) -> d
         return {}
     channels = _channels(guesses, table)
     is_known = np.isfinite(channels["speed_mps"])
-    time_s, speed_mps = channels["time_s"][is_known], channels["speed_mps"][is_known]
-    steps_s, changes_mps = np.diff(time_s), np.abs(np.diff(speed_mps))
-    moving = (steps_s > 0.0) & (changes_mps > 0.0)
-    if not moving.any() or is_epoch(float(time_s[0])):
+    time_s = channels["time_s"][is_known]
+    steps_s = np.diff(time_s)
+    changes_mps = np.abs(np.diff(channels["speed_mps"][is_known]))
+    is_change = (steps_s > 0.0) & (changes_mps > 0.0)
+    if not is_change.any() or is_epoch(float(time_s[0])):
         return {}
-    typical_mps2 = float(np.median(changes_mps[moving] / steps_s[moving]))
-    most_mps2 = thresholds.FASTEST_CHANGES["speed_mps"]
-    if typical_mps2 <= most_mps2:
+    typical_mps2 = float(np.median(changes_mps[is_change] / steps_s[is_change]))
+    largest_mps2 = thresholds.FASTEST_CHANGES["speed_mps"]
+    if typical_mps2 <= largest_mps2:
         return {}
     for word, factor in sorted(UNITS["s"].items(), key=lambda unit: unit[1]):
-        if factor > time.factor and typical_mps2 * time.factor / factor <= most_mps2:
+        if factor > time.factor and typical_mps2 * time.factor / factor <= largest_mps2:
             why = f"as {_unit_of(time)} the speed would change by {typical_mps2:.3g} m/s2, so it is in {word}"
             return {"time_s": replace(time, factor=factor, sure=1, why=why)}
     return {}
@@ -87,23 +93,35 @@ def _by_changes_of_speed(guesses: Mapping[str, Guess], table: pd.DataFrame) -> d
 
 def _by_ratio(pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, Array]) -> dict[str, Guess]:
     """What the ratio of an amount that is measured twice says of the guesses."""
-    now = next((twice for twice in measured_twice(channels) if twice[:2] == pair[:2]), None)
-    if now is None or (_ANGLES & {*now.channels} and now.unit is None):
+    # An earlier pair may have changed a unit since this one was compared.
+    pairs = {(twice.what, twice.reference): twice for twice in measured_twice(channels)}
+    now = pairs.get((pair.what, pair.reference))
+    if now is None:
         return {}
-    of_pair = [guesses[name] for name in now.channels]
+    has_angle = not _ANGLES.isdisjoint(now.channels)
+    if has_angle and now.unit is None:
+        return {}
     if now.agree:
-        others = {now.what: now.reference, now.reference: now.what}
-        return {guess.channel: replace(guess, why=f"{guess.why}; agrees with {others[guess.channel]}")
-                for guess in of_pair if guess.channel in others}  # fmt: skip
-    repaired = list(_repairs(now, guesses))
-    said = f"{now.what} is {now.ratio:.3g} times that of {now.reference}"
-    if len(repaired) == 1:
-        guess, word = repaired[0]
+        return _agreeing(now, guesses)
+    repairs = _repairs(now, guesses)
+    ratio = f"{now.what} is {now.ratio:.3g} times that of {now.reference}"
+    if len(repairs) == 1:
+        guess, word = repairs[0]
         sure = LEAST_SURE if guess.factor < 0.0 else 1  # sizes agree, whatever the sign
-        return {guess.channel: replace(guess, sure=sure, why=f"{guess.why}; yet in {word}, as {said} otherwise")}
+        return {guess.channel: replace(guess, sure=sure, why=f"{guess.why}; yet in {word}, as {ratio} otherwise")}
     if not now.is_long_enough:
         return {}
-    return {guess.channel: _doubted(guess, f"{said}: one has another unit, or is another amount") for guess in of_pair}
+    doubt = f"{ratio}: one has another unit, or is another amount"
+    return {name: _doubted(guesses[name], doubt) for name in now.channels}
+
+
+def _agreeing(pair: Twice, guesses: Mapping[str, Guess]) -> dict[str, Guess]:
+    """The guesses that a pair confirms, which say so; not those of wheels or a product, which are two each."""
+    confirmed = {}
+    for name, reference in ((pair.what, pair.reference), (pair.reference, pair.what)):
+        if name in guesses:
+            confirmed[name] = replace(guesses[name], why=f"{guesses[name].why}; agrees with {reference}")
+    return confirmed
 
 
 def _repairs(pair: Twice, guesses: Mapping[str, Guess]) -> list[tuple[Guess, str]]:

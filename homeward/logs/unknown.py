@@ -49,11 +49,12 @@ def unknown(channel: str, values: Array) -> Mask:
 
 def zero_heights(elevation_m: Array) -> Mask:
     """Heights of 0 among others that are all far from it: a receiver without a fix writes them."""
-    zero: Mask = np.asarray(elevation_m == 0.0)
-    others = np.abs(elevation_m[~zero & np.isfinite(elevation_m)]) if zero.any() else np.empty(0)
-    if zero.mean() > thresholds.MOST_ZERO_HEIGHTS or not len(others) or others.min() < thresholds.NEAR_ZERO_M:
+    is_zero: Mask = np.asarray(elevation_m == 0.0)
+    sizes_m = np.abs(elevation_m[~is_zero & np.isfinite(elevation_m)])
+    are_far = len(sizes_m) > 0 and sizes_m.min() >= thresholds.NEAR_ZERO_M
+    if is_zero.mean() > thresholds.MOST_ZERO_HEIGHTS or not are_far:
         return np.zeros(np.shape(elevation_m), np.bool_)
-    return zero
+    return is_zero
 
 
 def left_out(channel: str, values: Array) -> list[str]:
@@ -61,6 +62,6 @@ def left_out(channel: str, values: Array) -> list[str]:
     marked = unknown(channel, values)
     if not marked.any():
         return []
-    which = " and ".join(f"{value:g}" for value in np.unique(values[marked]))
+    marks = " and ".join(f"{value:g}" for value in np.unique(values[marked]))
     values[marked] = np.nan
-    return [f"{int(marked.sum())} of {len(values)} values of {channel} are {which}, which means unknown: left out"]
+    return [f"{int(marked.sum())} of {len(values)} values of {channel} are {marks}, which means unknown: left out"]
