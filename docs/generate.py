@@ -93,10 +93,10 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def features() -> str:
     """Observed features."""
-    rows = (
-        [str(i), f"`{name}`", *(f"{bound:g}" for bound in RANGES[name]), unit, meaning]
-        for i, (name, unit, meaning) in enumerate(FEATURES)
-    )
+    rows = []
+    for index, (name, unit, meaning) in enumerate(FEATURES):
+        lowest, highest = RANGES[name]
+        rows.append([str(index), f"`{name}`", f"{lowest:g}", f"{highest:g}", unit, meaning])
     return table(("index", "feature", "lowest", "highest", "unit", "meaning"), rows)
 
 
@@ -118,22 +118,30 @@ def spaces(mission: str) -> str:
 
 def reference_scores(mission: str) -> str:
     """Scores that were measured of a mission, with the command that measures them."""
-    found = json.loads(reference.measured(mission).read_text("utf-8"))
-    head, rows = ["agent", "score, mean (95 %)", "stranded (95 %, Wilson)"], []
-    for name, one in found["agents"].items():
-        score = "{} ({} to {})".format(*map(_figures, (one["score_mean"], *one["score_ci95"])))
-        shares = (100.0 * share for share in (one["stranded_rate"], *one["stranded_ci95"]))
-        rows.append([f"`{name}`", score, "{:.1f} % ({:.1f} to {:.1f})".format(*shares)])
-    if optimum := found.get("optimum"):
+    measured = json.loads(reference.measured(mission).read_text("utf-8"))
+    optimum = measured.get("optimum")
+    head = ["agent", "score, mean (95 %)", "stranded (95 %, Wilson)"]
+    rows = []
+    for name, agent in measured["agents"].items():
+        low, high = map(_figures, agent["score_ci95"])
+        score = f"{_figures(agent['score_mean'])} ({low} to {high})"
+        rate, fewest, most = (100.0 * share for share in (agent["stranded_rate"], *agent["stranded_ci95"]))
+        row = [f"`{name}`", score, f"{rate:.1f} % ({fewest:.1f} to {most:.1f})"]
+        if optimum:
+            row.append(f"{_per_cent(agent['share_of_optimum_at_least'])} to {_per_cent(agent['share_of_optimum'])}")
+        rows.append(row)
+    if optimum:
         head.append("of the optimum")
-        for row, one in zip(rows, found["agents"].values(), strict=True):
-            row.append(f"{one['share_of_optimum_at_least']:.0%} to {one['share_of_optimum']:.0%}".replace("%", " %"))
         rows.append(["optimum, between", f"{_figures(optimum['lower'])} and {_figures(optimum['upper'])}", "", ""])
-    versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
-    return (
-        f"{found['episodes']} episodes at `uncertain`, seed {found['seed']}, at commit {found['commit']}, by\n\n"
-        f"```\n{found['command']}\n```\n\n{table(head, rows)}\n\n{versions}"
+    versions = ", ".join(f"{name} {version}" for name, version in measured["versions"].items())
+    conditions = (
+        f"{measured['episodes']} episodes at `uncertain`, seed {measured['seed']}, at commit {measured['commit']}"
     )
+    return f"{conditions}, by\n\n```\n{measured['command']}\n```\n\n{table(head, rows)}\n\n{versions}"
+
+
+def _per_cent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
 
 
 def _figures(score: float) -> str:
@@ -152,13 +160,15 @@ def missions() -> str:
     """Scale of each mission with the default robot."""
     rows = []
     for mission, env_id in IDS.items():
-        s = known_of(Options(mission)).shared[0]
-        rows.append(
-            (
-                *(f"`{env_id}`", f"{s['length_m']:.0f} m", f"{s['cruise_mps']:.2g} m/s"),
-                *(f"{s['decision_s']:g} s", f"{s['max_decisions']}", f"{s['score_scale']:.4g}"),
-            )
-        )
+        settings = known_of(Options(mission)).shared[0]
+        rows.append([
+            f"`{env_id}`",
+            f"{settings['length_m']:.0f} m",
+            f"{settings['cruise_mps']:.2g} m/s",
+            f"{settings['decision_s']:g} s",
+            f"{settings['max_decisions']}",
+            f"{settings['score_scale']:.4g}",
+        ])  # fmt: skip
     head = ("id", "route", "cruise speed", "length of a decision", "time limit, decisions", "good score")
     return table(head, rows)
 
@@ -166,17 +176,15 @@ def missions() -> str:
 def difficulties() -> str:
     """Hidden quantities at each difficulty."""
     rows = []
-    for name, one in DIFFICULTY.items():
-        drawn = [
-            f"{words} {number.low:g} to {number.high:g}"
-            for words, number in zip(DRAWN_WORDS, (getattr(one, drawn) for drawn in DRAWN), strict=True)
-            if number.high > number.low
-        ]
-        rows.append((
-            *(f"`{name}`", f"`{one.instruments}`", "changes" if one.weather_changes else "as at the start"),
-            "known" if one.route_is_known else "two places ahead in sight, the rest forecast",
-            "; ".join(drawn) or "nothing",
-        ))  # fmt: skip
+    for name, difficulty in DIFFICULTY.items():
+        hidden = []
+        for field, words in zip(DRAWN, DRAWN_WORDS, strict=True):
+            drawn = getattr(difficulty, field)
+            if drawn.high > drawn.low:
+                hidden.append(f"{words} {drawn.low:g} to {drawn.high:g}")
+        weather = "changes" if difficulty.weather_changes else "as at the start"
+        route = "known" if difficulty.route_is_known else "two places ahead in sight, the rest forecast"
+        rows.append([f"`{name}`", f"`{difficulty.instruments}`", weather, route, "; ".join(hidden) or "nothing"])
     return table(("difficulty", "instruments", "weather", "route and wind", "hidden, drawn for each mission"), rows)
 
 
@@ -184,28 +192,31 @@ def instruments() -> str:
     """Sizes of the errors of each set of instruments, with their meanings from the docstring."""
     _, _, attributes = (Instruments.__doc__ or "").partition("Attributes:\n")
     meanings = dict(re.findall(r"^ +(\w+): (.+)$", attributes, re.MULTILINE))
-    rows = [
-        (f"`{one.name}`", *(f"{getattr(sizes, one.name):g}" for sizes in INSTRUMENTS.values()), meanings[one.name])
-        for one in dataclasses.fields(Instruments)
-        if one.name != "gauges"
-    ]
-    names = [", ".join(sizes.gauges) if sizes.gauges != tuple(GAUGES) else "all" for sizes in INSTRUMENTS.values()]
-    rows.append(("`gauges`", *names, "gauges of the next table, of which each mission has one, all equally likely"))
+    rows = []
+    for field in dataclasses.fields(Instruments):
+        if field.name != "gauges":
+            sizes = [f"{getattr(instruments, field.name):g}" for instruments in INSTRUMENTS.values()]
+            rows.append([f"`{field.name}`", *sizes, meanings[field.name]])
+    names = []
+    for instruments in INSTRUMENTS.values():
+        has_all = instruments.gauges == tuple(GAUGES)
+        names.append("all" if has_all else ", ".join(instruments.gauges))
+    rows.append(["`gauges`", *names, "gauges of the next table, of which each mission has one, all equally likely"])
     return table(("size", *(f"`{name}`" for name in INSTRUMENTS), "meaning"), rows)
 
 
 def gauges() -> str:
     """Gauges of the state of charge, and how far they are off."""
-    robots = {"rusti_computer": "constant", "turtlebot3_burger": "Li-Po", "husky": "lead acid"}
+    batteries = {"rusti_computer": "constant voltage", "turtlebot3_burger": "Li-Po", "husky": "lead acid"}
     rows = []
     for name, gauge in GAUGES.items():
         errors = []
-        for preset in robots:
+        for preset in batteries:
             robot = load_robot(preset)
             lasts_s = float(d_max(robot)) / float(optimal_speed(robot))
             errors.append(f"{rms_error(gauge, robot, lasts_s):.1%}" if suits(gauge, robot) else "none")
         rows.append((f"`{name}`", gauge.meaning, *errors, gauge.source))
-    heads = [f"error, {words} voltage" if words == "constant" else f"error, {words}" for words in robots.values()]
+    heads = [f"error, {battery}" for battery in batteries.values()]
     return table(("gauge", "what it shows", *heads, "source of its sizes"), rows)
 
 
@@ -214,12 +225,13 @@ def robots() -> str:
     rows = []
     for name in preset_names():
         robot = load_robot(name)
-        rows.append(
-            (
-                *(f"`{name}`", f"{robot.mass_kg:g} kg", f"{robot.usable_energy_j / 3600.0:.3g} Wh"),
-                *(f"{float(optimal_speed(robot)):.2g} m/s", f"{float(d_max(robot)) / 1000.0:.3g} km"),
-            )
-        )
+        rows.append([
+            f"`{name}`",
+            f"{robot.mass_kg:g} kg",
+            f"{robot.usable_energy_j / 3600.0:.3g} Wh",
+            f"{float(optimal_speed(robot)):.2g} m/s",
+            f"{float(d_max(robot)) / 1000.0:.3g} km",
+        ])  # fmt: skip
     return table(
         ("robot", "mass", "battery", "speed with the longest range", "d_max on level ground, without sensing"), rows
     )
@@ -231,8 +243,8 @@ def robot_file() -> str:
     for field in dataclasses.fields(Robot):
         if "bounds" in field.metadata:
             default = "required" if field.default is dataclasses.MISSING else f"{field.default:g}"
-            said = field.metadata
-            rows.append((said["section"], f"`{field.name}`", said["meaning"], str(said["bounds"]), default))
+            about = field.metadata
+            rows.append((about["section"], f"`{field.name}`", about["meaning"], str(about["bounds"]), default))
     return table(("section", "name", "meaning", "allowed", "default"), sorted(rows, key=lambda row: row[0]))
 
 
@@ -243,27 +255,30 @@ def agents() -> str:
 
 def effects() -> str:
     """Every effect and every fault of an instrument: a table of all, then one section each."""
-    rows = ([f"[`{name}`](#{name})", ENTERS[one.entry.kind], one.entry.sentence] for name, one in CATALOGUE.items())
+    rows = []
+    for name, hypothesis in CATALOGUE.items():
+        entry = hypothesis.entry
+        rows.append([f"[`{name}`](#{name})", ENTERS[entry.kind], entry.sentence])
     return "\n\n".join([table(("id", "enters", "description"), rows), *map(_effect, CATALOGUE)])
 
 
 def _effect(name: str) -> str:
     hypothesis = CATALOGUE[name]
-    one = hypothesis.entry
+    entry = hypothesis.entry
     head = ("parameter", "unit", "minimum", "maximum", "default", "meaning")
-    numbers = [_number(parameter, hypothesis.physical) for parameter in one.parameters]
-    alike = ", ".join(f"[`{other}`](#{other})" for other in one.confused_with) or "nothing"
-    switch = one.switch.name
+    numbers = [_number(parameter, hypothesis.physical) for parameter in entry.parameters]
+    needed = ", ".join(f"`{channel}`" for channel in entry.needs)
+    confused_with = ", ".join(f"[`{effect}`](#{effect})" for effect in entry.confused_with) or "nothing"
     parts = [
         f"## `{name}`",
-        one.sentence,
-        f"```text\n{one.equation}\n```",
+        entry.sentence,
+        f"```text\n{entry.equation}\n```",
         table(head, numbers),
-        f"Source: {one.source}.  \nChannels that show it: {', '.join(f'`{need}`' for need in one.needs)}.  \n"
-        f"Easily confused with: {alike}.",
+        f"Source: {entry.source}.  \nChannels that show it: {needed}.  \nEasily confused with: {confused_with}.",
     ]
     if hypothesis.physical:
-        parts.append(f"In a robot file it is the section `[effects.{name}]`; `{switch}` at zero switches it off.")
+        switch = f"`{entry.switch.name}` at zero switches it off"
+        parts.append(f"In a robot file it is the section `[effects.{name}]`; {switch}.")
     return "\n\n".join(parts)
 
 
@@ -300,32 +315,39 @@ def drives() -> str:
     return "\n\n".join(map(_drive, MENU))
 
 
-def _drive(one: Manoeuvre) -> str:
-    step_s = np.broadcast_to(np.asarray(one.step_s, np.float64), SAMPLES)
+def _drive(drive: Manoeuvre) -> str:
+    """One drive: its instruction, how long it takes, and each quantity that it sets."""
+    step_s = np.broadcast_to(np.asarray(drive.step_s, np.float64), SAMPLES)
     rows = []
-    for field in dataclasses.fields(one):
-        given = getattr(one, field.name)
-        if field.name in LEVELS and given is not field.default:
+    for field in dataclasses.fields(drive):
+        levels = getattr(drive, field.name)
+        if field.name in LEVELS and levels is not field.default:
             words, factor, unit = LEVELS[field.name]
-            rows.append(f"* {words}: {_timetable(factor * np.broadcast_to(given, SAMPLES), step_s, unit)}")
-    sentence = f"{one.sentence[0].upper()}{one.sentence[1:]} ({_minutes(float(step_s.sum()))})."
-    return "\n".join([f"### {one.id.replace('_', ' ')}", "", sentence, "", *rows])
+            rows.append(f"* {words}: {_timetable(factor * np.broadcast_to(levels, SAMPLES), step_s, unit)}")
+    duration = _minutes(float(step_s.sum()))
+    instruction = f"{drive.sentence[0].upper()}{drive.sentence[1:]} ({duration})."
+    return "\n".join([f"### {drive.id.replace('_', ' ')}", "", instruction, "", *rows])
 
 
 def _timetable(levels: Array, step_s: Array, unit: str) -> str:
     """A series in words: its levels in turn, how long each is held, and how often the whole series comes."""
-    first = np.flatnonzero(np.diff(levels, prepend=np.nan) != 0.0)
-    held = levels[first]
-    if len(held) == 1:
-        return f"{held[0]:.3g}{unit} throughout"
-    period = next(n for n in range(1, len(held) + 1) if np.array_equal(np.tile(held[:n], len(held) // n), held))
+    changes = np.flatnonzero(np.diff(levels, prepend=np.nan) != 0.0)
+    stages = levels[changes]
+    count = len(stages)
+    if count == 1:
+        return f"{stages[0]:.3g}{unit} throughout"
+    period = next(n for n in range(1, count + 1) if np.array_equal(np.tile(stages[:n], count // n), stages))
     if period > _MOST_LEVELS:  # no levels, but a ramp
-        turns = [0, *np.flatnonzero(np.diff(np.sign(np.diff(held))) < 0.0) + 1, len(held) - 1]
-        return "evenly from " + " to ".join(f"{held[turn]:.4g}{unit}" for turn in turns)
-    lasts = [_minutes(float(time_s)) for time_s in np.add.reduceat(step_s, first)[:period]]
-    each = f"{lasts[0]} each" if len(set(lasts)) == 1 else ", ".join(lasts)
-    times = len(held) // period
-    return f"{', '.join(f'{level:.3g}{unit}' for level in held[:period])}: {each}{f', {times} times' * (times > 1)}"
+        peaks = np.flatnonzero(np.diff(np.sign(np.diff(stages))) < 0.0) + 1
+        turns = [0, *peaks, count - 1]
+        return "evenly from " + " to ".join(f"{stages[turn]:.4g}{unit}" for turn in turns)
+    shown = ", ".join(f"{level:.3g}{unit}" for level in stages[:period])
+    durations = [_minutes(float(time_s)) for time_s in np.add.reduceat(step_s, changes)[:period]]
+    are_equal = len(set(durations)) == 1
+    lasts = f"{durations[0]} each" if are_equal else ", ".join(durations)
+    repeats = count // period
+    repeated = f", {repeats} times" if repeats > 1 else ""
+    return f"{shown}: {lasts}{repeated}"
 
 
 def _minutes(time_s: float) -> str:
@@ -335,15 +357,16 @@ def _minutes(time_s: float) -> str:
 def channels() -> str:
     """Channels of a recording, and which effects ask for each."""
     rows = []
-    for name, one in CHANNELS.items():
-        asking = [_effect_link(effect) for effect, which in CATALOGUE.items() if name in which.entry.needs]
-        rows.append((f"`{name}`", one.unit, one.meaning, ", ".join(asking)))
+    for name, channel in CHANNELS.items():
+        effects = [effect for effect, hypothesis in CATALOGUE.items() if name in hypothesis.entry.needs]
+        rows.append((f"`{name}`", channel.unit, channel.meaning, ", ".join(map(_effect_link, effects))))
     return table(("channel", "unit", "meaning", "effects that need it"), rows)
 
 
 def bench() -> str:
     """The measurement that identifies each effect alone."""
-    return table(("effect", "measurement"), ((_effect_link(name), one.measurement) for name, one in CATALOGUE.items()))
+    rows = [(_effect_link(name), hypothesis.measurement) for name, hypothesis in CATALOGUE.items()]
+    return table(("effect", "measurement"), rows)
 
 
 def _effect_link(name: str) -> str:
@@ -366,8 +389,9 @@ def conditions() -> str:
         ]
 
     heads = ("condition", "what is compared", "limit", "applies to", "origin of the limit")
-    own, together = table(heads, rows(CONDITIONS)), table(heads, rows(TOGETHER))
-    return f"{own}\n\nAll named effects together:\n\n{together}"
+    of_each = table(heads, rows(CONDITIONS))
+    of_all = table(heads, rows(TOGETHER))
+    return f"{of_each}\n\nAll named effects together:\n\n{of_all}"
 
 
 def counts() -> str:
@@ -381,11 +405,14 @@ def counts() -> str:
 def results(heading: str) -> str:
     """A section of the page of results, with its subsections, for inclusion in other pages."""
     page = emptied((ROOT / "docs" / "results.md").read_text("utf-8"))
-    sections = {found[2]: found for found in re.finditer(r"^(##+) +(.+)\n", page, re.MULTILINE)}
+    sections = {match[2]: match for match in re.finditer(r"^(##+) +(.+)\n", page, re.MULTILINE)}
     if heading not in sections:
         raise KeyError(f"results.md has no section {heading!r}, only {', '.join(sections)}")
-    found = sections[heading]
-    return re.split(rf"^#{{2,{len(found[1])}}} ", page[found.end() :], maxsplit=1, flags=re.MULTILINE)[0].strip()
+    section = sections[heading]
+    level = len(section[1])
+    # The section ends where the next heading of its level or a higher one begins.
+    until_next = re.split(rf"^#{{2,{level}}} ", page[section.end() :], maxsplit=1, flags=re.MULTILINE)[0]
+    return until_next.strip()
 
 
 @functools.cache
@@ -405,8 +432,8 @@ def worked_case() -> str:
 
 
 GENERATED: dict[str, Callable[..., str]] = {
-    one.__name__: one
-    for one in (
+    part.__name__: part
+    for part in (
         agents, causes, channels, conditions, counts, difficulties, dock_features, drives, effects, features, gauges,
         instruments, missions, bench,
         reference_scores, results, robot_file, robots, spaces, worked_case,
@@ -419,9 +446,10 @@ def on_config(config: Any) -> Any:
     """Append pages that the navigation lacks."""
     named = set(re.findall(r"[\w/]+\.md", repr(config["nav"])))
     docs = Path(config["docs_dir"])
-    others = sorted(path.relative_to(docs).as_posix() for path in docs.rglob("*.md"))
-    if more := [name for name in others if name not in named]:
-        config["nav"] = [*config["nav"], {"More": more}]
+    pages = sorted(path.relative_to(docs).as_posix() for path in docs.rglob("*.md"))
+    not_named = [page for page in pages if page not in named]
+    if not_named:
+        config["nav"] = [*config["nav"], {"More": not_named}]
     return config
 
 
@@ -433,11 +461,11 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Make the generated parts anew. A link to a file outside the site becomes the file's name."""
-    whole = filled(markdown)
-    if whole != markdown:
+    up_to_date = filled(markdown)
+    if up_to_date != markdown:
         LOG.warning(f"{page.file.src_uri}: its generated parts are out of date; run python -m docs.generate")
     up = r"\.\./" * (page.file.src_uri.count("/") + 1)
-    return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", _outside, _COMMENTS.sub("", whole))
+    return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", _outside, _COMMENTS.sub("", up_to_date))
 
 
 def emptied(page: str) -> str:
@@ -454,24 +482,30 @@ def main() -> None:
     """Write the generated parts into all pages."""
     for path in sorted((ROOT / "docs").rglob("*.md")):
         page = path.read_text("utf-8")
-        whole = filled(page)
-        if whole != page:
-            path.write_text(whole, "utf-8")
+        up_to_date = filled(page)
+        if up_to_date != page:
+            path.write_text(up_to_date, "utf-8")
             print(f"wrote {path.relative_to(ROOT)}")
 
 
 def _generated(mark: re.Match[str]) -> str:
     """A part, its highest headings one level below the section of the page in which the comment is."""
-    part = GENERATED[mark[1]](*filter(None, [mark[2]]))
+    name, argument = mark.groups()
+    make = GENERATED[name]
+    part = make(argument) if argument else make()
     headings = re.compile(r"^(##+) ", re.MULTILINE)
-    above = len(["#", *headings.findall(mark.string[: mark.start()])][-1])
-    highest = min(map(len, headings.findall(part)), default=above)
-    return headings.sub(lambda found: "#" * (len(found[1]) - highest + above + 1) + " ", part)
+    headings_above = ["#", *headings.findall(mark.string[: mark.start()])]
+    level_above = len(headings_above[-1])
+    highest = min(map(len, headings.findall(part)), default=level_above)
+    deeper = level_above + 1 - highest
+    return headings.sub(lambda heading: "#" * (len(heading[1]) + deeper) + " ", part)
 
 
 def _outside(link: re.Match[str]) -> str:
-    said, path = link[1].strip("`"), link[2]
-    return f"`{path}`" if said == path else f"{said} (`{path}`)"
+    """A link to a file outside the site as the file's name."""
+    text = link[1].strip("`")
+    path = link[2]
+    return f"`{path}`" if text == path else f"{text} (`{path}`)"
 
 
 def on_page_content(content: str, **_: Any) -> str:
@@ -479,10 +513,10 @@ def on_page_content(content: str, **_: Any) -> str:
     return re.sub(r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>', _equation, content, flags=re.DOTALL)
 
 
-def _equation(found: re.Match[str]) -> str:
-    block = found[1] == "div"
-    mathml = convert(html.unescape(found[2]).strip(), display="block" if block else "inline")
-    return f'<div class="equation">{mathml}</div>' if block else mathml
+def _equation(equation: re.Match[str]) -> str:
+    is_block = equation[1] == "div"
+    mathml = convert(html.unescape(equation[2]).strip(), display="block" if is_block else "inline")
+    return f'<div class="equation">{mathml}</div>' if is_block else mathml
 
 
 if __name__ == "__main__":

@@ -36,11 +36,13 @@ def mission_frames(mission: str, difficulty: str, agent: str, seed: int) -> list
     policy = make_policy(agent, env)
     observation, _ = env.reset(seed=seed)
     frames: list[Any] = [env.render()]
-    begun, over = np.array([True]), False
-    while not over:
-        observation, _, terminated, truncated, _ = env.step(policy.act(observation[None], begun)[0])
+    is_first = np.array([True])
+    is_over = False
+    while not is_over:
+        observation, _, terminated, truncated, _ = env.step(policy.act(observation[None], is_first)[0])
         frames.append(env.render())
-        begun, over = np.array([False]), terminated or truncated
+        is_first = np.array([False])
+        is_over = terminated or truncated
     return frames
 
 

@@ -13,8 +13,9 @@ import tyro
 from homeward.envs import IDS
 
 AGENTS = ("random", "soc50", "dmax", "dmax_adaptive", "dmax_belief", "planner", "ppo", "ppo_scratch")
-EPISODES, SEED = 500, 7
-KEPT = ("score_mean", "score_ci95", "stranded_rate", "stranded_ci95", "share_of_optimum", "share_of_optimum_at_least")
+EPISODES = 500
+SEED = 7
+SHOWN = ("score_mean", "score_ci95", "stranded_rate", "stranded_ci95", "share_of_optimum", "share_of_optimum_at_least")
 COMMIT = ("git", "rev-parse", "--short", "HEAD")
 
 
@@ -34,14 +35,18 @@ def main(missions: tyro.conf.Positional[tuple[str, ...]] = tuple(IDS), optimum: 
 
     for mission in missions:
         words = f"--env {IDS[mission]} --agents {' '.join(AGENTS)} --episodes {EPISODES} --seed {SEED}"
+        if optimum:
+            words += " --optimum"
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder)
             evaluate.main(evaluate.Args(AGENTS, IDS[mission], EPISODES, SEED, out, optimum=optimum))
-            found = json.loads((out / "evaluation.json").read_text("utf-8"))
-        shown = {name: found[name] for name in ("episodes", "seed", "versions", "optimum") if name in found}
-        shown["agents"] = {agent: {name: one.get(name) for name in KEPT} for agent, one in found["agents"].items()}
+            evaluation = json.loads((out / "evaluation.json").read_text("utf-8"))
+        shown = {name: evaluation[name] for name in ("episodes", "seed", "versions", "optimum") if name in evaluation}
+        shown["agents"] = {}
+        for agent, scores in evaluation["agents"].items():
+            shown["agents"][agent] = {name: scores.get(name) for name in SHOWN}
         shown["commit"] = subprocess.check_output(COMMIT, cwd=Path(__file__).parent, text=True).strip()
-        shown["command"] = f"python evaluate.py {words}{' --optimum' * optimum}"
+        shown["command"] = f"python evaluate.py {words}"
         measured(mission).write_text(json.dumps(shown, indent=1) + "\n", "utf-8")
 
 
