@@ -13,6 +13,7 @@ from homeward.diagnosis.fit.replay import current_a, wheels_mps
 from homeward.diagnosis.read.signals import Signals, steps_s
 from homeward.estimation.tails import scale_of
 from homeward.physics import Robot
+from homeward.physics.uncertainty import Uncertainty
 from homeward.watch import thresholds
 from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
@@ -27,8 +28,8 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
     Raises:
         CompanionError: The file has no uncertainty of charge, or the robot stood.
     """
-    sure = robot.uncertainty
-    if sure is None or sure.of != "charge":
+    uncertainty = robot.uncertainty
+    if uncertainty is None or uncertainty.of != "charge":
         raise CompanionError(
             f"{run.name}: has motor currents only, which show torque and not the energy of the way home; "
             "record power_w, or voltage_v and current_a. To predict the motors' charge, give the corrected.toml of "
@@ -40,35 +41,59 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
     expected_as = rest_of(current_a(run, robot) * step_s)
     if left_m[0] <= 0.0:
         raise CompanionError(f"{run.name}: the robot stood all the time; there is no way to predict")
-    duration_s = float(run.time_s[-1] - run.time_s[0])
     since_s = run.time_s - run.time_s[0]
-    due = np.arange(0.0, duration_s, max(duration_s / WINDOWS, LEAST_WINDOW_S))
-    samples = np.unique(np.searchsorted(since_s, due))
+    duration_s = float(since_s[-1])
+    due_s = np.arange(0.0, duration_s, max(duration_s / WINDOWS, LEAST_WINDOW_S))
+    samples = np.unique(np.searchsorted(since_s, due_s))
     samples = samples[(left_m[samples] > 0.0) & (expected_as[samples] > 0.0)]
     if not len(samples):
         raise CompanionError(
             f"{run.name}: by the robot's file its motors need no charge in this run; give a file with the charge of "
             "turning on the spot, or of the motors at rest"
         )
-    variance = thresholds.BETWEEN_RUNS**2 if sure.between_runs is None else scale_of(sure.between_runs) ** 2
     spreads = []
     for sample in samples:
-        # The run's own factor: its prior has mean 1, updated with the run so far.
-        seen_as, driven_m = expected_as[0] - expected_as[sample], left_m[0] - left_m[sample]
-        factor, unsure = 1.0, variance
-        if seen_as > 0.0 and driven_m > 0.0:
-            shown = (took_as[0] - took_as[sample]) / seen_as
-            noise = scale_of(sure.unexplained_over(driven_m)) ** 2
-            share = variance / (variance + noise) if variance > 0.0 else 0.0
-            factor, unsure = 1.0 + share * (shown - 1.0), (1.0 - share) * variance
-        rest_scale = scale_of(sure.unexplained_over(max(left_m[sample], thresholds.LEAST_WAY_M)))
+        expected_so_far_as = float(expected_as[0] - expected_as[sample])
+        measured_so_far_as = float(took_as[0] - took_as[sample])
+        driven_m = float(left_m[0] - left_m[sample])
+        factor, variance = _factor_of_run(uncertainty, measured_so_far_as, expected_so_far_as, driven_m)
+        way_m = max(float(left_m[sample]), thresholds.LEAST_WAY_M)
+        unexplained = scale_of(uncertainty.unexplained_over(way_m))
         rest_as = float(expected_as[sample])
-        spreads.append(UncertainValue(factor * rest_as, float(np.hypot(np.sqrt(unsure), rest_scale)) * rest_as))
-    mean = np.array([spread.mean for spread in spreads])
-    low = np.array([spread.low for spread in spreads])
-    high = np.array([spread.high for spread in spreads])
-    words = (f"charge of the motors and its uncertainty from the robot's file: {sure.source or 'no source given'}",)
+        scale = float(np.hypot(np.sqrt(variance), unexplained))
+        spreads.append(UncertainValue(factor * rest_as, scale * rest_as))
+    source = uncertainty.source or "no source given"
     return Watched(
-        run.name, since_s[samples], left_m[samples], took_as[samples], mean, low, high, float(left_m[0]), words, (),
+        name=run.name,
+        time_s=since_s[samples],
+        left_m=left_m[samples],
+        took_j=took_as[samples],
+        mean_j=np.array([spread.mean for spread in spreads]),
+        low_j=np.array([spread.low for spread in spreads]),
+        high_j=np.array([spread.high for spread in spreads]),
+        length_m=float(left_m[0]),
+        rests_on=(f"charge of the motors and its uncertainty from the robot's file: {source}",),
+        warnings=(),
         unit="A s",
-    )  # fmt: skip
+    )
+
+
+def _factor_of_run(
+    uncertainty: Uncertainty, measured_as: float, expected_as: float, driven_m: float
+) -> tuple[float, float]:
+    """The run's own factor of the expected charge: mean and variance of a prior of mean 1, updated with the run so far.
+
+    Args:
+        uncertainty: That of the robot's file.
+        measured_as: Charge that the run so far took, A s.
+        expected_as: The same by the file, A s.
+        driven_m: Way that it drove, m.
+    """
+    variance = thresholds.BETWEEN_RUNS**2
+    if uncertainty.between_runs is not None:
+        variance = scale_of(uncertainty.between_runs) ** 2
+    if expected_as <= 0.0 or driven_m <= 0.0 or variance <= 0.0:
+        return 1.0, variance
+    noise = scale_of(uncertainty.unexplained_over(driven_m)) ** 2
+    gain = variance / (variance + noise)
+    return 1.0 + gain * (measured_as / expected_as - 1.0), (1.0 - gain) * variance

@@ -36,17 +36,18 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim")
     grid.add_column(min_width=42)
-    left = max(min(advice.energy_left_j.mean / full_j, 1.0), 0.0)
-    takes = max(min(advice.energy_home_j.mean / full_j, 1.0), 0.0)
-    grid.add_row("battery", _with_bar(left, _between(advice.energy_left_j), "green" if left > takes else "red"))
-    home = f"{_between(advice.energy_home_j)}, {quantities.distance(advice.way_home_m)}"
-    where = "home" if advice.home == HOME else f"to {advice.home}"
-    grid.add_row(Text(f"way {where}"), _with_bar(takes, home, "cyan"))
-    there = "home" if advice.home == HOME else "there"
-    grid.add_row(f"probability of getting {there}", Text(f"{advice.chance_home:.2%}"))
-    for other in advice.others:
-        way = f"{quantities.energy(other.energy_j.mean)}, {quantities.distance(other.way_m)}, {other.chance:.2%}"
-        grid.add_row(Text(f"or {other.name}"), Text(way, style="" if other.reachable else "red"))
+    share_left = max(min(advice.energy_left_j.mean / full_j, 1.0), 0.0)
+    share_home = max(min(advice.energy_home_j.mean / full_j, 1.0), 0.0)
+    colour = "green" if share_left > share_home else "red"
+    grid.add_row("battery", _with_bar(share_left, _between(advice.energy_left_j), colour))
+    way_home = f"{_between(advice.energy_home_j)}, {quantities.distance(advice.way_home_m)}"
+    is_home = advice.home == HOME
+    grid.add_row(Text("way home" if is_home else f"way to {advice.home}"), _with_bar(share_home, way_home, "cyan"))
+    destination = "home" if is_home else "there"
+    grid.add_row(f"probability of getting {destination}", Text(f"{advice.chance_home:.2%}"))
+    for option in advice.others:
+        way = f"{quantities.energy(option.energy_j.mean)}, {quantities.distance(option.way_m)}, {option.chance:.2%}"
+        grid.add_row(Text(f"or {option.name}"), Text(way, style="" if option.reachable else "red"))
     if advice.turn_now:
         grid.add_row("point of no return", Text("TURN NOW", style="bold red"))
     else:
@@ -103,13 +104,15 @@ class LiveView:
     def show(self, name: str, advice: Advice, since_s: float, duration_s: float) -> None:
         """Show an advice, if a frame is due."""
         if name != self._name:
-            self._name, self._begun_s = name, time.monotonic()
+            self._name = name
+            self._begun_s = time.monotonic()
             self._said.clear()
         for text in advice.warnings:
             kind = kind_of(text)
             if kind not in self._said and len(self._said) == _WARNINGS:
                 del self._said[next(iter(self._said))]
-            if self._said.get(kind, (0.0, ""))[1] != text:
+            _, shown = self._said.get(kind, (0.0, ""))
+            if shown != text:
                 self._said[kind] = since_s, text
         if self._speed > 0.0:
             time.sleep(max(self._begun_s + since_s / self._speed - time.monotonic(), 0.0))

@@ -55,48 +55,50 @@ def watch_html(
     )  # fmt: skip
 
 
-def verdict(whole: Row) -> str:
+def verdict(row: Row) -> str:
     """Conclusion from the row of all moments, in a sentence."""
-    least, most = thresholds.CALIBRATED
-    trust = "as often as it should" if least <= whole.covered <= most else (
-        "too rarely: it is overconfident" if whole.covered < least else "too often: it could be narrower"
-    )  # fmt: skip
+    fewest, most = thresholds.CALIBRATED
+    how_often = "as often as it should"
+    if row.covered < fewest:
+        how_often = "too rarely: it is overconfident"
+    elif row.covered > most:
+        how_often = "too often: it could be narrower"
+    direction = "high" if row.bias > 0.0 else "low"
     return (
-        f"The 90 % interval contained the consumption of the rest at {100.0 * whole.covered:.0f} % of "
-        f"{whole.moments} moments, {trust}. On average it was {abs(100.0 * whole.bias):.1f} % too "
-        f"{'high' if whole.bias > 0.0 else 'low'}."
+        f"The 90 % interval contained the consumption of the rest at {100.0 * row.covered:.0f} % of "
+        f"{row.moments} moments, {how_often}. On average it was {abs(100.0 * row.bias):.1f} % too {direction}."
     )
 
 
 def figure(runs: Sequence[Watched]) -> Markup:
     """Energy of the rest over the way left, predicted with its interval and as measured; a panel a run."""
     shown = list(runs[:MOST_RUNS])
-    made = make_subplots(
-        len(shown), 1, vertical_spacing=min(0.35 / max(len(shown), 1), 0.12),
-        subplot_titles=[str(number) for number in range(1, len(shown) + 1)] if len(shown) > 1 else None,
-    )  # fmt: skip
+    count = len(shown)
+    titles = [str(number) for number in range(1, count + 1)] if count > 1 else None
+    spacing = min(0.35 / max(count, 1), 0.12)
+    panels = make_subplots(count, 1, vertical_spacing=spacing, subplot_titles=titles)
     for row, run in enumerate(shown, start=1):
-        x = np.concatenate((run.left_m, run.left_m[::-1])).round(1)
+        around = np.concatenate((run.left_m, run.left_m[::-1])).round(1)
         band = np.concatenate((run.high_j, run.low_j[::-1])) / 1000.0
-        first = row == 1
-        made.add_scatter(
-            x=x, y=band.round(4), fill="toself", fillcolor=_BAND, mode="none", name="90 % interval", hoverinfo="skip",
-            showlegend=first, legendgroup="band", row=row, col=1,
+        has_legend = row == 1
+        panels.add_scatter(
+            x=around, y=band.round(4), fill="toself", fillcolor=_BAND, mode="none", name="90 % interval",
+            hoverinfo="skip", showlegend=has_legend, legendgroup="band", row=row, col=1,
         )  # fmt: skip
         for name, values, colour in (("predicted", run.mean_j, _PREDICTED), ("what it consumed", run.took_j, _INK)):
-            made.add_scatter(
+            panels.add_scatter(
                 x=run.left_m.round(1), y=(values / 1000.0).round(4), mode="lines", name=name,
-                line={"color": colour, "width": 1.6}, showlegend=first, legendgroup=name, row=row, col=1,
+                line={"color": colour, "width": 1.6}, showlegend=has_legend, legendgroup=name, row=row, col=1,
             )  # fmt: skip
-        made.update_yaxes(title_text=_RESTS[run.unit], rangemode="tozero", fixedrange=True, row=row, col=1)
-        made.update_xaxes(title_text="way left, m", autorange="reversed", fixedrange=True, row=row, col=1)
-    made.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
-    count_word = "run" if len(shown) == 1 else "runs"
-    says = (
-        f"{_RESTS[shown[0].unit]}, over the way left in m, of {len(shown)} {count_word}: predicted with its 90 % "
+        panels.update_yaxes(title_text=_RESTS[run.unit], rangemode="tozero", fixedrange=True, row=row, col=1)
+        panels.update_xaxes(title_text="way left, m", autorange="reversed", fixedrange=True, row=row, col=1)
+    panels.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
+    count_word = "run" if count == 1 else "runs"
+    alternative = (
+        f"{_RESTS[shown[0].unit]}, over the way left in m, of {count} {count_word}: predicted with its 90 % "
         "interval, and what it consumed. The table below has moments of each run, watch.csv has all."
     )
-    return _image(made, 90 + 260 * len(shown), says)
+    return _image(panels, 90 + 260 * count, alternative)
 
 
 def transforms_figure(runs: Sequence[Watched]) -> Markup:
@@ -105,32 +107,37 @@ def transforms_figure(runs: Sequence[Watched]) -> Markup:
     counts, edges = np.histogram(values, _BINS, (0.0, 1.0))
     shares = counts / len(values)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    made = go.Figure()
-    made.add_bar(x=middles.round(3), y=(100.0 * shares).round(2), width=1.0 / _BINS, marker={"color": _PREDICTED})
-    made.update_traces(marker_line={"color": "white", "width": 1})
-    made.add_hline(100.0 / _BINS, line={"color": _INK, "width": 1.6, "dash": "dot"})
-    made.update_xaxes(title_text="probability of a lower consumption, by the prediction", range=[0.0, 1.0])
-    made.update_yaxes(title_text="moments, %", rangemode="tozero")
-    said = ", ".join(f"{share:.0%}" for share in shares)
-    says = (
-        f"Share of {len(values)} moments in each tenth of the probability integral transform, from 0 to 1: {said}; "
+    histogram = go.Figure()
+    histogram.add_bar(x=middles.round(3), y=(100.0 * shares).round(2), width=1.0 / _BINS, marker={"color": _PREDICTED})
+    histogram.update_traces(marker_line={"color": "white", "width": 1})
+    histogram.add_hline(100.0 / _BINS, line={"color": _INK, "width": 1.6, "dash": "dot"})
+    histogram.update_xaxes(title_text="probability of a lower consumption, by the prediction", range=[0.0, 1.0])
+    histogram.update_yaxes(title_text="moments, %", rangemode="tozero")
+    in_each = ", ".join(f"{share:.0%}" for share in shares)
+    alternative = (
+        f"Share of {len(values)} moments in each tenth of the probability integral transform, from 0 to 1: {in_each}; "
         "10 % in each if calibrated."
     )
-    return _image(made, 300, says)
+    return _image(histogram, 300, alternative)
 
 
-def _image(made: go.Figure, height: int, says: str) -> Markup:
-    """A figure of a height in pixels, with a text alternative."""
-    made.update_layout(
-        height=height, margin={"l": 60, "r": 15, "t": 30, "b": 45}, dragmode=False,
+def _image(plot: go.Figure, height_px: int, alternative: str) -> Markup:
+    """A plot with a text alternative, for a page."""
+    plot.update_layout(
+        height=height_px, margin={"l": 60, "r": 15, "t": 30, "b": 45}, dragmode=False,
         legend={"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"}, **PLAIN,
     )  # fmt: skip
-    made.update_xaxes(fixedrange=True, **GRID).update_yaxes(fixedrange=True, **GRID)
-    return described(made.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}), says)
+    plot.update_xaxes(fixedrange=True, **GRID)
+    plot.update_yaxes(fixedrange=True, **GRID)
+    content = plot.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False})
+    return described(content, alternative)
 
 
-def moments(run: Watched) -> list[tuple[float, float, float, float, float]]:
+def moments(run: Watched) -> list[tuple[float, ...]]:
     """Rows of a run's table: way left, m; predicted mean, ends of its interval, and measured value, kJ or kA s."""
-    rows = np.unique(np.linspace(0, len(run.left_m) - 1, _ROWS).astype(int))
-    columns = (run.mean_j, run.low_j, run.high_j, run.took_j)
-    return [(float(run.left_m[i]), *(float(values[i]) / 1000.0 for values in columns)) for i in rows]  # type: ignore[misc]
+    places = np.unique(np.linspace(0, len(run.left_m) - 1, _ROWS).astype(int))
+    rows = []
+    for place in places:
+        in_kj = [float(values[place]) / 1000.0 for values in (run.mean_j, run.low_j, run.high_j, run.took_j)]
+        rows.append((float(run.left_m[place]), *in_kj))
+    return rows

@@ -6,13 +6,14 @@ What is tested is the companion's estimate of the robot, the ground and the wind
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.companion import Advice, Companion, CompanionError
+from homeward.companion import Advice, Companion, CompanionError, UncertainValue
 from homeward.companion import thresholds as companion_thresholds
 from homeward.companion.companion import WINDOWS as WINDOWS_A_CHARGE
 from homeward.diagnosis.fit.signs import wrong_slopes
@@ -40,12 +41,11 @@ class Rest:
     """The rest of a recording from any of its samples, as a map and a schedule give it."""
 
     def __init__(self, run: Signals, companion: Companion) -> None:
-        self._v = companion.vehicle
+        self._vehicle = companion.vehicle
         step_s = np.append(steps_s(run.time_s), 0.0)
         self.way_m = np.abs(run.speed_mps) * step_s
-        forward = np.where(run.speed_mps < 0.0, -1.0, 1.0)
-        sine, heading = forward * np.sin(run.grade_rad), heading_of(run)
-        along = np.stack((forward * np.cos(heading), forward * np.sin(heading)), axis=-1)
+        direction = np.where(run.speed_mps < 0.0, -1.0, 1.0)
+        heading_rad = heading_of(run)
         robot = at_terminals(companion.robot) if run.at_terminals else companion.robot
         modelled = replay(
             robot, run.time_s, run.speed_mps, grade_rad=run.grade_rad, yaw_rate_radps=run.yaw_rate_radps,
@@ -55,13 +55,16 @@ class Rest:
         self.left_m = rest_of(self.way_m)
         self.took_j = rest_of(run.observed * step_s)
         self._modelled_j = rest_of(modelled.power_w * step_s)
-        self._sine_m = rest_of(sine * self.way_m)
-        self._speed_m = rest_of(np.abs(run.speed_mps) * self.way_m)
-        self._east_m = rest_of(along[:, 0] * self.way_m)
-        self._north_m = rest_of(along[:, 1] * self.way_m)
-        at_m = self.left_m[0] * (1.0 - np.arange(_STRETCHES + 1) / _STRETCHES)
+        # Sums over the way, by the field of `WAY_DTYPE` whose mean they give.
+        self._sums_m = {
+            "sine": rest_of(direction * np.sin(run.grade_rad) * self.way_m),
+            "speed_mps": rest_of(np.abs(run.speed_mps) * self.way_m),
+            "east": rest_of(direction * np.cos(heading_rad) * self.way_m),
+            "north": rest_of(direction * np.sin(heading_rad) * self.way_m),
+        }
         # First samples of the stretches: the way left falls.
-        self._edges = np.unique(np.searchsorted(-self.left_m, -at_m))
+        edges_m = self.left_m[0] * (1.0 - np.arange(_STRETCHES + 1) / _STRETCHES)
+        self._edges = np.unique(np.searchsorted(-self.left_m, -edges_m))
         self._edges[-1] = len(run.time_s)
 
     def from_sample(self, sample: int) -> tuple[NDArray[np.void], float]:
@@ -69,15 +72,15 @@ class Rest:
         starts = np.concatenate(([sample], self._edges[self._edges > sample])).astype(np.intp)
         ways = np.zeros(len(starts) - 1, WAY_DTYPE)
         length_m = -np.diff(self.left_m[starts])
-        driven = length_m > 0.0
-        per_m = 1.0 / np.where(driven, length_m, 1.0)
-        for name, total in (
-            ("sine", self._sine_m), ("speed_mps", self._speed_m), ("east", self._east_m), ("north", self._north_m),
-        ):  # fmt: skip
-            ways[name] = -np.diff(total[starts]) * per_m
+        is_driven = length_m > 0.0
+        per_m = 1.0 / np.where(is_driven, length_m, 1.0)
+        for name, sum_m in self._sums_m.items():
+            ways[name] = -np.diff(sum_m[starts]) * per_m
         ways["way_m"] = length_m
-        ways = ways[driven & (ways["speed_mps"] > 0.0)]
-        steady_j = sum(modelled_driving(self._v, float(w["sine"]), float(w["speed_mps"])) * w["way_m"] for w in ways)
+        ways = ways[is_driven & (ways["speed_mps"] > 0.0)]
+        steady_j = 0.0
+        for way in ways:
+            steady_j += modelled_driving(self._vehicle, float(way["sine"]), float(way["speed_mps"])) * way["way_m"]
         return ways, float(self._modelled_j[sample] - steady_j)
 
 
@@ -90,8 +93,7 @@ def heading_of(run: Signals) -> Array:
 
 def turns(recording: Recording) -> bool:
     """Whether a recording contains the direction of travel."""
-    names = ("heading_rad", "yaw_rate_radps")
-    return any(name in recording.channels for name in names) or "wheel_left_mps" in recording.channels
+    return any(name in recording.channels for name in ("heading_rad", "yaw_rate_radps", "wheel_left_mps"))
 
 
 def window_of(robot: Robot, duration_s: float) -> float:
@@ -130,53 +132,69 @@ def watch(
             stood; or it is too short, or in another unit.
     """
     run = signals(recording, robot)
-    run = run if slopes_known([run]) else signals(recording, robot, sloped=False)
+    if not slopes_known([run]):
+        run = signals(recording, robot, sloped=False)
     if run.unit == "A":
         return watch_charge(run, robot)
-    if fault := fault_of(run, robot):
+    fault = fault_of(run, robot)
+    if fault:
         raise CompanionError(f"{recording.name}: {fault}")
     duration_s = float(run.time_s[-1] - run.time_s[0])
     window_s = window_of(robot, duration_s)
+    has_turns = turns(recording)
     companion = Companion(
-        robot, home="here" if turns(recording) else None, soc=soc, prior=prior, risk=risk, cutoff_v=cutoff_v,
+        robot, home="here" if has_turns else None, soc=soc, prior=prior, risk=risk, cutoff_v=cutoff_v,
         capacity_j=capacity_j, cruise_mps=cruise_mps, window_s=window_s,
     )  # fmt: skip
     rest = Rest(run, companion)
     if rest.left_m[0] <= 0.0:
         raise CompanionError(f"{recording.name}: the robot stood all the time; there is no way to predict")
-    readings = _readings(recording, run, turns(recording))
-    moments: list[tuple[float, float, float, float, float, float]] = []
+    readings = _readings(recording, run, has_turns)
+    moments: list[tuple[float, float, float, UncertainValue]] = []  # time, way left, energy of the rest, prediction
+    warned_s: dict[str, float] = {}  # when first, by kind of warning
     wrong_sign = wrong_slopes([run], robot)
-    warned = {} if wrong_sign is None else {wrong_sign: 0.0}  # what was warned of, and when first
+    if wrong_sign is not None:
+        warned_s[wrong_sign] = 0.0
     next_s = 0.0
     advice = None
-    stride = -(-len(run.time_s) // _MOST_FED)
-    for first in range(0, len(run.time_s), stride):
-        last = min(first + stride, len(run.time_s)) - 1
-        since_s = float(run.time_s[last] - run.time_s[0])
-        reading = {name: _mean(values[first : last + 1]) for name, values in readings.items()}
+    stride = math.ceil(len(run.time_s) / _MOST_FED)
+    for start in range(0, len(run.time_s), stride):
+        end = min(start + stride, len(run.time_s))
+        sample = end - 1
+        since_s = float(run.time_s[sample] - run.time_s[0])
+        reading = {name: _mean(values[start:end]) for name, values in readings.items()}
         advice = companion.update(since_s, **reading)
         for text in advice.warnings:
-            warned.setdefault(text.split(":")[0].split(" (")[0], since_s)
+            kind = text.split(":")[0].split(" (")[0]
+            warned_s.setdefault(kind, since_s)
         if show is not None:
             show(advice, since_s, duration_s)
-        if since_s >= next_s and rest.left_m[last] > 0.0:
-            spread = companion.ahead(*rest.from_sample(last))
-            took = float(rest.took_j[last])
-            moments.append((since_s, float(rest.left_m[last]), took, spread.mean, spread.low, spread.high))
+        if since_s >= next_s and rest.left_m[sample] > 0.0:
+            ways, constant_j = rest.from_sample(sample)
+            predicted_j = companion.ahead(ways, constant_j)
+            moments.append((since_s, float(rest.left_m[sample]), float(rest.took_j[sample]), predicted_j))
             next_s = since_s + window_s
     assert advice is not None
-    time_s, left_m, took_j, mean_j, low_j, high_j = np.array(moments).T
-    said = tuple((at_s, text) for text, at_s in warned.items())
-    whole_m = float(rest.left_m[0])
+    predictions = [predicted_j for _, _, _, predicted_j in moments]
     return Watched(
-        recording.name, time_s, left_m, took_j, mean_j, low_j, high_j, whole_m, advice.rests_on, said, advice
-    )  # fmt: skip
+        name=recording.name,
+        time_s=np.array([time_s for time_s, _, _, _ in moments]),
+        left_m=np.array([left_m for _, left_m, _, _ in moments]),
+        took_j=np.array([took_j for _, _, took_j, _ in moments]),
+        mean_j=np.array([spread.mean for spread in predictions]),
+        low_j=np.array([spread.low for spread in predictions]),
+        high_j=np.array([spread.high for spread in predictions]),
+        length_m=float(rest.left_m[0]),
+        rests_on=advice.rests_on,
+        warnings=tuple((first_s, kind) for kind, first_s in warned_s.items()),
+        advice=advice,
+    )
 
 
 def _mean(values: Array) -> float | None:
-    good = values[np.isfinite(values)]
-    return float(good.mean()) if len(good) else None
+    """Mean of the known values; None where none is known."""
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else None
 
 
 def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, Array]:
@@ -193,13 +211,14 @@ def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, 
     if "power_w" in raw:
         channels["power_w"] = raw["power_w"][is_kept]
     if "grade_rad" in run.context:
-        grade = raw["grade_rad"][is_kept] if "grade_rad" in raw else run.grade_rad
-        channels["grade_rad"] = np.where(run.speed_mps < 0.0, -grade, grade)
+        grade_rad = raw["grade_rad"][is_kept] if "grade_rad" in raw else run.grade_rad
+        channels["grade_rad"] = np.where(run.speed_mps < 0.0, -grade_rad, grade_rad)  # along the way it drives
     if has_turns:
         channels["heading_rad"] = heading_of(run)
     else:
         # No heading: the distance from home is the distance driven.
-        channels["position"] = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * steps_s(run.time_s))))
+        steps_m = np.abs(run.speed_mps[:-1]) * steps_s(run.time_s)
+        channels["position"] = np.concatenate(([0.0], np.cumsum(steps_m)))
     return channels
 
 

@@ -86,19 +86,21 @@ def forecast_along(
     total_m = float(there_and_back["way_m"].sum())
     driven_m = np.linspace(0.0, total_m, _POINTS + 1)
     ends = np.cumsum(there_and_back["way_m"])
-    left = [companion.after(_first(there_and_back, ends, float(way_m))) for way_m in driven_m]
-    left_j = np.array([[energy.quantile(share) for share in _QUANTILES] for energy in left])
-    reach = tuple(_empty_m(driven_m, left_j[:, k]) for k in range(len(_QUANTILES)))
+    left_j = np.zeros((len(driven_m), len(_QUANTILES)))
+    for point, way_m in enumerate(driven_m):
+        energy_left = companion.after(_beginning(there_and_back, ends, float(way_m)))
+        left_j[point] = [energy_left.quantile(share) for share in _QUANTILES]
+    range_m = tuple(_empty_m(driven_m, quantile_j) for quantile_j in left_j.T)
     standing_j = companion.vehicle.idle_w / companion.vehicle.cruise_mps * 0.5 * total_m
     there_j = companion.ahead(out, standing_j)
     both_j = companion.ahead(there_and_back, 2.0 * standing_j)
     length_m = 0.5 * total_m
     turn_m = min(advice.turn_in_m, length_m)
     if not docks:
-        return RouteForecast(advice, driven_m, left_j, there_j, both_j, reach, turn_m)
+        return RouteForecast(advice, driven_m, left_j, there_j, both_j, range_m, turn_m)
     homes = _from_end(companion, out, {HOME: 0.0, **docks})
     turn_m = max(turn_m, _farthest_m(companion, out, docks, turn_m))
-    return RouteForecast(advice, driven_m, left_j, there_j, both_j, reach, turn_m, tuple(homes))
+    return RouteForecast(advice, driven_m, left_j, there_j, both_j, range_m, turn_m, homes)
 
 
 def _from_end(companion: Companion, out: NDArray[np.void], places: Mapping[str, Position]) -> tuple[HomeOption, ...]:
@@ -120,7 +122,7 @@ def _farthest_m(companion: Companion, out: NDArray[np.void], docks: Mapping[str,
     ends = np.cumsum(out["way_m"])
 
     def is_safe(position_m: float) -> bool:
-        driven = _first(out, ends, position_m)
+        driven = _beginning(out, ends, position_m)
         ways = (np.concatenate((driven, companion.way_to(place, position_m))) for place in docks.values())
         return any(companion.arrives(way).reachable for way in ways)
 
@@ -132,7 +134,10 @@ def _farthest_m(companion: Companion, out: NDArray[np.void], docks: Mapping[str,
         return safe_m
     for _ in range(_HALVINGS):
         middle_m = 0.5 * (safe_m + over_m)
-        safe_m, over_m = (middle_m, over_m) if is_safe(middle_m) else (safe_m, middle_m)
+        if is_safe(middle_m):
+            safe_m = middle_m
+        else:
+            over_m = middle_m
     return float(safe_m)
 
 
@@ -141,11 +146,12 @@ def _ways(route: RouteLike, speed_mps: float) -> NDArray[np.void]:
     ways["way_m"] = route.place_m
     ways["sine"] = np.sin(route.grade_rad)
     ways["speed_mps"] = speed_mps
-    ways["east"], ways["north"] = np.cos(route.heading_rad), np.sin(route.heading_rad)
+    ways["east"] = np.cos(route.heading_rad)
+    ways["north"] = np.sin(route.heading_rad)
     return ways
 
 
-def _first(ways: NDArray[np.void], ends: Array, way_m: float) -> NDArray[np.void]:
+def _beginning(ways: NDArray[np.void], ends: Array, way_m: float) -> NDArray[np.void]:
     """The first metres of a way."""
     count = int(np.searchsorted(ends, way_m - 1e-6)) + 1
     part = ways[:count].copy()
@@ -158,8 +164,9 @@ def _empty_m(driven_m: Array, left_j: Array) -> float:
     below = np.flatnonzero(left_j < 0.0)
     if not len(below):
         return float("inf")
-    k = int(below[0])
-    return float(np.interp(0.0, [left_j[k], left_j[k - 1]], [driven_m[k], driven_m[k - 1]]))
+    after = int(below[0])
+    before = after - 1
+    return float(np.interp(0.0, [left_j[after], left_j[before]], [driven_m[after], driven_m[before]]))
 
 
 def show(console: Terminal, robot: Robot, route_name: str, length_m: float, forecast: RouteForecast) -> None:
@@ -175,19 +182,19 @@ def show(console: Terminal, robot: Robot, route_name: str, length_m: float, fore
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("", "expected", "90 % interval"):
         table.add_column(heading, justify="right" if heading else "left")
-    for name, spread in (
-        ("in the battery", advice.energy_left_j), ("there", forecast.there_j), ("there and back", forecast.both_j),
-    ):  # fmt: skip
-        low, high = quantities.energy(max(spread.low, 0.0)), quantities.energy(spread.high)
-        table.add_row(name, quantities.energy(spread.mean), f"{low} to {high}")
-    low, middle, high = map(_far, forecast.range_m)
-    table.add_row("range on this way", middle, f"{low} to {high}" if low != high else low)
+    rows = {"in the battery": advice.energy_left_j, "there": forecast.there_j, "there and back": forecast.both_j}
+    for name, spread in rows.items():
+        table.add_row(name, quantities.energy(spread.mean), _interval(spread))
+    low, median, high = (_far(range_m) for range_m in forecast.range_m)
+    table.add_row("range on this way", median, low if low == high else f"{low} to {high}")
     console.show(table)
     if forecast.homes:
         console.show(_homes_table(forecast.homes))
-        best = forecast.homes[0]
-        said = f"Advised at its end: {best.name}." if best.reachable else "None is reachable from its end at that risk."
-        console.print(said)
+        advised = forecast.homes[0]
+        if advised.reachable:
+            console.print(f"Advised at its end: {advised.name}.")
+        else:
+            console.print("None is reachable from its end at that risk.")
     turn = quantities.distance(forecast.turn_m)
     end = ", which is its end" if math.isclose(forecast.turn_m, length_m) else ""
     console.print(f"Point of no return at a risk of {advice.risk:g}: {turn} from home{end}.")
@@ -201,11 +208,14 @@ def _homes_table(homes: tuple[HomeOption, ...]) -> Table:
     for heading in ("from the end to", "way", "expected", "90 % interval", "probability\nof getting there"):
         table.add_column(heading, justify="left" if heading == "from the end to" else "right")
     for option in homes:
-        energy = option.energy_j
-        between = f"{quantities.energy(max(energy.low, 0.0))} to {quantities.energy(energy.high)}"
-        way, mean = quantities.distance(option.way_m), quantities.energy(energy.mean)
-        table.add_row(option.name, way, mean, between, f"{option.chance:.2%}")
+        way = quantities.distance(option.way_m)
+        mean = quantities.energy(option.energy_j.mean)
+        table.add_row(option.name, way, mean, _interval(option.energy_j), f"{option.chance:.2%}")
     return table
+
+
+def _interval(energy: UncertainValue) -> str:
+    return f"{quantities.energy(max(energy.low, 0.0))} to {quantities.energy(energy.high)}"
 
 
 def _far(metres: float) -> str:
@@ -223,10 +233,11 @@ def picture(robot: Robot, length_m: float, forecast: RouteForecast, suffix: str)
     """
     figure = Figure(figsize=(7.5, 4.2), layout="constrained")
     axis = figure.subplots()
-    km, kj = forecast.driven_m / 1000.0, forecast.left_j / 1000.0
-    axis.fill_between(km, np.maximum(kj[:, 0], 0.0), np.maximum(kj[:, 2], 0.0), color="#56b4e9", alpha=0.4,
+    driven_km = forecast.driven_m / 1000.0
+    low_kj, median_kj, high_kj = np.maximum(forecast.left_j / 1000.0, 0.0).T
+    axis.fill_between(driven_km, low_kj, high_kj, color="#56b4e9", alpha=0.4,
                       linewidth=0.0, label="energy left, 5 to 95 %")  # fmt: skip
-    axis.plot(km, np.maximum(kj[:, 1], 0.0), color="#0072b2", label="median")
+    axis.plot(driven_km, median_kj, color="#0072b2", label="median")
     axis.axvline(length_m / 1000.0, color="black", linewidth=0.8, linestyle=":", label="end of the route")
     turn_m = forecast.turn_m
     level = float(np.interp(turn_m, forecast.driven_m, forecast.left_j[:, 1])) / 1000.0

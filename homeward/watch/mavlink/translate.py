@@ -65,7 +65,8 @@ class Translator:
         self.origin_deg: tuple[float, float] | None = None
         self.winds_mps: list[tuple[float, float]] = []
         self._home_local_m = 0.0, 0.0  # north and east in the frame of LOCAL_POSITION_NED
-        self._is_fixed, self._by_satellites = False, False
+        self._is_fixed = False
+        self._by_satellites = False
         self._clock_s = 0.0
         self._turned: Rotation | None = None  # by the last attitude
         self._tells_batteries = False
@@ -90,7 +91,8 @@ class Translator:
         """Notice a start of the autopilot: messages overtake each other by less."""
         if hasattr(message, "time_boot_ms"):
             clock_s = 1e-3 * message.time_boot_ms
-            self.boots += clock_s < self._clock_s - thresholds.JUMP_S
+            if clock_s < self._clock_s - thresholds.JUMP_S:
+                self.boots += 1
             self._clock_s = clock_s
 
     def _battery_status(self, message: Any) -> SimpleNamespace:

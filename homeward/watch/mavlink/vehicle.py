@@ -182,9 +182,10 @@ class Vehicle:
         """A broken link, other vehicles on it, and a home that is not the one in use."""
         said = [self._broken] if self._broken else []
         if self._others:
-            others = ", ".join(map(str, sorted(self._others)))
-            said.append(f"vehicle {others} is on the link too and left out: {self._number()} is advised")
-        home_deg, origin_deg = self.translator.home_deg, self.translator.origin_deg
+            numbers = ", ".join(map(str, sorted(self._others)))
+            said.append(f"vehicle {numbers} is on the link too and left out: {self._number()} is advised")
+        home_deg = self.translator.home_deg
+        origin_deg = self.translator.origin_deg
         if home_deg is not None and origin_deg is not None:
             moved_m = math.hypot(*metres_from(origin_deg, home_deg))
             if moved_m > shared.POSITION_M:
@@ -203,7 +204,8 @@ class Vehicle:
             OSError: The link is gone.
         """
         self._send_heartbeat()
-        mav, now_s = self._connection.mav, time.monotonic()
+        mav = self._connection.mav
+        now_s = time.monotonic()
         boot_ms = int(1e3 * now_s) % 2**32
         for name, value in numbers(news).items():
             mav.named_value_float_send(boot_ms, name.encode(), value)

@@ -36,11 +36,11 @@ class Batteries:
         Raises:
             RecordingError: It is not clear which is the whole.
         """
-        heard = map(self._battery, self._heard)
-        batteries = [battery for battery in heard if battery is not None]
-        if self._used is not None or len(batteries) < 2:
+        reported = [self._battery(name) for name in self._heard]
+        drawing = [battery for battery in reported if battery is not None]
+        if self._used is not None or len(drawing) < 2:
             return None
-        choice = choose(batteries, self._entry.several)
+        choice = choose(drawing, self._entry.several)
         self._used = choice.names
         return choice.why
 
@@ -51,11 +51,14 @@ class Batteries:
         if name != self._used[0]:
             return math.nan
         latest = [self._heard[pack][-1].get(channel, math.nan) for pack in self._used]
-        return sum(latest) if channel in ADDED else sum(latest) / len(latest)
+        total = sum(latest)
+        return total if channel in ADDED else total / len(latest)
 
     def _battery(self, name: str) -> Battery | None:
+        """What a battery reported; None if that is nothing drawn."""
         heard = self._heard[name]
         drawn = np.array([readings.get("current_a", readings.get("power_w", math.nan)) for readings in heard])
         if not np.nan_to_num(drawn).any():
             return None
-        return Battery(name, np.array([readings.get("voltage_v", math.nan) for readings in heard]), drawn)
+        voltage_v = np.array([readings.get("voltage_v", math.nan) for readings in heard])
+        return Battery(name, voltage_v, drawn)

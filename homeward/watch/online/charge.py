@@ -14,12 +14,15 @@ class Charge:
     SAVED: ClassVar = ("_from", "_charging")
 
     def __init__(self) -> None:
-        self._from, self._charging = math.inf, False
+        self._from = math.inf
+        self._charging = False
 
     def see(self, soc: float) -> bool:
         """Whether the battery was charged or swapped since the last state of charge."""
         risen = soc - self._from
-        self._charging = risen > -thresholds.SOC_STEP if self._charging else risen > thresholds.CHARGED
+        # It begins with a clear rise, and ends with a fall.
+        least_rise = -thresholds.SOC_STEP if self._charging else thresholds.CHARGED
+        self._charging = risen > least_rise
         charged = self._charging and risen > 0.0
         if charged or (risen < 0.0 and not self._charging):
             self._from = soc

@@ -40,7 +40,8 @@ class Doubted:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self.lines: list[str] = []
-        self._mean_s, self._driven_s = _MEAN_S, 0.0
+        self._mean_s = _MEAN_S
+        self._driven_s = 0.0
         self._last_s = math.nan
         self._window: list[dict[str, float]] = []
         self._window_s = 0.0
@@ -54,20 +55,26 @@ class Doubted:
         if not abs(speed_mps) > logs_thresholds.STANDSTILL_MPS or not passed_s > 0.0:
             return
         # The heading is the channel as it was received; that of the reading may be of the pose.
-        said = {**heard.values, **heard.reading, "heading_rad": heard.values.get("heading_rad", math.nan)}
-        row = {name: said[name] for name in _SPOKEN if said.get(name) is not None}
+        channels = {**heard.values, **heard.reading, "heading_rad": heard.values.get("heading_rad", math.nan)}
+        row = {name: channels[name] for name in _SPOKEN if channels.get(name) is not None}
         row["speed_mps"] = abs(speed_mps)
-        row[_CLIMB] = abs(speed_mps) * math.sin(said.get("grade_rad", math.nan))
+        row[_CLIMB] = abs(speed_mps) * math.sin(channels.get("grade_rad", math.nan))
         self._window.append(row)
         self._window_s += passed_s
         self._driven_s += passed_s
         if self._window_s >= self._mean_s:
-            self._means.append({"time_s": self._driven_s, **_mean_of(self._window)})
-            self._window, self._window_s = [], 0.0
-            if len(self._means) >= _MOST:
-                self._means, self._mean_s = self._means[::2], 2.0 * self._mean_s
-            if self._driven_s >= thresholds.DOUBTED_S:
-                self.lines = self._doubts()
+            self._end_window()
+
+    def _end_window(self) -> None:
+        """Keep the means of the window, and doubt anew what they show."""
+        self._means.append({"time_s": self._driven_s, **_mean_of(self._window)})
+        self._window = []
+        self._window_s = 0.0
+        if len(self._means) >= _MOST:
+            self._means = self._means[::2]
+            self._mean_s *= 2.0
+        if self._driven_s >= thresholds.DOUBTED_S:
+            self.lines = self._doubts()
 
     def _doubts(self) -> list[str]:
         channels = {
@@ -76,10 +83,11 @@ class Doubted:
         }
         channels = {name: values for name, values in channels.items() if np.isfinite(values).any()}
         lines = list(doubts(channels).values())
-        drawn = drawn_w(channels)
-        if drawn is not None and _CLIMB in channels:
-            slopes = _turned(channels[_CLIMB], channels["speed_mps"], drawn, self._robot)
-            lines += [slopes] if slopes is not None else []
+        power_w = drawn_w(channels)
+        if power_w is not None and _CLIMB in channels:
+            slopes = _turned(channels[_CLIMB], channels["speed_mps"], power_w, self._robot)
+            if slopes is not None:
+                lines.append(slopes)
         return lines
 
 
@@ -87,14 +95,14 @@ def _mean_of(rows: list[dict[str, float]]) -> dict[str, float]:
     """Means of the known values, by name."""
     means = {}
     for name in {name for row in rows for name in row}:
-        known = [row[name] for row in rows if math.isfinite(row.get(name, math.nan))]
-        if known:
-            means[name] = sum(known) / len(known)
+        values = [row[name] for row in rows if math.isfinite(row.get(name, math.nan))]
+        if values:
+            means[name] = sum(values) / len(values)
     return means
 
 
-def _turned(climb_mps: Array, speed_mps: Array, drawn: Array, robot: Robot) -> str | None:
-    is_known = np.isfinite(climb_mps) & np.isfinite(drawn)
-    one_run = np.zeros(int(is_known.sum()), np.intp)
+def _turned(climb_mps: Array, speed_mps: Array, power_w: Array, robot: Robot) -> str | None:
+    is_known = np.isfinite(climb_mps) & np.isfinite(power_w)
+    single_run = np.zeros(int(is_known.sum()), np.intp)
     weight_n = robot.mass_kg * GRAVITY_MPS2
-    return turned_slopes(climb_mps[is_known], speed_mps[is_known], drawn[is_known], one_run, weight_n, robot.name)
+    return turned_slopes(climb_mps[is_known], speed_mps[is_known], power_w[is_known], single_run, weight_n, robot.name)

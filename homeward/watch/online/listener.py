@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
@@ -95,6 +95,27 @@ def _key(topic: Topic) -> tuple[str, str]:
     return topic.pattern, topic.kind
 
 
+def _stamp_s(message: Any) -> float | None:
+    """Time in the header of a message, s; None where it is missing or empty."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return None
+    time_s = int(stamp.sec) + 1e-9 * int(stamp.nanosec)
+    return time_s if time_s > 0.0 else None
+
+
+def _combined(channel: str, values: Sequence[float]) -> float:
+    """The value of a channel over a short time: the mean, or the last of those that have none."""
+    return values[-1] if channel in _LAST else sum(values) / len(values)
+
+
+def _speed_mps(values: Mapping[str, float]) -> float:
+    """Speed as received, or the mean of both wheels'; NaN where neither is there."""
+    if "speed_mps" in values:
+        return values["speed_mps"]
+    return 0.5 * (values.get("wheel_left_mps", math.nan) + values.get("wheel_right_mps", math.nan))
+
+
 class Listener:
     """Collects messages, and combines them to readings.
 
@@ -135,8 +156,11 @@ class Listener:
         self._at: dict[str, tuple[float, float]] = {}  # of each topic: when it last came, and how often it does
         self._charge = Charge()
         self._batteries: dict[tuple[str, str], Batteries] = {}  # by the entry of the mapping
-        self._voltage_v, self._per_cent = math.nan, False
-        self._as_charging = self._as_discharging = 0  # readings of the current while driving, by their sign
+        self._voltage_v = math.nan
+        self._per_cent = False
+        # Readings of the current while driving, by their sign.
+        self._as_charging = 0
+        self._as_discharging = 0
         self._turned_rad: float | None = None
         self._on_charger = False
         self._past: deque[tuple[float, float, float]] = deque()  # time, acceleration, speed
@@ -154,20 +178,24 @@ class Listener:
         def options(channel: str, value: Callable[[Topic], Value]) -> list[_Option]:
             return [_Option(topic, offer, value(topic)) for topic, offer in mapping.candidates(channel, offered)]
 
-        every = {channel: options(channel, partial(field_value, name=channel)) for channel in CHANNELS}
-        slopes, headings = options(ORIENTATION, slope), options(ORIENTATION, heading)
-        every["grade"] = sorted(slopes, key=lambda option: option.offer.msgtype != IMU)
-        every["heading"] = sorted(headings, key=lambda option: option.offer.msgtype == IMU)
-        every[ACCELERATION] = options(ACCELERATION, acceleration)
-        every["pose"] = [way._replace(value=east_m) for way in every["speed_mps"] if way.offer.msgtype == ODOMETRY]
+        by_channel = {channel: options(channel, partial(field_value, name=channel)) for channel in CHANNELS}
+        # A slope is preferred from an IMU, a heading from odometry.
+        by_channel["grade"] = sorted(options(ORIENTATION, slope), key=lambda option: option.offer.msgtype != IMU)
+        by_channel["heading"] = sorted(options(ORIENTATION, heading), key=lambda option: option.offer.msgtype == IMU)
+        by_channel[ACCELERATION] = options(ACCELERATION, acceleration)
+        of_odometry = [option for option in by_channel["speed_mps"] if option.offer.msgtype == ODOMETRY]
+        by_channel["pose"] = [option._replace(value=east_m) for option in of_odometry]
         self._options = {}
-        paths_of: dict[str, dict[str, None]] = {}  # by topic
-        for channel, ways in every.items():
-            for way in ways:
-                paths = [*way.topic.paths(), *(POSE if way.offer.msgtype == ODOMETRY else ())]
-                paths_of.setdefault(way.offer.topic, {}).update(dict.fromkeys(paths))
-                self._options.setdefault(way.offer.topic, {})[channel] = ways
-        self._readers = {topic: elements_reader(paths) for topic, paths in paths_of.items()}
+        paths_of: dict[str, dict[str, None]] = {}  # paths in order, each once, by topic
+        for channel, of_channel in by_channel.items():
+            for option in of_channel:
+                name = option.offer.topic
+                paths = paths_of.setdefault(name, {})
+                paths.update(dict.fromkeys(option.topic.paths()))
+                if option.offer.msgtype == ODOMETRY:
+                    paths.update(dict.fromkeys(POSE))
+                self._options.setdefault(name, {})[channel] = of_channel
+        self._readers = {name: elements_reader(paths) for name, paths in paths_of.items()}
         self.wanted = {offer.topic: offer.msgtype for offer in offered if offer.topic in self._readers}
         self.fields = {name: list(paths) for name, paths in paths_of.items()}
 
@@ -188,31 +216,40 @@ class Listener:
         except WrongField as error:
             raise RecordingError(f"{name} ({self.wanted[name]}): {error}") from None
         self._heard(name, now_s)
-        spoke, values = set[str](), dict[str, float]()
+        channels: set[str] = set()  # that have a value in the message
+        values: dict[str, float] = {}
         for part, values in elements:
-            spoke |= self._hear_channels(name, part, values, now_s)
-        if "pose" in spoke:
-            yaw_rad = heading_of(values, self._chosen["pose"][0])
-            speed = self._values["speed_mps"][-1] if "speed_mps" in self._values else math.nan
-            pose = values[POSE[0]], values[POSE[1]], 0.0 if math.isnan(yaw_rad) else yaw_rad
-            if not math.hypot(*pose[:2]) <= companion_thresholds.EARTH_M:
-                self._place = pose  # as it is, so that the companion says it; no frame is moved for it
-            else:
-                self._place, moved = self.odometry.place(pose, speed, publisher, now_s)
-                if moved:
-                    self.say(f"{name} was restarted elsewhere: the way continues from where the robot was", now_s)
+            channels |= self._hear_channels(name, part, values, now_s)
+        if "pose" in channels:
+            self._hear_pose(name, values, publisher, now_s)
         motion = next((channel for channel in _MOTION if channel in self._chosen), None)
-        if motion in spoke:
-            self._first_motion_s = now_s if self._first_motion_s is None else self._first_motion_s
-            stamp = getattr(getattr(message, "header", None), "stamp", None)
-            stamp_s = 0.0 if stamp is None else int(stamp.sec) + 1e-9 * int(stamp.nanosec)
-            on_receipt = self._chosen[motion][0].on_receipt or stamp_s <= 0.0
-            self._stamp = None if on_receipt else stamp_s, now_s
+        if motion in channels:
+            if self._first_motion_s is None:
+                self._first_motion_s = now_s
+            topic, _ = self._chosen[motion]
+            stamp_s = None if topic.on_receipt else _stamp_s(message)
+            self._stamp = stamp_s, now_s
+
+    def _hear_pose(self, name: str, values: dict[str, float], publisher: int, now_s: float) -> None:
+        """Keep the position that a message gives, in the frame of the first one."""
+        topic, _ = self._chosen["pose"]
+        yaw_rad = heading_of(values, topic)
+        if math.isnan(yaw_rad):
+            yaw_rad = 0.0
+        x_m, y_m = (values[path] for path in POSE[:2])
+        pose = x_m, y_m, yaw_rad
+        if not math.hypot(x_m, y_m) <= companion_thresholds.EARTH_M:
+            self._place = pose  # as it is, so that the companion says it; no frame is moved for it
+            return
+        speed_mps = self._values["speed_mps"][-1] if "speed_mps" in self._values else math.nan
+        self._place, moved = self.odometry.place(pose, speed_mps, publisher, now_s)
+        if moved:
+            self.say(f"{name} was restarted elsewhere: the way continues from where the robot was", now_s)
 
     def _hear_channels(self, name: str, part: str, values: dict[str, float], now_s: float) -> set[str]:
         """Keep the values of the channels that a message gives, or one battery of it; their names."""
         battery = self._battery_of(name, part, values)
-        spoke = set()
+        channels = set()
         for channel, options in self._options[name].items():
             option = self._preferred(channel, options, name, values, battery)
             if option is None:
@@ -222,12 +259,12 @@ class Listener:
                 continue
             if self._spikes.see(channel, value, now_s):
                 count = self._spikes.counts[channel]
-                said = f"readings of {channel} that no motion explains are left out"
-                self.say(f"{said}: {count} (the last {value:.4g})", now_s, said)
+                kind = f"readings of {channel} that no motion explains are left out"
+                self.say(f"{kind}: {count} (the last {value:.4g})", now_s, kind)
                 continue
             self._values.setdefault(channel, deque(maxlen=_MOST)).append(value)
-            spoke.add(channel)
-        return spoke
+            channels.add(channel)
+        return channels
 
     def take(self, now_s: float) -> Heard | None:
         """Readings since the last call; None without motion.
@@ -245,7 +282,8 @@ class Listener:
         if time_s is None:
             return None
         if now_s - self._first_motion_s < _SETTLES_S:
-            self._values, self._place = {}, None
+            self._values = {}
+            self._place = None
             return None
         self._choose_batteries(now_s)
         return self._heard_by(time_s, time_s - before_s, now_s)
@@ -270,24 +308,25 @@ class Listener:
             allowed_s = max(thresholds.SILENT_INTERVALS * usual_s, thresholds.SHORTEST_SILENCE_S)
             if name in self.sources.values() and now_s - at_s > allowed_s:
                 self.say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
-        self._said = {
-            kind: warning for kind, warning in self._said.items() if now_s - warning[1] <= companion_thresholds.STAYS_S
-        }
+        for kind, (_, said_s) in list(self._said.items()):
+            if now_s - said_s > companion_thresholds.STAYS_S:
+                del self._said[kind]
         return [text for text, _ in self._said.values()]
 
     def _battery_of(self, name: str, part: str, values: dict[str, float]) -> str:
         """Name of the battery that values are of, whose readings are kept for the choice among several."""
         battery = f"{name}{PART}{part}" if part else name
-        of_entry: dict[int, tuple[Topic, dict[str, float]]] = {}
+        of_entries: dict[int, tuple[Topic, dict[str, float]]] = {}  # an entry of the mapping, and its readings
         for channel in OF_BATTERY & self._options[name].keys():
             for option in self._options[name][channel]:
                 if option.offer.topic == name and option.topic.takes(battery):
-                    readings = of_entry.setdefault(id(option.topic), (option.topic, {}))[1]
+                    _, readings = of_entries.setdefault(id(option.topic), (option.topic, {}))
                     readings[channel] = option.value(values)
-        for topic, readings in of_entry.values():
+        for topic, readings in of_entries.values():
             if math.isnan(readings.get("voltage_v", 0.0)):  # its driver knows nothing yet
                 for channel in OF_BATTERY & topic.sources.keys():
-                    values |= dict.fromkeys((path for path, _ in topic.sources[channel].terms), math.nan)
+                    for path, _ in topic.sources[channel].terms:
+                        values[path] = math.nan
                 continue
             self._batteries.setdefault(_key(topic), Batteries(topic)).hear(battery, readings)
         return battery
@@ -302,50 +341,57 @@ class Listener:
         self, channel: str, options: list[_Option], name: str, values: dict[str, float], battery: str
     ) -> _Option | None:
         """The option used for a channel, if it is of this topic: the first that has had values."""
-        chosen = self._chosen.get(channel)
         for option in options:
-            if option[:2] == chosen:
+            if (option.topic, option.offer) == self._chosen.get(channel):
                 return option if option.offer.topic == name else None
             if option.offer.topic == name:
                 value = self._value(option, channel, values, battery)
-                if math.isfinite(value) and (channel not in _VOID or abs(value) > logs_thresholds.PLANAR):
-                    self._chosen[channel] = option[:2]
+                is_measured = channel not in _VOID or abs(value) > logs_thresholds.PLANAR
+                if math.isfinite(value) and is_measured:
+                    self._chosen[channel] = option.topic, option.offer
                     self.sources[channel] = name
                     return option
         return None
 
     def _heard_by(self, time_s: float, dt_s: float, now_s: float) -> Heard:
-        values = {
-            name: several[-1] if name in _LAST else sum(several) / len(several)
-            for name, several in self._values.items()
-        }
+        """The readings so far, combined; from here on they are collected anew."""
+        values = {name: _combined(name, heard) for name, heard in self._values.items()}
         self._values = {}
         place = self._place
         self._place = None
-        speed = values.get(
-            "speed_mps", 0.5 * (values.get("wheel_left_mps", math.nan) + values.get("wheel_right_mps", math.nan))
-        )
-        reading: dict[str, Any] = {"speed_mps": speed, "sensing_hz": values.get("sensing_hz")}
-        if abs(speed) > logs_thresholds.STANDSTILL_MPS:
+        speed_mps = _speed_mps(values)
+        if abs(speed_mps) > logs_thresholds.STANDSTILL_MPS:
             self._on_charger = False
-        reading |= self._power(values, speed, now_s)
+        reading: dict[str, Any] = {"speed_mps": speed_mps, "sensing_hz": values.get("sensing_hz")}
+        reading |= self._power(values, speed_mps, now_s)
         if "soc" in values:
-            self._per_cent |= CHANNELS["soc"].high < values["soc"] <= _PER_CENT * CHANNELS["soc"].high
-            reading["soc"] = values["soc"] / (_PER_CENT if self._per_cent else 1.0)
-        slope = values.get("grade_rad", values.get("grade", math.nan))
-        if math.isnan(slope):
-            slope = self._slope_felt(time_s, values.get(ACCELERATION, math.nan), speed)
-        reading["grade_rad"] = -slope if speed < 0.0 else slope
+            reading["soc"] = self._soc(values["soc"])
+        slope_rad = values.get("grade_rad", values.get("grade", math.nan))
+        if math.isnan(slope_rad):
+            slope_rad = self._slope_felt(time_s, values.get(ACCELERATION, math.nan), speed_mps)
+        reading["grade_rad"] = -slope_rad if speed_mps < 0.0 else slope_rad
         if place is not None:
             reading["position"] = place[:2]
         reading["heading_rad"] = self._heading(values, place, dt_s)
+        charged_to = self._charged_to(reading.get("soc", math.nan), now_s)
+        return Heard(time_s, reading, charged_to, self._on_charger, values)
+
+    def _soc(self, value: float) -> float:
+        """State of charge as a share; once a value was in per cent, all are."""
+        highest = CHANNELS["soc"].high
+        if highest < value <= _PER_CENT * highest:
+            self._per_cent = True
+        return value / _PER_CENT if self._per_cent else value
+
+    def _charged_to(self, soc: float, now_s: float) -> float | None:
+        """State of charge to which the battery was charged or swapped since the last one; None if it was not."""
         # The companion says which states of charge are impossible; they show no charge either.
-        possible = abs(reading.get("soc", math.nan) - 0.5) <= 0.5 + companion_thresholds.SOC_SLACK
-        charged = possible and self._charge.see(reading["soc"])
-        if charged:
-            what = "charged" if self._on_charger else "charged or swapped"
-            self.say(f"the battery was {what}: {reading['soc']:.0%}", now_s, "the battery was charged")
-        return Heard(time_s, reading, reading["soc"] if charged else None, self._on_charger, values)
+        is_possible = abs(soc - 0.5) <= 0.5 + companion_thresholds.SOC_SLACK
+        if not is_possible or not self._charge.see(soc):
+            return None
+        what = "charged" if self._on_charger else "charged or swapped"
+        self.say(f"the battery was {what}: {soc:.0%}", now_s, "the battery was charged")
+        return soc
 
     def _heading(self, values: dict[str, float], place: tuple[float, float, float] | None, dt_s: float) -> float:
         """The heading by odometry, else as recorded or by an IMU, else by turning rates from east."""
@@ -354,64 +400,71 @@ class Listener:
         for name in ("heading_rad", "heading"):
             if name in values:
                 return values[name]
-        if place is None and "yaw_rate_radps" in values and not {"heading_rad", "heading", "pose"} & set(self._chosen):
+        has_direction = not {"heading_rad", "heading", "pose"}.isdisjoint(self._chosen)
+        if place is None and "yaw_rate_radps" in values and not has_direction:
             turned_rad = (self._turned_rad or 0.0) + values["yaw_rate_radps"] * dt_s
             if math.isfinite(turned_rad):
                 self._turned_rad = math.remainder(turned_rad, math.tau)
             return self._turned_rad or 0.0
         return math.nan
 
-    def _power(self, values: dict[str, float], speed: float, now_s: float) -> dict[str, float]:
+    def _power(self, values: dict[str, float], speed_mps: float, now_s: float) -> dict[str, float]:
+        """Power, or voltage and current with the sign of a discharge; {} while the battery is charged."""
         if "power_w" in values:
             return {"power_w": values["power_w"]}
         self._voltage_v = values.get("voltage_v", self._voltage_v)
         if "current_a" not in values:
             return {}
-        current = values["current_a"]
-        if self._chosen["current_a"][1].msgtype == BATTERY:
-            if abs(speed) > logs_thresholds.STANDSTILL_MPS and current:
-                self._as_charging += current < 0.0
-                self._as_discharging += current > 0.0
+        current_a = values["current_a"]
+        moves = abs(speed_mps) > logs_thresholds.STANDSTILL_MPS
+        _, source = self._chosen["current_a"]
+        if source.msgtype == BATTERY:
+            if moves and current_a < 0.0:
+                self._as_charging += 1
+            if moves and current_a > 0.0:
+                self._as_discharging += 1
             readings = self._as_charging + self._as_discharging
             if self._as_charging > self._as_discharging and readings >= thresholds.FEWEST_SIGNS:
-                current = -current
+                current_a = -current_a
                 self.say(
                     f"{self.sources['current_a']} gives the current positive when discharging, against the definition "
                     "of BatteryState; it is used as discharge", now_s,
                 )  # fmt: skip
-        if current < 0.0 and not abs(speed) > logs_thresholds.STANDSTILL_MPS:
+        if current_a < 0.0 and not moves:
             self._on_charger = True
             return {}  # charging, which does not show the robot's consumption
-        return {"voltage_v": self._voltage_v, "current_a": current}
+        return {"voltage_v": self._voltage_v, "current_a": current_a}
 
-    def _slope_felt(self, time_s: float, forward_mps2: float, speed: float) -> float:
+    def _slope_felt(self, time_s: float, forward_mps2: float, speed_mps: float) -> float:
         """Slope by an accelerometer less the robot's own acceleration, NaN until both were received for a while."""
-        if not math.isfinite(forward_mps2 + speed):
+        if not math.isfinite(forward_mps2 + speed_mps):
             return math.nan
-        self._past.append((time_s, forward_mps2, speed))
+        self._past.append((time_s, forward_mps2, speed_mps))
         while time_s - self._past[0][0] > grade.ACCELERATION_S:
             self._past.popleft()
-        passed_s = time_s - self._past[0][0]
+        start_s, _, start_mps = self._past[0]
+        passed_s = time_s - start_s
         if passed_s < thresholds.LEAST_OF_WINDOW * grade.ACCELERATION_S:
             return math.nan
-        own = (speed - self._past[0][2]) / passed_s
-        sine = (sum(mps2 for _, mps2, _ in self._past) / len(self._past) - own) / grade.GRAVITY_MPS2
+        own_mps2 = (speed_mps - start_mps) / passed_s
+        mean_mps2 = sum(mps2 for _, mps2, _ in self._past) / len(self._past)
+        sine = (mean_mps2 - own_mps2) / grade.GRAVITY_MPS2
         return math.asin(min(max(sine, -1.0), 1.0))
 
     def _heard(self, name: str, now_s: float) -> None:
         if name not in self._at:
             self._at[name] = now_s, math.inf  # it may arrive only once
             return
-        at_s, usual_s = self._at[name]
-        since_s = now_s - at_s
-        # Moved towards the new interval; one gap does not become typical at once.
+        last_s, usual_s = self._at[name]
+        since_s = now_s - last_s
         if usual_s == math.inf:
             self._at[name] = now_s, since_s
             return
-        new = companion_thresholds.NEW_INTERVAL
-        step_s = companion_thresholds.LONGEST_INTERVAL * usual_s
-        step_s = min(since_s, step_s + thresholds.SHORTEST_INTERVAL_S)
-        self._at[name] = now_s, (1.0 - new) * usual_s + new * step_s
+        # Moved towards the new interval; one gap does not become typical at once.
+        weight = companion_thresholds.NEW_INTERVAL
+        longest_s = companion_thresholds.LONGEST_INTERVAL * usual_s + thresholds.SHORTEST_INTERVAL_S
+        interval_s = min(since_s, longest_s)
+        self._at[name] = now_s, (1.0 - weight) * usual_s + weight * interval_s
 
     def say(self, text: str, now_s: float, kind: str | None = None) -> None:
         """Warn for a while; a warning replaces one of the same kind."""

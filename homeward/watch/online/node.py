@@ -42,7 +42,9 @@ class Node:
     def __init__(
         self, companion: Companion, link: Link, mapping: Topics | None = None, outputs: Sequence[Output] = ()
     ) -> None:
-        self.companion, self._link, self._outputs = companion, link, outputs
+        self.companion = companion
+        self._link = link
+        self._outputs = outputs
         self.listener = Listener(mapping, companion.robot.max_speed_mps)
         self._doubted = Doubted(companion.robot)
         self.advice: Advice | None = None
@@ -127,10 +129,11 @@ class Node:
         self.advice = self.companion.update(heard.time_s, **heard.reading)
 
     def _publish(self, now_s: float) -> None:
-        matters = None if self.advice is None else (can_reach_home(self.advice), self.advice.turn_now)
-        if now_s - self._published_s < _PUBLISH_S and matters == self._published:
+        important = None if self.advice is None else (can_reach_home(self.advice), self.advice.turn_now)
+        if now_s - self._published_s < _PUBLISH_S and important == self._published:
             return
-        self._published_s, self._published = now_s, matters
+        self._published_s = now_s
+        self._published = important
         robot = self.companion.robot
         news = News(self.advice, robot.usable_energy_j, robot.name, self.warnings, self.silent)
         self.attempt("publishing", partial(self._link.tell, news))

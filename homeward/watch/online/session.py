@@ -77,7 +77,8 @@ class Session:
             while not done():
                 now_s = time.monotonic()
                 news = self.node.step()
-                if live is not None and news and (advice := self.node.advice) is not None:
+                advice = self.node.advice
+                if live is not None and news and advice is not None:
                     shown = dataclasses.replace(advice, warnings=tuple(self.node.warnings))
                     self.node.attempt("showing", partial(live.show, self._where, shown, advice.time_s, float("inf")))
                 elif not quiet:
@@ -113,7 +114,9 @@ class _Printer:
     """Prints important events, a line each: missing topics and, without a live view, the advice."""
 
     def __init__(self, console: Terminal, node: Node, where: str) -> None:
-        self._console, self._node, self._where = console, node, where
+        self._console = console
+        self._node = node
+        self._where = where
         self._waited: dict[str, str] | None = None
         self._sources: dict[str, str] = {}
         self._turns: bool | None = None
@@ -121,28 +124,41 @@ class _Printer:
         self._warned: set[str] = set()
 
     def say(self, since_s: float, all_of_it: bool) -> None:
-        advice, listener = self._node.advice, self._node.listener
+        """Print what is new.
+
+        Args:
+            since_s: Time since the start, s.
+            all_of_it: Whether the advice is printed too, as there is no live view.
+        """
+        advice = self._node.advice
         if advice is None:
             if since_s > _WAITS_S and self._node.found != self._waited:
                 self._waited = dict(self._node.found)
-                self._console.print(f"{self._where}: waiting for motion; {self._heard()}", soft_wrap=True)
+                self._print(f"{self._where}: waiting for motion; {self._heard()}")
             return
         if not all_of_it:
             return
-        if listener.sources != self._sources:
-            self._sources = dict(listener.sources)
-            channels: dict[str, list[str]] = {}
-            for channel, topic in self._sources.items():
-                channels.setdefault(topic, []).append(channel)
-            said = "; ".join(f"{', '.join(several)} from {topic}" for topic, several in channels.items())
-            self._console.print(f"topic mapping {listener.mapping_name}: {said}", soft_wrap=True)
+        if self._node.listener.sources != self._sources:
+            self._sources = dict(self._node.listener.sources)
+            self._print(f"topic mapping {self._node.listener.mapping_name}: {self._channels_by_topic()}")
         for text in self._node.warnings:
             if kind_of(text) not in self._warned:
-                self._console.print(f"{quantities.duration(since_s)}: {text}", soft_wrap=True)
+                self._print(f"{quantities.duration(since_s)}: {text}")
         self._warned = set(map(kind_of, self._node.warnings))
         if advice.turn_now != self._turns or since_s - self._printed_s >= _PRINTED_S:
-            self._turns, self._printed_s = advice.turn_now, since_s
-            self._console.print(f"{quantities.duration(since_s)}: {advice}", soft_wrap=True)
+            self._turns = advice.turn_now
+            self._printed_s = since_s
+            self._print(f"{quantities.duration(since_s)}: {advice}")
+
+    def _print(self, text: str) -> None:
+        self._console.print(text, soft_wrap=True)
+
+    def _channels_by_topic(self) -> str:
+        """Which channels come from which topic, in words."""
+        channels: dict[str, list[str]] = {}
+        for channel, topic in self._sources.items():
+            channels.setdefault(topic, []).append(channel)
+        return "; ".join(f"{', '.join(of_topic)} from {topic}" for topic, of_topic in channels.items())
 
     def _heard(self) -> str:
         """The subscribed topics, and others."""

@@ -28,7 +28,7 @@ class Spikes:
     """
 
     def __init__(self, max_speed_mps: float) -> None:
-        self._most_mps = thresholds.FASTER_THAN_TOP * max_speed_mps
+        self._fastest_mps = thresholds.FASTER_THAN_TOP * max_speed_mps
         self._past: dict[str, deque[tuple[float, float]]] = {}  # by channel: time and value, with spikes
         self.counts: dict[str, int] = {}
 
@@ -43,13 +43,14 @@ class Spikes:
         if channel not in thresholds.FASTEST_CHANGES:
             return False
         past = self._past.setdefault(channel, deque(maxlen=thresholds.SPIKE_SAMPLES))
-        spike = len(past) >= _LEAST and self._is_spike(channel, value, now_s, np.array(past))
+        is_spike = len(past) >= _LEAST and self._is_spike(channel, value, now_s, np.array(past))
         past.append((now_s, value))
-        self.counts[channel] = self.counts.get(channel, 0) + spike
-        return spike
+        count = self.counts.get(channel, 0)
+        self.counts[channel] = count + 1 if is_spike else count
+        return is_spike
 
     def _is_spike(self, channel: str, value: float, now_s: float, past: np.ndarray) -> bool:
         usual_s, usual = np.median(past, axis=0)
-        most = thresholds.FASTEST_CHANGES[channel] * max(now_s - usual_s, thresholds.SPIKE_S)
-        too_fast = channel in _SPEEDS and abs(value) > self._most_mps >= abs(usual)
-        return bool(abs(value - usual) > most or too_fast)
+        largest_change = thresholds.FASTEST_CHANGES[channel] * max(now_s - usual_s, thresholds.SPIKE_S)
+        is_too_fast = channel in _SPEEDS and abs(value) > self._fastest_mps >= abs(usual)
+        return bool(abs(value - usual) > largest_change or is_too_fast)

@@ -29,22 +29,33 @@ class Stamps:
         """
         self.said = None
         if self._now_s is None:
-            self._stamp_s, self._now_s = stamp_s, now_s
+            self._stamp_s = stamp_s
+            self._now_s = now_s
             return self.time_s
         passed_s = now_s - self._now_s
-        step_s = passed_s if stamp_s is None or self._stamp_s is None else stamp_s - self._stamp_s
+        step_s = passed_s
+        if stamp_s is not None and self._stamp_s is not None:
+            step_s = stamp_s - self._stamp_s
         if abs(step_s - passed_s) > thresholds.JUMP_S:
-            way = "stood still" if step_s == 0.0 else f"was set {'forward' if step_s > passed_s else 'back'}"
+            what = _jump(step_s, passed_s)
             difference = quantities.duration(abs(step_s - passed_s))
-            self.said = f"the clock of the messages {way} by {difference}: time continues as before"
+            self.said = f"the clock of the messages {what} by {difference}: time continues as before"
             step_s = passed_s
         elif step_s <= 0.0:
             return None
         self.time_s += step_s
-        self._stamp_s, self._now_s = stamp_s, now_s
+        self._stamp_s = stamp_s
+        self._now_s = now_s
         return self.time_s
 
     def without(self, now_s: float) -> float:
         """The present time if no message arrives, s: a second behind."""
         passed_s = 0.0 if self._now_s is None else now_s - self._now_s
         return self.time_s + max(passed_s - thresholds.BEHIND_S, 0.0)
+
+
+def _jump(step_s: float, passed_s: float) -> str:
+    """What happened to a clock whose stamps differ by `step_s` after a time that passed, in words."""
+    if step_s == 0.0:
+        return "stood still"
+    return "was set forward" if step_s > passed_s else "was set back"

@@ -41,7 +41,8 @@ class Texts:
         order, text = _order_of(news)
         if order != self._order or (order is not None and now_s - self._ordered_s >= _REPEATED_S):
             yield order or Severity.NOTICE, text
-            self._order, self._ordered_s = order, now_s
+            self._order = order
+            self._ordered_s = now_s
         for warning in news.warnings:
             if kind_of(warning) not in self._warned:
                 yield Severity.WARNING, f"homeward: {warning}"

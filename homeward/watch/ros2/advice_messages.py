@@ -52,31 +52,52 @@ def messages(
 
 
 def _status(advice: Advice | None, robot: str, warnings: Sequence[str], silent: bool, namespace: str) -> Content:
-    level, text = (_STALE if silent else _WARN if warnings else _OK), "no readings yet"
-    values: dict[str, object] = {}
+    """The advice as a DiagnosticStatus: its level, a sentence, and its numbers."""
+    level = _OK
+    if silent:
+        level = _STALE
+    elif warnings:
+        level = _WARN
+    text = "no readings yet"
+    values: list[tuple[str, str]] = []
     if advice is not None:
-        text = f"turn within {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}"
-        if not can_reach_home(advice):
-            level, text = _ERROR, f"it may not get home: probability {advice.chance_home:.2%}"
-        elif advice.turn_now:
-            level, text = max(level, _WARN), "turn now" if advice.home == HOME else f"turn now, to {advice.home}"
-        values = {
-            "way_home_m": advice.way_home_m, "chance_home": advice.chance_home, "risk": advice.risk,
-            "turn_in_m": advice.turn_in_m, "turn_in_s": advice.turn_in_s, "turn_now": advice.turn_now,
-        }  # fmt: skip
-        for name in ("energy_left_j", "energy_home_j", "margin_j"):
-            spread = getattr(advice, name)
-            values |= {name: spread.mean, f"{name}_low": spread.low, f"{name}_high": spread.high}
-        if advice.others:
-            values["home"] = advice.home
-        for other in advice.others:
-            values |= {
-                f"way_to_{other.name}_m": other.way_m, f"chance_{other.name}": other.chance,
-                f"margin_{other.name}_j": other.margin_j.mean,
-            }  # fmt: skip
-    said = [(name, f"{value:.6g}" if isinstance(value, float) else str(value)) for name, value in values.items()]
-    said += [("warning", warning) for warning in warnings]
+        level, text = _order(advice, level)
+        values = [(name, _shown(value)) for name, value in _numbers(advice).items()]
+    values += [("warning", warning) for warning in warnings]
     return {
         "level": level, "name": f"{namespace}/{OWN}: way home".lstrip("/"), "message": text, "hardware_id": robot,
-        "values": [{"key": key, "value": value} for key, value in said],
+        "values": [{"key": key, "value": value} for key, value in values],
     }  # fmt: skip
+
+
+def _order(advice: Advice, level: int) -> tuple[int, str]:
+    """What the robot should do, with a level that is not below the given one unless it is an error."""
+    if not can_reach_home(advice):
+        return _ERROR, f"it may not get home: probability {advice.chance_home:.2%}"
+    if advice.turn_now:
+        destination = "" if advice.home == HOME else f", to {advice.home}"
+        return max(level, _WARN), f"turn now{destination}"
+    return level, f"turn within {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}"
+
+
+def _numbers(advice: Advice) -> dict[str, object]:
+    """Numbers of an advice by name, in SI units; of energies the mean and the 90 % interval."""
+    values: dict[str, object] = {
+        "way_home_m": advice.way_home_m, "chance_home": advice.chance_home, "risk": advice.risk,
+        "turn_in_m": advice.turn_in_m, "turn_in_s": advice.turn_in_s, "turn_now": advice.turn_now,
+    }  # fmt: skip
+    for name in ("energy_left_j", "energy_home_j", "margin_j"):
+        spread = getattr(advice, name)
+        values |= {name: spread.mean, f"{name}_low": spread.low, f"{name}_high": spread.high}
+    if advice.others:
+        values["home"] = advice.home
+    for option in advice.others:
+        values |= {
+            f"way_to_{option.name}_m": option.way_m, f"chance_{option.name}": option.chance,
+            f"margin_{option.name}_j": option.margin_j.mean,
+        }  # fmt: skip
+    return values
+
+
+def _shown(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

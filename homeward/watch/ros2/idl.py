@@ -69,7 +69,9 @@ def _type_of(definition: Any) -> Any:
     inner, size = content
     if node == Nodetype.ARRAY:
         return _array[_type_of(inner), size]
-    return _sequence[_type_of(inner), size] if size else _sequence[_type_of(inner)]
+    if size:
+        return _sequence[_type_of(inner), size]
+    return _sequence[_type_of(inner)]
 
 
 def message(kind: str, **values: Any) -> IdlStruct:
@@ -104,4 +106,7 @@ def _empty(definition: Any) -> Any:
         return message(content)
     if node == Nodetype.BASE:
         return _EMPTY.get(content[0], 0)
-    return [_empty(content[0]) for _ in range(content[1])] if node == Nodetype.ARRAY else []
+    if node == Nodetype.ARRAY:
+        part, size = content
+        return [_empty(part) for _ in range(size)]
+    return []

@@ -6,6 +6,7 @@ publishes battery state, odometry and IMU, best effort.
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 import time
@@ -72,10 +73,7 @@ def main(args: Args) -> None:
         DDSException: The domain cannot be joined.
     """
     robot = load_robot(args.robot)
-    if not (args.hz > 0.0 and 0.0 <= args.lost <= 1.0 and 0.0 < args.speed <= robot.max_speed_mps and args.out_s > 0.0):
-        raise CompanionError(
-            f"give --hz and --out-s above 0, --lost from 0 to 1, and --speed above 0, up to {robot.max_speed_mps:g} m/s"
-        )
+    _check(args, robot)
     participant = DomainParticipant(args.domain)
     sensor = Qos(
         Policy.Reliability.BestEffort, Policy.Durability.Volatile, Policy.History.KeepLast(5),
@@ -87,25 +85,39 @@ def main(args: Args) -> None:
     }
     rng = np.random.default_rng(args.seed)
     began_s = time.time()
-    tick = 0
-    left_j = float(energy_share(robot.curve, args.soc)) * robot.usable_energy_j
+    energy_j = float(energy_share(robot.curve, args.soc)) * robot.usable_energy_j
     x_m = args.x
-    yaw_rad = 0.0
-    while (since_s := tick / args.hz) < args.seconds:
+    for tick in itertools.count():
+        since_s = tick / args.hz
+        if since_s >= args.seconds:
+            return
         time.sleep(max(began_s + since_s - time.time(), 0.0))
-        back = (since_s // args.out_s) % 2 == 1
-        yaw_rad = math.pi if back else 0.0
-        slope = 0.03 * math.sin(x_m / 40.0)
-        power_w = _power(robot, args.speed, -slope if back else slope)
-        left_j -= power_w / args.hz
+        is_on_way_back = (since_s // args.out_s) % 2 == 1
+        slope_rad = 0.03 * math.sin(x_m / 40.0)  # of the ground, in the direction of x
+        yaw_rad = 0.0
+        if is_on_way_back:
+            slope_rad = -slope_rad
+            yaw_rad = math.pi
+        power_w = _power(robot, args.speed, slope_rad)
+        energy_j -= power_w / args.hz
         x_m += math.cos(yaw_rad) * args.speed / args.hz
-        stamp_s = began_s + since_s + (args.jump_s if since_s >= args.jump_at_s else 0.0)
-        soc = float(charge_share(robot.curve, left_j / robot.usable_energy_j))
-        contents = _contents(stamp_s, power_w, soc, x_m, yaw_rad, -slope if back else slope, args.speed)
+        stamp_s = began_s + since_s
+        if since_s >= args.jump_at_s:
+            stamp_s += args.jump_s
+        soc = float(charge_share(robot.curve, energy_j / robot.usable_energy_j))
+        contents = _contents(stamp_s, power_w, soc, x_m, yaw_rad, slope_rad, args.speed)
         for (name, kind), content in zip(_TOPICS.items(), contents, strict=True):
             if rng.random() >= args.lost:
                 writers[name].write(message(kind, **content))
-        tick += 1
+
+
+def _check(args: Args, robot: Robot) -> None:
+    """Refuse arguments that no robot can follow."""
+    has_rates = args.hz > 0.0 and args.out_s > 0.0 and 0.0 <= args.lost <= 1.0
+    if not has_rates or not 0.0 < args.speed <= robot.max_speed_mps:
+        raise CompanionError(
+            f"give --hz and --out-s above 0, --lost from 0 to 1, and --speed above 0, up to {robot.max_speed_mps:g} m/s"
+        )
 
 
 def _power(robot: Robot, speed_mps: float, slope_rad: float) -> float:
@@ -121,10 +133,15 @@ def _contents(
     stamp = message("builtin_interfaces/msg/Time", sec=int(stamp_s), nanosec=int(stamp_s % 1.0 * 1e9))
     header = message("std_msgs/msg/Header", stamp=stamp, frame_id="odom")
     # Halves of the angles, of which quaternions are made; a positive pitch looks down.
-    s_y, c_y = math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
-    s_p, c_p = math.sin(-0.5 * slope_rad), math.cos(-0.5 * slope_rad)
-    flat = message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=s_y, w=c_y)
-    tilted = message("geometry_msgs/msg/Quaternion", x=-s_y * s_p, y=c_y * s_p, z=s_y * c_p, w=c_y * c_p)
+    sin_yaw = math.sin(0.5 * yaw_rad)
+    cos_yaw = math.cos(0.5 * yaw_rad)
+    sin_pitch = math.sin(-0.5 * slope_rad)
+    cos_pitch = math.cos(-0.5 * slope_rad)
+    flat = message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=sin_yaw, w=cos_yaw)
+    tilted = message(
+        "geometry_msgs/msg/Quaternion",
+        x=-sin_yaw * sin_pitch, y=cos_yaw * sin_pitch, z=sin_yaw * cos_pitch, w=cos_yaw * cos_pitch,
+    )  # fmt: skip
     still = {"x": 0.0, "y": 0.0, "z": 0.0}
     place = message(
         "geometry_msgs/msg/Pose", position=message("geometry_msgs/msg/Point", **(still | {"x": x_m})), orientation=flat
