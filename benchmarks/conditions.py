@@ -102,8 +102,12 @@ def main(args: Args) -> None:
         work += [delayed(of_case)(part, args.seed, number) for part in parts for number in range(args.cases)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        judged = [each for part in Parallel(args.jobs)(work) for each in part]
-    refused, alone, whom = Counter[str](), Counter[str](), dict[str, Counter[str]]()
+        judged: list[Judged] = []
+        for of_recordings in Parallel(args.jobs)(work):
+            judged += of_recordings
+    refused = Counter[str]()
+    alone = Counter[str]()
+    whom = dict[str, Counter[str]]()
     for who, checks in judged:
         failed = [check.condition for check in checks if not check.holds]
         refused.update(failed)

@@ -67,7 +67,8 @@ def main() -> None:
     total_s = 0.0
     for part, code in FIRST_USES.items():
         with tempfile.TemporaryDirectory() as folder:
-            first_s, again_s = seconds(code, folder), seconds(code, folder)
+            first_s = seconds(code, folder)
+            again_s = seconds(code, folder)
         total_s += first_s
         shown.add_row(part, f"{first_s:.1f}", f"{again_s:.1f}")
     shown.add_row("sum", f"{total_s:.1f}", "")

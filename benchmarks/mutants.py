@@ -90,16 +90,22 @@ def _only_described(tree: ast.Module) -> set[ast.AST]:
     """
     tops: list[ast.AST] = []
     for node in ast.walk(tree):
-        if isinstance(node, ast.AnnAssign | ast.arg):
-            tops += [node.annotation] if node.annotation is not None else []
+        if isinstance(node, ast.AnnAssign | ast.arg) and node.annotation is not None:
+            tops.append(node.annotation)
         elif isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
             tops += node.body
-        elif isinstance(node, ast.ClassDef) and any("Protocol" in ast.unparse(base) for base in node.bases):
+        elif isinstance(node, ast.ClassDef | ast.FunctionDef) and _says_only_calls(node):
             tops.append(node)
-        elif isinstance(node, ast.FunctionDef):
-            tops += [node.returns] if node.returns is not None else []
-            tops += [node] if any("overload" in ast.unparse(decorator) for decorator in node.decorator_list) else []
+        elif isinstance(node, ast.FunctionDef) and node.returns is not None:
+            tops.append(node.returns)
     return {node for top in tops for node in ast.walk(top)}
+
+
+def _says_only_calls(node: ast.ClassDef | ast.FunctionDef) -> bool:
+    """Whether a class is a protocol, or a function an overload."""
+    if isinstance(node, ast.ClassDef):
+        return any("Protocol" in ast.unparse(base) for base in node.bases)
+    return any("overload" in ast.unparse(decorator) for decorator in node.decorator_list)
 
 
 def mutant_of(file: Path, number: int) -> Mutant:
@@ -109,8 +115,8 @@ def mutant_of(file: Path, number: int) -> Mutant:
     before = ast.unparse(tree).splitlines()
     node = list(ast.walk(tree))[number]
     _change(node)
-    pairs = zip(before, ast.unparse(tree).splitlines(), strict=False)
-    old, new = next(pair for pair in pairs if pair[0] != pair[1])
+    after = ast.unparse(tree).splitlines()
+    old, new = next((old, new) for old, new in zip(before, after, strict=False) if old != new)
     assert isinstance(node, ast.expr)
     return Mutant(file, node.lineno, old.strip(), new.strip(), _source(text, tree, node))
 
@@ -121,13 +127,13 @@ def _source(text: str, tree: ast.Module, node: ast.expr) -> str:
     assert node.end_lineno is not None and node.end_col_offset is not None
     start = sum(map(len, lines[: node.lineno - 1])) + node.col_offset
     end = sum(map(len, lines[: node.end_lineno - 1])) + node.end_col_offset
-    whole = b"".join(lines)
+    content = b"".join(lines)
     try:
-        source = (whole[:start] + f"({ast.unparse(node)})".encode() + whole[end:]).decode()
-        kept = ast.dump(ast.parse(source)) == ast.dump(tree)
+        source = (content[:start] + f"({ast.unparse(node)})".encode() + content[end:]).decode()
+        is_same_tree = ast.dump(ast.parse(source)) == ast.dump(tree)
     except (SyntaxError, UnicodeDecodeError):
-        kept = False
-    return source if kept else ast.unparse(tree)  # in an f-string, Python 3.11 has no places of nodes
+        is_same_tree = False
+    return source if is_same_tree else ast.unparse(tree)  # in an f-string, Python 3.11 has no places of nodes
 
 
 def _change(node: ast.AST) -> bool:
@@ -151,8 +157,11 @@ def drawn(count: int, rng: np.random.Generator) -> list[Mutant]:
     """
     files = [file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
     lines = [(file, nodes) for file in files for nodes in changeable(file).values()]
-    chosen = rng.permutation(len(lines))[:count]
-    return [mutant_of(lines[line][0], int(rng.choice(lines[line][1]))) for line in chosen]
+    mutants = []
+    for place in rng.permutation(len(lines))[:count]:
+        file, nodes = lines[place]
+        mutants.append(mutant_of(file, int(rng.choice(nodes))))
+    return mutants
 
 
 def tests_of(mutant: Mutant, checkout: Path, stage: int) -> tuple[list[str], list[str]]:
@@ -219,12 +228,14 @@ def _first_failure(checkout: Path, tests: list[str], seen: list[str]) -> str:
 
 def main(args: Args) -> None:
     """Draw the faults, try them stage by stage, and print the table."""
-    console, rng = Console(), np.random.default_rng(args.seed)
+    console = Console()
+    rng = np.random.default_rng(args.seed)
     commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
     console.print(f"commit {commit.stdout.strip() or 'unknown'}")
     faults = dict(enumerate(drawn(args.lines, rng), 1))
-    tried = {number: fault for number, fault in faults.items() if not args.only or number in args.only}
-    by: dict[int, str] = {}
+    if args.only:
+        faults = {number: fault for number, fault in faults.items() if number in args.only}
+    noticed: dict[int, str] = {}  # by which test
     with tempfile.TemporaryDirectory() as folder:
         checkout = Path(folder) / "checkout"
         tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
@@ -232,17 +243,17 @@ def main(args: Args) -> None:
             (checkout / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, checkout / name, follow_symlinks=False)
         for stage, tests in enumerate(STAGES):
-            for number, fault in tried.items():
-                if by.get(number):
+            for number, fault in faults.items():
+                if noticed.get(number):
                     continue
-                by[number] = noticed_by(fault, checkout, stage)
-                shown = by[number] or f"not by the tests of: {tests}"
+                noticed[number] = noticed_by(fault, checkout, stage)
+                shown = noticed[number] or f"not by the tests of: {tests}"
                 console.print(f"{number} {fault.place}: {shown}", markup=False, highlight=False, soft_wrap=True)
     shown_faults = table(f"{args.lines} lines, seed {args.seed}", ("", "line", "before", "after", "noticed by"), ())
-    for number, fault in tried.items():
-        shown_faults.add_row(str(number), fault.place, fault.before, fault.after, by[number] or "none")
+    for number, fault in faults.items():
+        shown_faults.add_row(str(number), fault.place, fault.before, fault.after, noticed[number] or "none")
     console.print(shown_faults)
-    console.print(f"noticed: {sum(map(bool, by.values()))} of {len(tried)}")
+    console.print(f"noticed: {sum(test != '' for test in noticed.values())} of {len(faults)}")
 
 
 if __name__ == "__main__":

@@ -89,14 +89,14 @@ def splits(vehicle: Set) -> list[Split]:
         DatasetError: Its recordings are not at hand.
     """
     if vehicle == "husky":
-        found = []
+        divisions = []
         for ground in GROUNDS:
             drives = [read_recording(path, "husky_borealtc") for path in sorted(fetch("husky_borealtc", ground))]
-            found += _halves(vehicle, "husky", drives, f"{ground.lower()}, ")
-        return found
+            divisions += _halves(vehicle, "husky", drives, f"{ground.lower()}, ")
+        return divisions
     if vehicle == "f1tenth":
-        whole = read_recording(fetch("f1tenth_frictionmaps", "")[0], "f1tenth_frictionmaps")
-        return _one_in_turn(vehicle, "f1tenth", _blocks(whole))
+        drive = read_recording(fetch("f1tenth_frictionmaps", "")[0], "f1tenth_frictionmaps")
+        return _one_in_turn(vehicle, "f1tenth", _blocks(drive))
     folder = Path(os.environ.get("HOMEWARD_DATA", "")) / _FOLDERS[vehicle]
     if not os.environ.get("HOMEWARD_DATA") or not folder.is_dir():
         raise DatasetError(f"{vehicle}: no folder {_FOLDERS[vehicle]} in HOMEWARD_DATA; its recordings are not public")
@@ -104,45 +104,46 @@ def splits(vehicle: Set) -> list[Split]:
     drives = [read_recording(path) for path in sorted(folder.glob("*.csv"))]
     if len(drives) < FEW_DRIVES:
         return _one_in_turn(vehicle, robot, drives)
-    found = _halves(vehicle, robot, drives, "")
+    divisions = _halves(vehicle, robot, drives, "")
     if vehicle == "bmw":
-        summer, winter = ([drive for drive in drives if f"Trip{letter}" in drive.name] for letter in "AB")
-        found += [
-            Split(vehicle, "winter to summer", robot, winter, summer),
-            Split(vehicle, "summer to winter", robot, summer, winter),
-            *_halves(vehicle, robot, winter, "winter, "),
-        ]
-    return found
+        summer = [drive for drive in drives if "TripA" in drive.name]
+        winter = [drive for drive in drives if "TripB" in drive.name]
+        divisions.append(Split(vehicle, "winter to summer", robot, diagnosed=winter, later=summer))
+        divisions.append(Split(vehicle, "summer to winter", robot, diagnosed=summer, later=winter))
+        divisions += _halves(vehicle, robot, winter, "winter, ")
+    return divisions
 
 
 _FOLDERS = {"bmw": "bmw_i3", "v9": "euc_v9", "leaf": "leaf_ved", "eco": "tamu_track"}
 _ROBOTS = {"bmw": "bmw_i3", "v9": "v9", "leaf": "leaf", "eco": "tamu"}
 
 
-def _halves(vehicle: str, robot: str, drives: Sequence[Recording], of: str) -> list[Split]:
-    odd, even = drives[::2], drives[1::2]
+def _halves(vehicle: str, robot: str, drives: Sequence[Recording], prefix: str) -> list[Split]:
+    odd = drives[::2]
+    even = drives[1::2]
     return [
-        Split(vehicle, f"{of}odd to even", robot, odd, even),
-        Split(vehicle, f"{of}even to odd", robot, even, odd),
+        Split(vehicle, f"{prefix}odd to even", robot, diagnosed=odd, later=even),
+        Split(vehicle, f"{prefix}even to odd", robot, diagnosed=even, later=odd),
     ]
 
 
 def _one_in_turn(vehicle: str, robot: str, drives: Sequence[Recording]) -> list[Split]:
-    return [
-        Split(vehicle, f"without {number}", robot, [one for one in drives if one is not drive], [drive])
-        for number, drive in enumerate(drives)
-    ]
+    """Splits by which each drive in turn is the later one."""
+    divisions = []
+    for number, drive in enumerate(drives):
+        diagnosed = [*drives[:number], *drives[number + 1 :]]
+        divisions.append(Split(vehicle, f"without {number}", robot, diagnosed, later=[drive]))
+    return divisions
 
 
-def _blocks(whole: Recording) -> list[Recording]:
-    block = np.arange(len(whole)) * BLOCKS // len(whole)
-    return [
-        replace(
-            whole, name=f"block {number}", sha256=f"{whole.sha256}{number}",
-            channels={name: values[block == number] for name, values in whole.channels.items()},
-        )
-        for number in range(BLOCKS)
-    ]  # fmt: skip
+def _blocks(drive: Recording) -> list[Recording]:
+    """A drive cut into parts of equal length."""
+    block_of_sample = np.arange(len(drive)) * BLOCKS // len(drive)
+    blocks = []
+    for number in range(BLOCKS):
+        channels = {name: values[block_of_sample == number] for name, values in drive.channels.items()}
+        blocks.append(replace(drive, name=f"block {number}", sha256=f"{drive.sha256}{number}", channels=channels))
+    return blocks
 
 
 @dataclass(frozen=True)
@@ -175,13 +176,14 @@ def run(split: Split, without: Sequence[str] = ()) -> Outcome:
         path = Path(folder) / "corrected.toml"
         path.write_text(corrected_toml(analysis))
         corrected = load_robot(path)
-    given = load_robot(split.robot)
-    before, later = _windows(split.diagnosed, given), _windows(split.later, given)
+    nominal = load_robot(split.robot)
+    training = _windows(split.diagnosed, nominal)
+    later = _windows(split.later, nominal)
     predicted = {
-        "given": predict(later, given),
+        "given": predict(later, nominal),
         "file": predict(later, corrected),
-        "ridge": ridge(before, later),
-        "least squares": formula(before, later),
+        "ridge": ridge(training, later),
+        "least squares": formula(training, later),
     }
     errors = {name: errors_of(values, later) for name, values in predicted.items()}
     missed = {name: missed_of(values, later).tolist() for name, values in predicted.items()}
@@ -190,7 +192,14 @@ def run(split: Split, without: Sequence[str] = ()) -> Outcome:
     holds = "nominal" if diagnosis.file is None else diagnosis.file.holds
     heater = labelled_heater(split, later, corrected)
     return Outcome(
-        f"{split.vehicle}, {split.part}", split.vehicle, diagnosis.verdict, named, holds, errors, missed, heater
+        split=f"{split.vehicle}, {split.part}",
+        vehicle=split.vehicle,
+        verdict=diagnosis.verdict,
+        named=named,
+        holds=holds,
+        errors=errors,
+        missed=missed,
+        heater_j=heater,
     )
 
 
@@ -201,19 +210,22 @@ def _windows(drives: Sequence[Recording], robot: Robot) -> Runs:
 
 def missed_of(predicted: Array, runs: Runs) -> Array:
     """Share by which the energy or charge of each drive is off, at most a half, shape (drives,)."""
-    off, drawn = (
-        np.abs(np.bincount(runs.run, values * runs.duration_s)) for values in (predicted - runs.observed, runs.observed)
-    )
-    return np.minimum(off / drawn, thresholds.HALF)
+    error = np.abs(np.bincount(runs.run, (predicted - runs.observed) * runs.duration_s))
+    drawn = np.abs(np.bincount(runs.run, runs.observed * runs.duration_s))
+    return np.minimum(error / drawn, thresholds.HALF)
 
 
 def errors_of(predicted: Array, runs: Runs) -> Errors:
     """Errors of a prediction of later drives."""
-    off_j = np.abs(np.bincount(runs.run, (predicted - runs.observed) * runs.duration_s))
+    error_j = np.abs(np.bincount(runs.run, (predicted - runs.observed) * runs.duration_s))
     drawn_j = np.abs(np.bincount(runs.run, runs.observed * runs.duration_s))
-    left = np.sum((predicted - runs.observed) ** 2)
-    r2 = 1.0 - left / np.sum((runs.observed - runs.observed.mean()) ** 2)
-    return Errors(100.0 * off_j.sum() / drawn_j.sum(), 100.0 * float(missed_of(predicted, runs).mean()), float(r2))
+    squared_error = np.sum((predicted - runs.observed) ** 2)
+    r2 = 1.0 - squared_error / np.sum((runs.observed - runs.observed.mean()) ** 2)
+    return Errors(
+        total_pct=100.0 * error_j.sum() / drawn_j.sum(),
+        drive_pct=100.0 * float(missed_of(predicted, runs).mean()),
+        r2=float(r2),
+    )
 
 
 @dataclass(frozen=True)
@@ -243,13 +255,16 @@ def motion_of(runs: Runs) -> Motion:
     )
 
 
-def ridge(before: Runs, later: Runs) -> Array:
+def ridge(training: Runs, later: Runs) -> Array:
     """Ridge on standardised features, its penalty by cross-validation; prediction for the later windows."""
-    known = motion_of(before)
-    turns, warms = float(np.ptp(known.turn_mps)) > 0.0, float(np.std(known.warm_c)) > 0.5
+    motion_before = motion_of(training)
+    turns = float(np.ptp(motion_before.turn_mps)) > 0.0
+    warms = float(np.std(motion_before.warm_c)) > 0.5
 
     def features(motion: Motion) -> Array:
-        speed, accel, slope = motion.speed_mps, motion.accel_mps2, motion.slope
+        speed = motion.speed_mps
+        accel = motion.accel_mps2
+        slope = motion.slope
         force = accel + GRAVITY_MPS2 * slope
         columns = [
             speed, speed**2, speed**3, np.maximum(force, 0.0) * speed, np.minimum(force, 0.0) * speed,
@@ -262,21 +277,24 @@ def ridge(before: Runs, later: Runs) -> Array:
         return np.column_stack([np.asarray(column, np.float64) for column in columns])
 
     model = make_pipeline(StandardScaler(), RidgeCV(np.logspace(-3.0, 4.0, 15)))
-    model.fit(features(known), before.observed)
+    model.fit(features(motion_before), training.observed)
     return np.asarray(model.predict(features(motion_of(later))))
 
 
-def formula(before: Runs, later: Runs) -> Array:
+def formula(training: Runs, later: Runs) -> Array:
     """P0 + max(F, 0) v + r min(F, 0) v + h max(T0 - T, 0), F = c0 + c2 v^2 + M a + W slope, no coefficient negative.
 
     Motor current follows the force: P0 and max(F, 0) while moving, and two terms of turning.
     """
-    known, current = motion_of(before), before.unit == "A"
-    spread, mean_mps = float(np.std(before.observed)), max(float(known.speed_mps.mean()), 0.1)
+    motion_before = motion_of(training)
+    current = training.unit == "A"
+    spread = float(np.std(training.observed))
+    mean_mps = max(float(motion_before.speed_mps.mean()), 0.1)
 
     def predicted(numbers: Array, motion: Motion) -> Array:
         idle, rolling, drag, mass, weight, back, heater, below_c, root = numbers
-        speed, turn = motion.speed_mps, motion.turn_mps
+        speed = motion.speed_mps
+        turn = motion.turn_mps
         force = rolling + drag * speed**2 + mass * motion.accel_mps2 + weight * GRAVITY_MPS2 * motion.slope
         if current:
             moving = np.minimum((speed + 0.5 * turn) / 0.05, 1.0)
@@ -286,16 +304,16 @@ def formula(before: Runs, later: Runs) -> Array:
 
     force_size = spread if current else spread / mean_mps
     scale = np.array([
-        float(np.mean(np.abs(before.observed))), force_size, force_size / mean_mps**2, force_size, force_size, 1.0,
+        float(np.mean(np.abs(training.observed))), force_size, force_size / mean_mps**2, force_size, force_size, 1.0,
         spread / 20.0, spread if current else 20.0, spread,
     ])  # fmt: skip
     start = np.array([0.1, 0.2, 0.1, 0.5, 0.5, 0.5, 0.01, 0.8, 0.01])
     high = np.array([*[np.inf] * 5, 1.0, np.inf, np.inf if current else 1.5, np.inf])
 
-    def off(numbers: Array) -> Array:
-        return np.asarray((predicted(numbers * scale, known) - before.observed) / spread)
+    def misfit(numbers: Array) -> Array:
+        return np.asarray((predicted(numbers * scale, motion_before) - training.observed) / spread)
 
-    fitted = least_squares(off, start, bounds=(np.zeros(len(start)), high), max_nfev=300)
+    fitted = least_squares(misfit, start, bounds=(np.zeros(len(start)), high), max_nfev=300)
     return predicted(fitted.x * scale, motion_of(later))
 
 
@@ -305,15 +323,16 @@ def labelled_heater(split: Split, later: Runs, robot: Robot) -> list[tuple[float
     if split.vehicle not in ("bmw", "leaf") or not file.is_file():
         return []
     labels = json.loads(file.read_text())
-    without = replace(robot, effects={name: own for name, own in robot.effects.items() if name != "heater"})
-    heated_w = predict(later, robot) - predict(later, without)
+    other_effects = {name: sizes for name, sizes in robot.effects.items() if name != "heater"}
+    unheated = replace(robot, effects=other_effects)
+    heated_w = predict(later, robot) - predict(later, unheated)
     energies = []
     for number, name in enumerate(later.names):
         label = labels.get(Path(name).stem, {}).get("heater_w", np.nan)
         if np.isfinite(label):
-            own = later.run == number
-            length_s = later.duration_s[own]
-            energies.append((float(heated_w[own] @ length_s), float(label * length_s.sum())))
+            in_drive = later.run == number
+            length_s = later.duration_s[in_drive]
+            energies.append((float(heated_w[in_drive] @ length_s), float(label * length_s.sum())))
     return energies
 
 
@@ -328,15 +347,16 @@ class Varied:
 def vary(split: Split) -> Varied:
     """Fit a file that predicts with other priors, and replay it on the later drives."""
     robot = load_robot(split.robot)
-    before, later = _windows(split.diagnosed, robot), _windows(split.later, robot)
-    tried = {"as they are": SCALES}
+    training = _windows(split.diagnosed, robot)
+    later = _windows(split.later, robot)
+    priors = {"as they are": SCALES}
     for scale in dataclasses.fields(Scales):
         for factor in (0.5, 2.0):
             wider = replace(SCALES, **{scale.name: factor * getattr(SCALES, scale.name)})
-            tried[f"{scale.name} x {factor:g}"] = wider
+            priors[f"{scale.name} x {factor:g}"] = wider
     errors = {}
-    for name, scales in tried.items():
-        fit = fit_predictive(before, robot, robot, lambda changed: predict(before, changed), before.run, scales)
+    for name, scales in priors.items():
+        fit = fit_predictive(training, robot, robot, lambda changed: predict(training, changed), training.run, scales)
         errors[name] = errors_of(predict(later, fit.changed), later)
     return Varied(split.vehicle, errors)
 
@@ -381,7 +401,7 @@ def main(args: Args) -> None:
 
 def _cell(errors: Sequence[Errors]) -> str:
     """Mean of some errors in a cell."""
-    total_pct, drive_pct, r2 = np.mean([dataclasses.astuple(each) for each in errors], axis=0).tolist()
+    total_pct, drive_pct, r2 = np.mean([dataclasses.astuple(of_split) for of_split in errors], axis=0).tolist()
     return f"{total_pct:.1f} / {drive_pct:.1f}  {r2:.2f}"
 
 

@@ -67,8 +67,10 @@ def main() -> None:
     tasks += [lambda: diagnosis_time({"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}}, "60 s")]
     tasks += [import_time, ppo_rate]
     console = Console()
-    if (free := free_share()) < QUIET:
-        console.print(f"The machine is busy: {1.0 - free:.0%} of its cores are taken, and what is printed is too slow.")
+    share_free = free_share()
+    if share_free < QUIET:
+        taken = f"{1.0 - share_free:.0%}"
+        console.print(f"The machine is busy: {taken} of its cores are taken, and what is printed is too slow.")
     rows = [task() for task in track(tasks, "measuring", console=Console(stderr=True))]
     title = f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores"
     shown = table(title, ("measure",), ("ours", "peer", "ratio", "asked for"))
@@ -101,10 +103,15 @@ def some_actions(count: int, rounds: int = 100) -> list[NDArray[np.int64]]:
 
 def paired(peer: Callable[[], Any], ours: Callable[[], Any]) -> tuple[float, float, float]:
     """Median seconds of the peer, of ours, and of their ratio."""
-    peer(), ours()
-    seconds = [(_seconds(peer), _seconds(ours)) for _ in range(PAIRS)]
-    ratio = statistics.median(a / b for a, b in seconds)
-    return statistics.median(a for a, _ in seconds), statistics.median(b for _, b in seconds), ratio
+    peer()  # the first call compiles
+    ours()
+    peers_s = []
+    ours_s = []
+    for _ in range(PAIRS):
+        peers_s.append(_seconds(peer))
+        ours_s.append(_seconds(ours))
+    ratios = [peer_s / own_s for peer_s, own_s in zip(peers_s, ours_s, strict=True)]
+    return statistics.median(peers_s), statistics.median(ours_s), statistics.median(ratios)
 
 
 def _seconds(work: Callable[[], Any]) -> float:
@@ -115,7 +122,8 @@ def _seconds(work: Callable[[], Any]) -> float:
 
 def vector_step(effects: str, place: int) -> Timing:
     """Environment steps per second of the native vector env against CartPole's."""
-    count, rounds = SIZES[place], max(100, 100_000 // SIZES[place])
+    count = SIZES[place]
+    rounds = max(100, 100_000 // SIZES[place])
     entry: Any = gym.VectorizeMode.VECTOR_ENTRY_POINT
     cartpole = gym.make_vec("CartPole-v1", num_envs=count, vectorization_mode=entry)
     survey = gym.make_vec(
@@ -123,7 +131,8 @@ def vector_step(effects: str, place: int) -> Timing:
     )
     cartpole.reset(seed=0)
     survey.reset(seed=0)
-    push, actions = np.random.default_rng(0).integers(0, 2, count), some_actions(count)
+    push = np.random.default_rng(0).integers(0, 2, count)
+    actions = some_actions(count)
 
     def step_cartpole() -> None:
         for _ in range(rounds):
@@ -146,7 +155,8 @@ def free_share() -> float:
     code = "import time; s = time.perf_counter()\nwhile time.perf_counter() < s + 0.5: pass\n" + (
         "print(time.process_time() / (time.perf_counter() - s))"
     )
-    call, count = [sys.executable, "-c", code], os.cpu_count() or 1
+    call = [sys.executable, "-c", code]
+    count = os.cpu_count() or 1
     processes = [subprocess.Popen(call, stdout=subprocess.PIPE, text=True) for _ in range(count)]
     return statistics.fmean(float(process.communicate()[0]) for process in processes)
 
@@ -154,7 +164,8 @@ def free_share() -> float:
 def scalar_step() -> Timing:
     """Microseconds of a scalar step against CartPole's, both unwrapped."""
     rounds = 20_000
-    cartpole, survey = gym.make("CartPole-v1").unwrapped, gym.make(IDS["Survey"], difficulty="known").unwrapped
+    cartpole = gym.make("CartPole-v1").unwrapped
+    survey = gym.make(IDS["Survey"], difficulty="known").unwrapped
     cartpole.reset(seed=0)
     survey.reset(seed=0)
     actions = [action for (action,) in some_actions(1)]
@@ -186,7 +197,8 @@ def replay_rate() -> Timing:
 
 def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Timing:
     """Time of a diagnosis of an hour at 10 Hz in five runs, with concealed effects."""
-    robot, runs = load_robot("husky"), []
+    robot = load_robot("husky")
+    runs = []
     for seed in range(5):
         drive = record(dataclasses.replace(robot, effects=hidden), seed)
         channels = {str(name): np.resize(drive[name].to_numpy(dtype=float), 7200) for name in drive}
@@ -237,7 +249,9 @@ def ppo_rate() -> Timing:
             peer.learn(PPO_STEPS // 4)
 
     learn_ours()
-    ours_rate, peer_rate, ratios = [], [], []
+    ours_rate = []
+    peer_rate = []
+    ratios = []
     for _ in range(3):
         ours_rate.append(PPO_STEPS / _seconds(learn_ours))
         peer_rate.append(PPO_STEPS / 4 / _seconds(learn_peer))

@@ -69,19 +69,17 @@ def main(args: Args) -> None:
                   ("rule's score there", "planner above it (95 %)"))  # fmt: skip
     for mission, difficulty in itertools.product(args.missions, args.difficulties):
         options = Options(mission, difficulty=difficulty)
-        metered, exact = (
-            episodes_of(args, one, "planner", None)
-            for one in (options, dataclasses.replace(options, instruments="exact"))
-        )
+        metered = episodes_of(args, options, "planner", None)
+        exact = episodes_of(args, dataclasses.replace(options, instruments="exact"), "planner", None)
         stranded = rate(int(metered.stranded.sum()), args.episodes)
         shown = share_of(metered.score, exact.score, args.seed)
         alone.add_row(mission, difficulty, f"{metered.score.mean():.4g}", stranded, shown)
         gains = gains_of(args, options, metered)
-        best = max(score or 0.0 for score, _, _ in gains.values())
+        highest = max(score or 0.0 for score, _, _ in gains.values())
         for rule, (score, gain, ci95) in gains.items():
             at_equal = "more strand" if score is None else f"{score:.4g}"
             shown = span(gain, ci95, "+.1%") if gain is not None and ci95 else ""
-            above.add_row(mission, difficulty, rule, at_equal, shown, style="bold" if score == best else "")
+            above.add_row(mission, difficulty, rule, at_equal, shown, style="bold" if score == highest else "")
     console = Console(width=140)
     console.print(alone)
     console.print(above)
@@ -98,8 +96,9 @@ def share_of(metered: Array, exact: Array, seed: int) -> str:
     if exact.mean() <= 0.0:
         return ""
     means = Bootstrap({"metered": metered[None], "exact": exact[None]}, np.random.default_rng(seed)).means()
-    some = means["exact"] > 0.0  # a resample of very few episodes may contain none that scored
-    return span(metered.mean() / exact.mean(), interval(means["metered"][some] / means["exact"][some]), ".1%")
+    has_score = means["exact"] > 0.0  # a resample of very few episodes may contain none that scored
+    ratios = means["metered"][has_score] / means["exact"][has_score]
+    return span(metered.mean() / exact.mean(), interval(ratios), ".1%")
 
 
 def gains_of(args: Args, options: Options, planner: Episodes) -> dict[str, tuple[float | None, float | None, Ends]]:
@@ -107,14 +106,21 @@ def gains_of(args: Args, options: Options, planner: Episodes) -> dict[str, tuple
 
     Score and gain are None where it strands more often with every reserve.
     """
-    count, gains = len(planner.score), {}
-    alike = np.full(count, 1.0 / count)
-    weights = np.random.default_rng(args.seed).multinomial(count, alike, _RESAMPLES) / count
+    count = len(planner.score)
+    gains = {}
+    equal_weights = np.full(count, 1.0 / count)
+    resamples = np.random.default_rng(args.seed).multinomial(count, equal_weights, _RESAMPLES) / count
     for name in RULES:
-        reserves = (*NUMBERS[name], *(NUMBERS[name][-1] * more for more in _FURTHER))
-        rule = {one: episodes_of(args, options, name, one) for one in reserves}
-        drawn = [gain for _, gain in (gain_on(rule, planner, weight) for weight in weights) if gain is not None]
-        gains[name] = (*gain_on(rule, planner, alike), interval(np.array(drawn)) if drawn else None)
+        largest = NUMBERS[name][-1]
+        reserves = (*NUMBERS[name], *(largest * factor for factor in _FURTHER))
+        rule = {reserve: episodes_of(args, options, name, reserve) for reserve in reserves}
+        score, gain = gain_on(rule, planner, equal_weights)
+        resampled = []
+        for weights in resamples:
+            _, resampled_gain = gain_on(rule, planner, weights)
+            if resampled_gain is not None:
+                resampled.append(resampled_gain)
+        gains[name] = score, gain, interval(np.array(resampled)) if resampled else None
     return gains
 
 
@@ -122,9 +128,12 @@ def gain_on(
     rule: Mapping[float, Episodes], planner: Episodes, weight: Array
 ) -> tuple[float | None, float | None]:  # fmt: skip
     """Score of a rule and the planner's gain over it, for weighted episodes."""
-    scores, stranded = ([float(weight @ vars(one)[name]) for one in rule.values()] for name in ("score", "stranded"))
-    equal = Curve(tuple(rule), tuple(scores), tuple(stranded)).at(float(weight @ planner.stranded))
-    return equal, float(weight @ planner.score) / equal - 1.0 if equal else None
+    scores = tuple(float(weight @ episodes.score) for episodes in rule.values())
+    stranded = tuple(float(weight @ episodes.stranded) for episodes in rule.values())
+    score = Curve(tuple(rule), scores, stranded).at(float(weight @ planner.stranded))
+    if not score:
+        return score, None
+    return score, float(weight @ planner.score) / score - 1.0
 
 
 if __name__ == "__main__":

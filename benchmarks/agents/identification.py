@@ -134,17 +134,21 @@ def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
         count: Decisions of the way out.
     """
     env = HomewardVectorEnv(len(seeds), autoreset_mode="Disabled", **vars(options))
-    batch, m = env.batch, env.batch.records
+    batch = env.batch
+    m = env.batch.records
     observations, _ = env.reset(seed=seeds)
-    belief, ratio = Belief(batch.known, MISSED), AdaptiveDmaxRule(batch.known, NO_SENSING, 0.0)
-    begun, update_s = np.ones(len(seeds), np.bool_), 0.0
-    out_action, home_action = (
-        encode_actions(batch.known, batch.known.shared["cruise_mps"][0], 0.0, mode) for mode in (GO, RETURN)
-    )
+    belief = Belief(batch.known, MISSED)
+    ratio = AdaptiveDmaxRule(batch.known, NO_SENSING, 0.0)
+    begun = np.ones(len(seeds), np.bool_)
+    update_s = 0.0
+    cruise_mps = batch.known.shared["cruise_mps"][0]
+    out_action = encode_actions(batch.known, cruise_mps, 0.0, GO)
+    home_action = encode_actions(batch.known, cruise_mps, 0.0, RETURN)
     for decision in range(count + 1):
         start = time.perf_counter()
         belief.learn(observations, begun)
-        update_s += (time.perf_counter() - start) if decision else 0.0
+        if decision:  # the first one may compile kernels
+            update_s += time.perf_counter() - start
         outlook = ratio.look(observations, begun)
         begun = np.zeros(len(seeds), np.bool_)
         if decision < count:
@@ -160,19 +164,22 @@ def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
         "ratio": Mixture(np.ones((len(seeds), 1)), outlook.home[:, None], np.maximum(deviation, 1e-9)[:, None]),
     }
     wind_mps = _wind_error_mps(batch, belief)
-    left_j, full_j, alive = m["energy_j"].copy(), m["capacity_j"].copy(), ~m["over"]
+    left_j = m["energy_j"].copy()
+    full_j = m["capacity_j"].copy()
+    alive = ~m["over"]
     top_up(batch)
     used_j = m["ledger_j"].sum(axis=1)
     while not m["over"].all():
         _step(batch, np.repeat(home_action, len(seeds), axis=0), observations)
     used_j = m["ledger_j"].sum(axis=1) - used_j
     home = m["home"] & alive
+    is_below = m["meter_gain"] * (left_j - used_j) < low_j
     return Forecasts(
-        {name: Mixture(*(part[home] for part in one)) for name, one in forecasts.items()},
-        (used_j / full_j)[home],
-        wind_mps[home],
-        (m["meter_gain"] * (left_j - used_j) < low_j)[home],
-        1e6 * update_s / (count * len(seeds)),
+        forecasts={name: Mixture(*(part[home] for part in forecast)) for name, forecast in forecasts.items()},
+        home_share=(used_j / full_j)[home],
+        wind_mps=wind_mps[home],
+        below=is_below[home],
+        update_us=1e6 * update_s / (count * len(seeds)),
     )
 
 
@@ -197,21 +204,25 @@ def way_home(belief: Belief, plans: NDArray[np.void]) -> Mixture:
         plans: `homeward.estimation.PLAN_DTYPE`, shape (missions,).
     """
     hypotheses = belief.estimator.state["hypotheses"]
-    kept = hypotheses["log_weight"].copy()
-    parts = []
-    for k in range(kept.shape[1]):
-        hypotheses["log_weight"] = np.where(np.arange(kept.shape[1]) == k, 0.0, -np.inf)
+    log_weight = hypotheses["log_weight"].copy()
+    count = log_weight.shape[1]
+    means = []
+    deviations = []
+    for number in range(count):
+        # As if this hypothesis were the only one.
+        hypotheses["log_weight"] = np.where(np.arange(count) == number, 0.0, -np.inf)
         total = belief.margin(plans, RISK).total
-        parts.append((total["cost_share"].copy(), np.maximum(total["cost_share_sd"], 1e-9)))
-    hypotheses["log_weight"] = kept
-    mean, sd = np.stack(parts, axis=-1)
-    return Mixture(np.exp(kept), mean, sd)
+        means.append(total["cost_share"].copy())
+        deviations.append(np.maximum(total["cost_share_sd"], 1e-9))
+    hypotheses["log_weight"] = log_weight
+    return Mixture(np.exp(log_weight), np.stack(means, axis=-1), np.stack(deviations, axis=-1))
 
 
 def _wind_error_mps(batch: Batch, belief: Belief) -> Array:
-    m, found = batch.records, belief.estimate().mean
-    east_mps = found[:, EAST] + found[:, GUST_EAST] - m["mean_east_mps"] - m["gust_east_mps"]
-    north_mps = found[:, NORTH] + found[:, GUST_NORTH] - m["mean_north_mps"] - m["gust_north_mps"]
+    m = batch.records
+    mean = belief.estimate().mean
+    east_mps = mean[:, EAST] + mean[:, GUST_EAST] - m["mean_east_mps"] - m["gust_east_mps"]
+    north_mps = mean[:, NORTH] + mean[:, GUST_NORTH] - m["mean_north_mps"] - m["gust_north_mps"]
     return np.asarray(np.hypot(east_mps, north_mps))
 
 
@@ -232,31 +243,32 @@ def main(args: Args) -> None:
         f"Way home, % of a full battery, {drawn}", ("difficulty", "decisions out", "by"),
         ("median, 95th pct. of |error|", "bias", f"in {COVERED:.0%} interval (95 %)", "CRPS", "belief / ratio (95 %)"),
     )  # fmt: skip
-    rest = table(
+    wind_and_margin = table(
         f"Wind and margin by the belief, {drawn}", ("difficulty", "decisions out"),
         ("|wind error|, m/s", f"margin below {RISK:g} quantile (95 %)", "us per update"),
     )  # fmt: skip
     for difficulty, count in itertools.product(args.difficulties, args.decisions):
         options = Options("OutAndBack", difficulty=difficulty, instruments=args.instruments, weather=args.weather)
-        found = drive(options, seeds, count)
-        _add_ways(ways, difficulty, count, found, args.seed)
-        wind_mps, below = _absolute(found.wind_mps, "{:.2f}"), _rate(found.below)
-        rest.add_row(difficulty, str(count), wind_mps, below, f"{found.update_us:.1f}")
+        forecasts = drive(options, seeds, count)
+        _add_ways(ways, difficulty, count, forecasts, args.seed)
+        wind_mps = _absolute(forecasts.wind_mps, "{:.2f}")
+        below = _rate(forecasts.below)
+        wind_and_margin.add_row(difficulty, str(count), wind_mps, below, f"{forecasts.update_us:.1f}")
     console = Console(width=140)
     console.print(ways)
-    console.print(rest)
+    console.print(wind_and_margin)
     console.print("Errors are forecasts minus what came; rates and ratios with 95 % intervals.", highlight=False)
 
 
-def _add_ways(ways: Table, difficulty: str, count: int, found: Forecasts, seed: int) -> None:
-    crps = {name: one.crps(found.home_share) for name, one in found.forecasts.items()}
-    means = Bootstrap({name: one[None] for name, one in crps.items()}, np.random.default_rng(seed)).means()
+def _add_ways(ways: Table, difficulty: str, count: int, forecasts: Forecasts, seed: int) -> None:
+    crps = {name: forecast.crps(forecasts.home_share) for name, forecast in forecasts.forecasts.items()}
+    means = Bootstrap({name: scores[None] for name, scores in crps.items()}, np.random.default_rng(seed)).means()
     ratio = span(crps["belief"].mean() / crps["ratio"].mean(), interval(means["belief"] / means["ratio"]), ".3f")
-    for name, one in found.forecasts.items():
-        error = one.expected - found.home_share
+    for name, forecast in forecasts.forecasts.items():
+        error = forecast.expected - forecasts.home_share
         ways.add_row(
             difficulty, str(count), name, _absolute(100.0 * error, "{:.3f}"), f"{100.0 * error.mean():+.4f}",
-            _rate(covered(one, found.home_share)), f"{100.0 * crps[name].mean():.4f}",
+            _rate(covered(forecast, forecasts.home_share)), f"{100.0 * crps[name].mean():.4f}",
             ratio if name == "belief" else "",
         )  # fmt: skip
 
@@ -267,7 +279,7 @@ def covered(forecast: Mixture, values: Array) -> NDArray[np.bool_]:
 
 
 def _absolute(errors: Array, style: str) -> str:
-    return ", ".join(style.format(one) for one in np.quantile(np.abs(errors), (0.5, 0.95)))
+    return ", ".join(style.format(quantile) for quantile in np.quantile(np.abs(errors), (0.5, 0.95)))
 
 
 def _rate(happened: NDArray[np.bool_]) -> str:

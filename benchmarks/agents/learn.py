@@ -102,7 +102,8 @@ class Sampled(Policy):
 
     def __init__(self, policy: NetworkPolicy, seed: int) -> None:
         assert isinstance(policy.action_space, spaces.MultiDiscrete)
-        self._policy, self._rng = policy, np.random.default_rng(seed)
+        self._policy = policy
+        self._rng = np.random.default_rng(seed)
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission, see `Policy.act`."""
@@ -131,7 +132,8 @@ def main(args: Args) -> list[Result]:
 def compare(args: Args, mission: str, start: str) -> Result:
     """Train from one start with all seeds, and run the policies, the rules and the planner."""
     options = Options(mission)
-    known, seeds = known_of(options), episode_seeds(0, args.episodes)
+    known = known_of(options)
+    seeds = episode_seeds(0, args.episodes)
     folders = [trained(args, mission, start, seed) for seed in range(args.seeds)]
 
     def both(folder: Path, seed: int) -> dict[str, Driven]:
@@ -140,21 +142,28 @@ def compare(args: Args, mission: str, start: str) -> Result:
         sampled = driven(args, options, Sampled(load_policy(folder, known), seed), key + b"sampled", seeds)
         return {"greedy": greedy, "sampled": sampled}
 
-    best = stacked([both(folder, seed) for seed, folder in enumerate(folders)])
-    last = stacked([both(folder / LAST, seed) for seed, folder in enumerate(folders)])
-    others = {
-        name: driven(args, options, AGENTS[name](Request(known)), name.encode(), seeds) for name in (*RULES, *OTHERS)
-    }
-    trained_s = [read_curve(folder)[-1].trained_s for folder in folders]
-    return Result(mission, start, both(folders[0] / FIRST, 0), best, last, others, trained_s)
+    other_agents = {}
+    for name in (*RULES, *OTHERS):
+        other_agents[name] = driven(args, options, AGENTS[name](Request(known)), name.encode(), seeds)
+    return Result(
+        mission=mission,
+        start=start,
+        first=both(folders[0] / FIRST, 0),
+        best=stacked([both(folder, seed) for seed, folder in enumerate(folders)]),
+        last=stacked([both(folder / LAST, seed) for seed, folder in enumerate(folders)]),
+        others=other_agents,
+        trained_s=[read_curve(folder)[-1].trained_s for folder in folders],
+    )
 
 
 def stacked(of_seeds: list[dict[str, Driven]]) -> dict[str, Driven]:
     """Results of several seeds on the same episodes, stacked: one row per seed."""
-    return {
-        how: Driven(np.stack([one[how].score for one in of_seeds]), np.stack([one[how].stranded for one in of_seeds]))
-        for how in of_seeds[0]
-    }
+    results = {}
+    for how in of_seeds[0]:
+        score = np.stack([of_seed[how].score for of_seed in of_seeds])
+        stranded = np.stack([of_seed[how].stranded for of_seed in of_seeds])
+        results[how] = Driven(score, stranded)
+    return results
 
 
 def trained(args: Args, mission: str, start: str, seed: int) -> Path:
@@ -187,14 +196,16 @@ def driven(args: Args, options: Options, policy: Policy, key: bytes, seeds: Sequ
         content = io.BytesIO()
         np.savez_compressed(content, score=episodes.score, stranded=episodes.stranded)
         write_whole(file, content.getvalue())
-    with np.load(file, allow_pickle=False) as kept:
-        return Driven(kept["score"], kept["stranded"])
+    with np.load(file, allow_pickle=False) as stored:
+        return Driven(stored["score"], stored["stranded"])
 
 
 def summary(result: Result) -> dict[str, Any]:
     """Figures of a mission and start, for the table and `learn.json`."""
-    greedy, sampled = result.best["greedy"], result.best["sampled"]
-    stranded, count = int(greedy.stranded.sum()), greedy.stranded.size
+    greedy = result.best["greedy"]
+    sampled = result.best["sampled"]
+    stranded = int(greedy.stranded.sum())
+    count = greedy.stranded.size
     row: dict[str, Any] = {
         "mission": result.mission, "start": result.start,
         "seeds": len(greedy.score), "episodes": greedy.score.shape[1], "rule": result.rule,
@@ -204,18 +215,22 @@ def summary(result: Result) -> dict[str, Any]:
         "sampled": float(sampled.score.mean()), "sampled_stranded_rate": float(sampled.stranded.mean()),
         "trained_s": result.trained_s,
     }  # fmt: skip
-    first = {f"first_{how}": one for how, one in result.first.items()}
-    last = {f"last_{how}": one for how, one in result.last.items()}
-    for name, one in (first | last | result.others).items():
-        row[name], row[f"{name}_stranded_rate"] = float(one.score.mean()), float(one.stranded.mean())
+    compared = {f"first_{how}": episodes for how, episodes in result.first.items()}
+    compared |= {f"last_{how}": episodes for how, episodes in result.last.items()}
+    compared |= result.others
+    for name, episodes in compared.items():
+        row[name] = float(episodes.score.mean())
+        row[f"{name}_stranded_rate"] = float(episodes.stranded.mean())
     against = {"first": result.first["greedy"], "rule": result.others[result.rule], "planner": result.others["planner"]}
-    ends, fixed = result.last["greedy"].score, {name: one.score[None] for name, one in against.items()}
-    means = Bootstrap({"": greedy.score, "last": ends} | fixed, np.random.default_rng(0)).means()
-    for name, one in against.items():
-        row[f"minus_{name}"] = float((greedy.score - one.score).mean())
+    last_score = result.last["greedy"].score
+    scores = {"": greedy.score, "last": last_score}
+    scores |= {name: episodes.score[None] for name, episodes in against.items()}
+    means = Bootstrap(scores, np.random.default_rng(0)).means()
+    for name, episodes in against.items():
+        row[f"minus_{name}"] = float((greedy.score - episodes.score).mean())
         row[f"minus_{name}_ci95"] = interval(means[""] - means[name])
     for name in ("first", "rule"):
-        row[f"last_minus_{name}"] = float((ends - against[name].score).mean())
+        row[f"last_minus_{name}"] = float((last_score - against[name].score).mean())
         row[f"last_minus_{name}_ci95"] = interval(means["last"] - means[name])
     return row
 

@@ -79,8 +79,9 @@ def run_seed(task: tuple[int, int, list[int]]) -> dict[str, Any]:
         model = make_model(OPTIONS, training_seed).learn(steps)
         trained_s = time.perf_counter() - start
         torch.manual_seed(training_seed)  # seed of the samples in evaluation
-        found = {how: figures(SB3Policy(model, how == "greedy"), episodes) for how in ("greedy", "sampled")}
-    return {**found, "trained_s": trained_s}
+        greedy = figures(SB3Policy(model, True), episodes)
+        sampled = figures(SB3Policy(model, False), episodes)
+    return {"greedy": greedy, "sampled": sampled, "trained_s": trained_s}
 
 
 def figures(policy: Policy, seeds: list[int]) -> dict[str, Any]:
@@ -102,17 +103,20 @@ def main(args: Args) -> None:
     """
     if args.seeds < 1 or args.steps < 1 or args.episodes < 2:
         raise TrainingError(f"{args}: give at least 1 of --seeds and --steps, and 2 --episodes")
-    versions, unseen = {name: version(name) for name in ("stable-baselines3", "torch")}, episode_seeds(0, args.episodes)
+    versions = {name: version(name) for name in ("stable-baselines3", "torch")}
+    unseen = episode_seeds(0, args.episodes)
     kept = Kept(args.out / "plain_ppo.json", steps=args.steps, episodes=args.episodes, versions=versions)
-    tasks = {f"seed {one}": (one, args.steps, unseen) for one in range(args.seeds)}
+    tasks = {f"seed {seed}": (seed, args.steps, unseen) for seed in range(args.seeds)}
     run_tasks(run_seed, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title="training seeds")
     title = f"OutAndBack, uncertain: {args.steps:,} decisions of plain PPO\n{args.episodes} unseen missions"
     shown = table(title, ("training",), ("home", "stranded (95 %)", "mean score", "training, s"))
     for name, how in itertools.product(tasks, ("greedy", "sampled")):
         run = kept.results[name]
-        one, trained_s = run[how], f"{run['trained_s']:.0f}"
-        stranded = rate(one["stranded"], args.episodes)
-        shown.add_row(f"{name}, {how}", f"{one['home_rate']:.2%}", stranded, f"{one['score_mean']:.4g}", trained_s)
+        result = run[how]
+        home = f"{result['home_rate']:.2%}"
+        stranded = rate(result["stranded"], args.episodes)
+        score = f"{result['score_mean']:.4g}"
+        shown.add_row(f"{name}, {how}", home, stranded, score, f"{run['trained_s']:.0f}")
     Console(width=120).print(shown)
 
 

@@ -53,13 +53,13 @@ def main(args: Args) -> None:
         raise PolicyFileError(f"{args.runs} holds no learn.json: run benchmarks/agents/learn.py first") from None
     for row in rows:
         folders = [args.runs / f"{row['mission']}-{row['start']}-{seed}" for seed in range(row["seeds"])]
-        best = max(folders, key=lambda folder: max(point.score for point in read_curve(folder)[1:]))
+        chosen_folder = max(folders, key=lambda folder: max(point.score for point in read_curve(folder)[1:]))
         out = args.out / shipped(row["mission"], row["start"]).name
         out.mkdir(parents=True, exist_ok=True)
         for name in (WEIGHTS, DESCRIPTION, CURVE):
-            shutil.copyfile(best / name, out / name)
-        write_whole(out / CARD, card(dict(load_policy(best).description), row, read_curve(best)))
-        print(f"{best} -> {out}")
+            shutil.copyfile(chosen_folder / name, out / name)
+        write_whole(out / CARD, card(dict(load_policy(chosen_folder).description), row, read_curve(chosen_folder)))
+        print(f"{chosen_folder} -> {out}")
 
 
 def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -> str:
@@ -71,9 +71,13 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
         curve: Its learning curve.
     """
     training = description["training"]
-    seed, agent = training["seed"], "ppo" if row["start"] == DMAX else f"ppo_{row['start']}"
+    seed = training["seed"]
+    agent = "ppo" if row["start"] == DMAX else f"ppo_{row['start']}"
     versions = ", ".join(f"{name} {version}" for name, version in description["versions"].items())
-    points = "\n".join(f"| {p.steps:,} | {p.trained_s:.0f} | {p.score:.4g} | {p.stranded_rate:.1%} |" for p in curve)
+    points = "\n".join(
+        f"| {point.steps:,} | {point.trained_s:.0f} | {point.score:.4g} | {point.stranded_rate:.1%} |"
+        for point in curve
+    )
     names = {
         "first_greedy": "first policy, greedy", "first_sampled": "first policy, sampled",
         "last_greedy": "last policy, greedy, all seeds", "last_sampled": "last policy, sampled, all seeds",
@@ -81,8 +85,11 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
         "dmax": "`dmax`", "dmax_mapped": "`dmax_mapped`", "dmax_adaptive": "`dmax_adaptive`",
         "dmax_belief": "`dmax_belief`", "planner": "`planner`",
     }  # fmt: skip
-    rates = {name: row[f"{name}_stranded_rate"] for name in names if name != "score"} | {"score": row["stranded_rate"]}
-    compared = "\n".join(f"| {heading} | {row[name]:.4g} | {rates[name]:.2%} |" for name, heading in names.items())
+    compared_rows = []
+    for name, heading in names.items():
+        stranded_rate = row["stranded_rate"] if name == "score" else row[f"{name}_stranded_rate"]
+        compared_rows.append(f"| {heading} | {row[name]:.4g} | {stranded_rate:.2%} |")
+    compared = "\n".join(compared_rows)
     against = {"first": "first policy", "rule": f"best d_max rule, `{row['rule']}`", "planner": "planner"}
     gains = {f"minus the {words}": f"minus_{name}" for name, words in against.items()}
     gains |= {f"last minus the {against[name]}": f"last_minus_{name}" for name in ("first", "rule")}

@@ -138,10 +138,12 @@ class Tuner:
     """Runs trials, stores their results, and chooses the best."""
 
     def __init__(self, args: Args) -> None:
-        first = _FIRST_SEED + args.seed * _SEEDS_APART
-        self._seeds, self._jobs = range(first, first + args.episodes), args.jobs
-        self._kept, self._console = Kept(args.out / "tune.json", seeds=[first, args.episodes]), Console(width=120)
-        self.say(f"{args.episodes} episodes a trial, seeds from {first}, default robot")
+        start = _FIRST_SEED + args.seed * _SEEDS_APART
+        self._seeds = range(start, start + args.episodes)
+        self._jobs = args.jobs
+        self._kept = Kept(args.out / "tune.json", seeds=[start, args.episodes])
+        self._console = Console(width=120)
+        self.say(f"{args.episodes} episodes a trial, seeds from {start}, default robot")
 
     def say(self, text: str) -> None:
         """Print a line."""
@@ -155,24 +157,25 @@ class Tuner:
 
     def grid(self, name: str, options: Options, pace: Pace = NO_SENSING) -> Grid:
         """Run an agent with each value of its parameter."""
-        outcomes = self.run(Attempt(name, options, one, pace) for one in NUMBERS[name])
+        outcomes = self.run(Attempt(name, options, number, pace) for number in NUMBERS[name])
         return dict(zip(NUMBERS[name], outcomes, strict=True))
 
     def chosen(self, grids: Mapping[str, Grid], most: float = 1.0, asked: str = "") -> float:
         """Print the results of an agent's values by environment, the best in bold, see `best_number`."""
-        found = best_number(grids, len(self._seeds), most, asked)
+        best = best_number(grids, len(self._seeds), most, asked)
         shown = table("", ("",), ("number", "score", "stranded (95 %)"))
         for name, grid in grids.items():
             for number, outcome in grid.items():
                 stranded = rate(outcome.stranded, len(self._seeds))
-                style = "bold" if number == found else ""
+                style = "bold" if number == best else ""
                 shown.add_row(name, f"{number:g}", f"{outcome.score:.4g}", stranded, style=style)
         self._console.print(shown)
-        return found
+        return best
 
     def pace(self, mission: str) -> Pace:
         """Find the pace of a mission, and print the ten best."""
-        pace, options = PACES[mission], Options(mission, difficulty="uncertain")
+        pace = PACES[mission]
+        options = Options(mission, difficulty="uncertain")
         for _ in range(0 if pace == NO_SENSING else ROUNDS):
             reserves = {"soc50": 0.5}
             for name in PACED_BY:
@@ -180,13 +183,14 @@ class Tuner:
             totals = dict.fromkeys(CANDIDATES, 0.0)
             for name, reserve in reserves.items():
                 (in_use,) = self.run([Attempt(name, options, reserve, pace)])
-                tried = self.run(Attempt(name, options, reserve, one) for one in CANDIDATES)
-                for one, outcome in zip(CANDIDATES, tried, strict=True):
-                    totals[one] += outcome.score / in_use.score / len(reserves)
-            ranked = sorted(totals, key=lambda one: -totals[one])
+                outcomes = self.run(Attempt(name, options, reserve, candidate) for candidate in CANDIDATES)
+                for candidate, outcome in zip(CANDIDATES, outcomes, strict=True):
+                    totals[candidate] += outcome.score / in_use.score / len(reserves)
+            ranked = sorted(totals, key=lambda candidate: -totals[candidate])
             shown = table(f"{mission}: mean score over all rules, relative to the pace in use", (), ("pace", "score"))
-            for one in ranked[:10]:
-                shown.add_row(f"{one.rate:g}, {one.interest:g}, {one.full:g}", f"{totals[one]:.4f}")
+            for candidate in ranked[:10]:
+                numbers = f"{candidate.rate:g}, {candidate.interest:g}, {candidate.full:g}"
+                shown.add_row(numbers, f"{totals[candidate]:.4f}")
             self._console.print(shown)
             if ranked[0] == pace:
                 break
@@ -203,13 +207,20 @@ def best_number(grids: Mapping[str, Grid], episodes: int, most: float = 1.0, ask
         most: Share that may strand in each constrained environment; if all exceed it, the lowest rate is allowed.
         asked: Part of the names of the constrained environments.
     """
-    strict = [grid for name, grid in grids.items() if asked in name]
-    stranded = {one: max(grid[one].stranded for grid in strict) / episodes for one in strict[0]}
-    allowed = [one for one, share in stranded.items() if share <= max(most, min(stranded.values()))]
-    # Environments without any score, such as a survey without sensing, are not compared.
-    scored = [grid for grid in grids.values() if any(outcome.score > 0.0 for outcome in grid.values())]
-    scales = [max(outcome.score for outcome in grid.values()) for grid in scored]
-    return max(allowed, key=lambda one: sum(g[one].score / scale for g, scale in zip(scored, scales, strict=True)))
+    constrained = [grid for name, grid in grids.items() if asked in name]
+    stranded = {}  # the largest rate, by value
+    for number in constrained[0]:
+        stranded[number] = max(grid[number].stranded for grid in constrained) / episodes
+    limit = max(most, min(stranded.values()))
+    allowed = [number for number, rate_of_number in stranded.items() if rate_of_number <= limit]
+    totals = dict.fromkeys(allowed, 0.0)
+    for grid in grids.values():
+        highest = max(outcome.score for outcome in grid.values())
+        if highest <= 0.0:
+            continue  # environments without any score, such as a survey without sensing, are not compared
+        for number in allowed:
+            totals[number] += grid[number].score / highest
+    return max(allowed, key=lambda number: totals[number])
 
 
 def main(args: Args) -> None:
@@ -224,7 +235,8 @@ def main(args: Args) -> None:
             f"--only {args.only} --episodes {args.episodes} --seed {args.seed}: choose from {', '.join(NUMBERS)}, and "
             "give at least 1 episode and a seed of 0 or more"
         )
-    tuner, paces = Tuner(args), dict(PACES)
+    tuner = Tuner(args)
+    paces = dict(PACES)
     if args.only is None:
         paces = {mission: tuner.pace(mission) for mission in MISSIONS}
         tuner.say(f"PACES = {paces}")

@@ -78,7 +78,8 @@ class AdvisedByGauge(Policy):
     """
 
     def __init__(self, known: Known) -> None:
-        self._advised, self._soc = Advised(known), np.zeros(0)
+        self._advised = Advised(known)
+        self._soc = np.zeros(0)
         self._kept = float(np.exp(-known.shared["decision_s"][0] / LAG_S))
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:

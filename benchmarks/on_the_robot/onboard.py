@@ -50,17 +50,22 @@ def driven(args: Args, given: str) -> Iterator[tuple[float, bool]]:
     """Score of each mission, and whether the robot stranded."""
     for seed in range(args.seed, args.seed + args.missions):
         robot = ReadRobot(args.env, seed)
-        known, over = robot.env.batch.known, False
+        known = robot.env.batch.known
+        is_over = False
         route, wind_mps, mean_grade = robot.prior_knowledge()
         policy = load_policy(shipped(args.env, DMAX), known)
-        knows_wind, knows_all = given in ("all", "the wind"), given == "all"
+        knows_wind = given in ("all", "the wind")
+        knows_all = given == "all"
         onboard = Onboard(
-            policy, known, route if knows_all else None, wind_mps if knows_wind else None,
+            policy,
+            known,
+            route if knows_all else None,
+            wind_mps if knows_wind else None,
             mean_grade if knows_all else None,
-        )  # fmt: skip
+        )
         companion = Companion(known.robot, policy=onboard, window_s=onboard.decision_s)
         home = encode_actions(known, known.shared["cruise_mps"][0], 0.0, RETURN)[0]
-        while not over:
+        while not is_over:
             reads = robot.reads()
             if knows_all:
                 for seen in robot.seen_ahead():
@@ -72,7 +77,7 @@ def driven(args: Args, given: str) -> Iterator[tuple[float, bool]]:
             if advice.action is not None and not (given.endswith("turn_now") and advice.turn_now):
                 speed_mps, sensing_hz, mode = advice.action
                 action = encode_actions(known, speed_mps, sensing_hz, MODES.index(mode))[0]
-            over = robot.drive(action)
+            is_over = robot.drive(action)
         m = robot.env.batch.records[0]
         yield float(m["score"]) if m["home"] else 0.0, bool(m["depleted"])
 

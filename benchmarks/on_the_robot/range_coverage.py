@@ -15,7 +15,6 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +77,7 @@ def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array])
     total_j = float(watched.took_j.sum())
     half_j = 0.5 * (watched.high_j - watched.low_j)
     scores_j = scores_of(watched).crps
-    nominal, corrected = (float(np.abs(one - watched.took_j).sum()) / total_j for one in plain)
+    nominal, corrected = (float(np.abs(prediction_j - watched.took_j).sum()) / total_j for prediction_j in plain)
     return {
         "site": site.name, "run": run, "moments": len(half_j), "covered": float(watched.covered.mean()),
         "covered_first": bool(watched.covered[0]), "bias": float(watched.mean_j.sum()) / total_j - 1.0,
@@ -95,12 +94,14 @@ def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
     """
     robot = dataclasses.replace(robot, effects={}) if watched.unit == "A s" else robot
     run = signals(recording, robot)
-    step_s, speed = np.append(steps_s(run.time_s), 0.0), np.abs(run.speed_mps)
+    step_s = np.append(steps_s(run.time_s), 0.0)
+    speed = np.abs(run.speed_mps)
     if watched.unit == "A s":
-        left = rest_of(current_a(run, robot) * step_s)
-        return left[np.searchsorted(run.time_s - run.time_s[0], watched.time_s)]
+        rest_as = rest_of(current_a(run, robot) * step_s)
+        return rest_as[np.searchsorted(run.time_s - run.time_s[0], watched.time_s)]
     moving_s = float(step_s[speed > 0.0].sum())
-    mean_mps, duty = float(speed @ step_s) / moving_s, moving_s / float(step_s.sum())
+    mean_mps = float(speed @ step_s) / moving_s
+    duty = moving_s / float(step_s.sum())
     sensing_hz = float(run.sensing_hz @ step_s) / float(step_s.sum())
     return robot.usable_energy_j / float(d_max(robot, mean_mps, duty=duty, sensing_hz=sensing_hz)) * watched.left_m
 
@@ -110,8 +111,10 @@ def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
     site = make()
     analysis = analyse(list(site.training), site.nominal, site.columns)
     write_outputs(analysis, folder / "diagnosis")
-    nominal, robot = load_robot(site.nominal), load_robot(folder / "diagnosis" / "corrected.toml")
-    scores, left_out = [], 0
+    nominal = load_robot(site.nominal)
+    robot = load_robot(folder / "diagnosis" / "corrected.toml")
+    scores = []
+    left_out = 0
     for path, run in zip(site.held_out, site.runs, strict=True):
         recording = read_recording(path, site.columns)
         try:
@@ -124,11 +127,14 @@ def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
     return {"site": site.name, "verdict": analysis.diagnosis.verdict, "scores": scores, "left_out": left_out}
 
 
-def coverage(scores: list[dict[str, Any]], by: tuple[str, ...], name: str, seed: int) -> tuple[float, float, float]:
-    """Mean of a score over independent units, and its 95 % bootstrap interval."""
+def coverage(
+    scores: list[dict[str, Any]], unit_fields: tuple[str, ...], name: str, seed: int
+) -> tuple[float, float, float]:
+    """Mean of a score over independent units, those that differ in some fields, and its 95 % bootstrap interval."""
     groups = dict[tuple[str, ...], list[float]]()
-    for one in scores:
-        groups.setdefault(tuple(one[field] for field in by), []).append(float(one[name]))
+    for score in scores:
+        unit = tuple(score[field] for field in unit_fields)
+        groups.setdefault(unit, []).append(float(score[name]))
     sums = np.array([(sum(values), len(values)) for values in groups.values()])
     drawn = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
     means = sums[drawn].sum(axis=1)
@@ -143,46 +149,49 @@ def main(args: Args) -> dict[str, list[dict[str, Any]]]:
         CoverageError, DatasetError: An argument is invalid, or recordings are not available.
         OSError: The output folder cannot be written to.
     """
-    unknown = [one for one in args.parts if one not in PARTS]
+    unknown = [part for part in args.parts if part not in PARTS]
     if unknown or args.robots < 2 or args.seed < 0:
         raise CoverageError(f"give --parts of {', '.join(PARTS)}, at least 2 --robots and a --seed of 0 or more")
     lacking = missing()
     if lacking is not None:
         raise CoverageError(lacking)
     os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # it would ask on the terminal
-    console, kept = Console(width=150), Kept(args.out / "range_coverage.json", seed=args.seed)
-    found: dict[str, list[dict[str, Any]]] = {}
+    console = Console(width=150)
+    kept = Kept(args.out / "range_coverage.json", seed=args.seed)
+    proofs: dict[str, list[dict[str, Any]]] = {}
     for part in args.parts:
         for number, make in enumerate(sites(part, args.seed, args.robots, args.out)):
             key = f"{part} {number}"
             if key not in kept.results:
                 kept.keep(key, proof_of(make, make.args[-1]))
-            one = kept.results[key]
-            covered = np.mean([score["covered"] for score in one["scores"]]) if one["scores"] else np.nan
-            without = f"; {one['left_out']} drives of which the file says nothing" if one["left_out"] else ""
-            console.print(f"{one['site']}: {one['verdict']}, {covered:.0%} in the interval{without}", style="dim")
-            found.setdefault(part, []).append(one)
-    console.print(table_of(args, found))
-    return found
+            proof = kept.results[key]
+            covered = np.mean([score["covered"] for score in proof["scores"]]) if proof["scores"] else np.nan
+            left_out = f"; {proof['left_out']} drives of which the file says nothing" if proof["left_out"] else ""
+            console.print(f"{proof['site']}: {proof['verdict']}, {covered:.0%} in the interval{left_out}", style="dim")
+            proofs.setdefault(part, []).append(proof)
+    console.print(table_of(args, proofs))
+    return proofs
 
 
-def table_of(args: Args, found: dict[str, list[dict[str, Any]]]) -> Table:
+def table_of(args: Args, proofs_of_part: dict[str, list[dict[str, Any]]]) -> Table:
     """Results by part."""
     right = (
         "drives, of", "moments", "in the 90 % interval (95 %)", "before the start", "bias", "half interval", "CRPS",
         "d_max: corrected, given",
     )  # fmt: skip
     shown = table(f"Held-out drives, seed {args.seed}", ("drives",), right)
-    for part, proofs in found.items():
-        scores = [one for proof in proofs for one in proof["scores"]]
-        by = ("site",) if part in ("rover", "cell") else ("site", "run")
-        independent = len({tuple(one[field] for field in by) for one in scores})
-        of = partial(coverage, scores, by, seed=args.seed)
-        share, *ends = of("covered")
+    for part, proofs in proofs_of_part.items():
+        scores = [score for proof in proofs for score in proof["scores"]]
+        unit_fields = ("site",) if part in ("rover", "cell") else ("site", "run")
+        units = {tuple(score[field] for field in unit_fields) for score in scores}
+        share, *ends = coverage(scores, unit_fields, "covered", args.seed)
+        mean = {}
+        for name in ("covered_first", "bias", "width", "crps", "corrected", "nominal"):
+            mean[name], *_ = coverage(scores, unit_fields, name, args.seed)
         shown.add_row(
-            part, f"{len(scores)}, {independent}", str(sum(one["moments"] for one in scores)),
-            span(share, ends, ".0%"), f"{of('covered_first')[0]:.0%}", f"{of('bias')[0]:+.1%}",
-            f"{of('width')[0]:.1%}", f"{of('crps')[0]:.1%}", f"{of('corrected')[0]:.1%}, {of('nominal')[0]:.1%}",
+            part, f"{len(scores)}, {len(units)}", str(sum(score["moments"] for score in scores)),
+            span(share, ends, ".0%"), f"{mean['covered_first']:.0%}", f"{mean['bias']:+.1%}",
+            f"{mean['width']:.1%}", f"{mean['crps']:.1%}", f"{mean['corrected']:.1%}, {mean['nominal']:.1%}",
         )  # fmt: skip
     return shown
 

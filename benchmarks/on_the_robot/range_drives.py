@@ -76,7 +76,8 @@ def rover_site(seed: int, number: int, folder: Path) -> Site:
     rng = np.random.default_rng([seed, PARTS.index("rover"), number])
     kind = ("tours", "hills", "loads")[number % 3]
     plain = scenarios.hilly(rng) if kind == "hills" else scenarios.level(rng)
-    length_s, count = scenarios.RUN_S, TRAINING + HELD_OUT
+    length_s = scenarios.RUN_S
+    count = TRAINING + HELD_OUT
     level = str(rng.choice(list(NOISES)))
     trips = []
     for index in range(count):
@@ -107,14 +108,16 @@ def cell_site(seed: int, number: int, folder: Path) -> Site:
     from benchmarks.concealed.plants.cell_electrochemistry import ExhaustedError
 
     rng = np.random.default_rng([seed, PARTS.index("cell"), number])
-    vehicles = [one for one in VEHICLES if one.outdoor]
+    vehicles = [plant for plant in VEHICLES if plant.outdoor]
     vehicle = vehicles[int(rng.integers(len(vehicles)))]
     kind = ("tabs", "cold", "strong")[number % 3]
-    pack = {
-        "tabs": lambda: cell.Pack(cell.ENERGY_CELL, rng.uniform(1.4, 2.2), (tab := rng.uniform(0.1, 0.35), tab)),
-        "cold": lambda: cell.Pack(cell.POWER_CELL, rng.uniform(1.5, 2.2), air_c=None),
-        "strong": lambda: cell.STRONG,
-    }[kind]()
+    pack = cell.STRONG
+    if kind == "tabs":
+        peak_rate = rng.uniform(1.4, 2.2)
+        tab = rng.uniform(0.1, 0.35)
+        pack = cell.Pack(cell.ENERGY_CELL, peak_rate, (tab, tab))
+    elif kind == "cold":
+        pack = cell.Pack(cell.POWER_CELL, rng.uniform(1.5, 2.2), air_c=None)
     read_by: ReadBy = "gauge" if rng.random() < 0.6 else "terminals"
     level = str(rng.choice(list(NOISES)))
     routes = [make_route(vehicle, rng) for _ in range(2)]
@@ -150,13 +153,15 @@ def husky_site(seed: int, ground: str, folder: Path) -> Site:
     """Half of the Husky's runs on a ground, and windows of the others, cut at random."""
     rng = np.random.default_rng([seed, PARTS.index("husky"), GROUNDS.index(ground)])
     tables = {path: pd.read_csv(path) for path in sorted(fetch("husky_borealtc", ground))}
-    tables = {path: one for path, one in tables.items() if _lasts_s(one) >= FEWEST_S}
-    order = [list(tables)[index] for index in rng.permutation(len(tables))]
-    held_out, runs = [], []
+    long_enough = [path for path, table in tables.items() if _lasts_s(table) >= FEWEST_S]
+    order = [long_enough[index] for index in rng.permutation(len(long_enough))]
+    held_out = []
+    runs = []
     for path in order[len(order) // 2 :]:
-        for number, (first, last) in enumerate(_windows(tables[path], rng)):
-            held_out.append(folder / f"{path.stem}_{number}.csv")
-            write_whole(held_out[-1], tables[path].iloc[first:last].to_csv(index=False))
+        for number, (start, end) in enumerate(_windows(tables[path], rng)):
+            window = folder / f"{path.stem}_{number}.csv"
+            write_whole(window, tables[path].iloc[start:end].to_csv(index=False))
+            held_out.append(window)
             runs.append(path.stem)
     training = sorted(order[: len(order) // 2])
     return Site(f"husky on {ground}", "husky", "husky_borealtc", training, held_out, runs)
@@ -168,7 +173,8 @@ def _lasts_s(table: pd.DataFrame) -> float:
 
 def _windows(table: pd.DataFrame, rng: Generator) -> list[tuple[int, int]]:
     """First and last samples of windows of a run."""
-    time_s, cut = table["time"].to_numpy() - table["time"].iloc[0], []
+    time_s = table["time"].to_numpy() - table["time"].iloc[0]
+    cut = []
     for _ in range(WINDOWS):
         length_s = rng.uniform(SHORTEST_S, min(LONGEST_S, time_s[-1]))
         start_s = rng.uniform(0.0, time_s[-1] - length_s)

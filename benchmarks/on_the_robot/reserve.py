@@ -104,17 +104,17 @@ def reserves(companion: Companion) -> dict[str, float]:
     needed[MODEL] = _needs(estimator, home)
     estimator.known = known
     for name, states in DOUBTS.items():
-        kept = estimator._estimator.state.copy()
+        as_estimated = estimator._estimator.state.copy()
         hypotheses = estimator._estimator.state["hypotheses"]
         if EAST in states:
             weights = np.exp(hypotheses["log_weight"])
-            hypotheses["mean"][..., list(states)] = np.einsum("nk,nka->na", weights, hypotheses["mean"])[
-                :, list(states)
-            ]
+            means = np.einsum("nk,nka->na", weights, hypotheses["mean"])
+            hypotheses["mean"][..., list(states)] = means[:, list(states)]
         for state in states:
-            hypotheses["covariance"][..., state, :] = hypotheses["covariance"][..., :, state] = 0.0
+            hypotheses["covariance"][..., state, :] = 0.0
+            hypotheses["covariance"][..., :, state] = 0.0
         needed[name] = _needs(estimator, home)
-        estimator._estimator.state[:] = kept
+        estimator._estimator.state[:] = as_estimated
     needed[TAILS] = _needs_normal(estimator, home)
     return needed
 
@@ -173,7 +173,8 @@ def _needs_normal(estimator: HomeEstimator, home: WayHome) -> float:
     plan = estimator._plan(0.0, home.cost_j)
     plan["unsure_j"] = home.unsure_j
     margin = estimator._margin(plan, home.ways, home.way_m)
-    full_j, battery = estimator.vehicle.full_j, estimator.battery
+    full_j = estimator.vehicle.full_j
+    battery = estimator.battery
     totals_j = full_j * (battery.totals - 1.0)
     means_j = margin.mean_j[0][:, None] + totals_j
     weights = margin.weight[0][:, None] * battery.weights
@@ -193,9 +194,8 @@ def left_over(drive: Drive) -> tuple[float, ...]:
     reserve_j = point.left.mean_j - point.home.mean_j
     more_left_j = point.true_left_j - point.left.mean_j
     less_home_j = point.home.mean_j - point.true_home_j
-    return tuple(
-        part_j / label_j for part_j in (reserve_j + more_left_j + less_home_j, reserve_j, more_left_j, less_home_j)
-    )
+    left_j = reserve_j + more_left_j + less_home_j
+    return left_j / label_j, reserve_j / label_j, more_left_j / label_j, less_home_j / label_j
 
 
 def main(args: Args) -> None:
@@ -227,7 +227,7 @@ def _tables(drives: list[Drive], title: str) -> Iterator[Table]:
     """Both tables."""
     parts = np.array([left_over(drive) for drive in drives])
     charge = np.array([drive.outcomes["companion"].left for drive in drives])
-    left = table(f"Left at home: {title}", ["what"], ["median", "mean"])
+    left_at_home = table(f"Left at home: {title}", ["what"], ["median", "mean"])
     rows: dict[str, NDArray[np.float64]] = {
         "charge that is left, of that at the start": charge,
         "energy that could be drawn": parts[:, 0],
@@ -236,10 +236,10 @@ def _tables(drives: list[Drive], title: str) -> Iterator[Table]:
         "   true way home below its mean": parts[:, 3],
     }
     for name, values in rows.items():
-        left.add_row(name, f"{np.median(values):.1%}", f"{values.mean():.1%}")
+        left_at_home.add_row(name, f"{np.median(values):.1%}", f"{values.mean():.1%}")
     ways = np.array([drive.outcomes["companion"].turned for drive in drives])
-    left.add_row("way out, of that to empty", f"{np.median(ways):.1%}", f"{ways.mean():.1%}")
-    yield left
+    left_at_home.add_row("way out, of that to empty", f"{np.median(ways):.1%}", f"{ways.mean():.1%}")
+    yield left_at_home
     needs = table(f"Reserve without a doubt: {title}", ["without"], ["median", "mean"])
     for name in drives[0].looked:
         values = np.array([drive.looked[name] for drive in drives])

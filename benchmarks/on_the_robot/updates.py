@@ -55,12 +55,17 @@ class Driven:
     """
 
     def __init__(self, companion: Companion, rng: Generator) -> None:
-        robot, self._rng = companion.robot, rng
-        self._companion, self._full_j = companion, robot.usable_energy_j
+        robot = companion.robot
+        self._rng = rng
+        self._companion = companion
+        self._full_j = robot.usable_energy_j
         self._speed_mps = companion.vehicle.cruise_mps
         force_n = float(model.traction_force(robot, self._speed_mps, 0.0))
         self._power_w = force_n * self._speed_mps / robot.traction_efficiency + float(ancillary_power(robot, 0.0))
-        self._left_j, self._way_m, self._heads_home, self.charges = self._full_j, 0.0, False, 0
+        self._left_j = self._full_j
+        self._way_m = 0.0
+        self._heads_home = False
+        self.charges = 0
 
     def readings(self) -> Iterator[dict[str, Any]]:
         """Readings of one moment after the other, without an end."""
@@ -83,7 +88,9 @@ class Driven:
         """Turn if that is advised; at home, charge and leave again."""
         self._heads_home = self._heads_home or turn_now
         if self._heads_home and self._way_m <= 0.0:
-            self._heads_home, self._left_j, self._way_m = False, self._full_j, 0.0
+            self._heads_home = False
+            self._left_j = self._full_j
+            self._way_m = 0.0
             self._companion.charged(1.0)
             self.charges += 1
 

@@ -83,15 +83,17 @@ def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
 
     def in_turn(kinds: Sequence[Kind]) -> Kind:
         """Every kind once in a random order before any repeats."""
-        return kinds[int(np.random.default_rng([seed, PARTS.index(part)]).permutation(len(kinds))[number % len(kinds)])]
+        order = np.random.default_rng([seed, PARTS.index(part)]).permutation(len(kinds))
+        return kinds[int(order[number % len(kinds)])]
 
     if part == "singles":
         effect, level = in_turn([(effect, level) for effect in EFFECTS for level in NOISES])
         return hidden_case(part, number, (effect,), level, rng, short)
     if part == "pairs":
-        first = in_turn(list(EFFECTS))
-        second = str(rng.choice([name for name in EFFECTS if _go_together(first, name)]))
-        return hidden_case(part, number, (first, second), str(rng.choice(list(NOISES))), rng, short)
+        effect = in_turn(list(EFFECTS))
+        partner = str(rng.choice([name for name in EFFECTS if _go_together(effect, name)]))
+        level = str(rng.choice(list(NOISES)))
+        return hidden_case(part, number, (effect, partner), level, rng, short)
     if part == "controls":
         exact, fault = in_turn([(exact, fault) for exact in (True, False) for fault in ("none", *FAULTS)])
         return control_case(number, exact, fault, rng, short)
@@ -124,20 +126,26 @@ def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, r
     nominal = robot if rng.random() < 0.5 else misset(robot, rng, 0.03, 0.1)
     noise_seed = int(rng.integers(2**32))
     logging = _logging(vehicle, effects, rng)
-    works, before = _rollouts(vehicle, runs, mechanisms, read_by, noise_seed), copy.deepcopy(rng)
+    works = _rollouts(vehicle, runs, mechanisms, read_by, noise_seed)
+    rng_of_records = copy.deepcopy(rng)
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
 
     def without(effect: str) -> list[pd.DataFrame]:
-        others, same = [one for one in mechanisms if one.effect != effect], copy.deepcopy(before)
-        left = _rollouts(vehicle, runs, others, read_by, noise_seed)
-        return [record(work, NOISES[level], logging, same) for work in left]
+        remaining = [mechanism for mechanism in mechanisms if mechanism.effect != effect]
+        same_noise = copy.deepcopy(rng_of_records)
+        works_without = _rollouts(vehicle, runs, remaining, read_by, noise_seed)
+        return [record(work, NOISES[level], logging, same_noise) for work in works_without]
 
-    misses = {
-        one.effect: missed_share(works if mechanisms == [one] else _rollouts(vehicle, runs, [one], read_by, noise_seed))
-        for one in mechanisms
-    }
-    elsewhere = {"ageing", "odometry_scale", *(BATTERY_LAWS if read_by == "terminals" else ())}
-    misses |= {name: 1.0 for name in elsewhere & set(effects)}  # visible in voltage, charge or distance
+    misses = {}
+    for mechanism in mechanisms:
+        works_of_effect = works
+        if len(mechanisms) > 1:
+            works_of_effect = _rollouts(vehicle, runs, [mechanism], read_by, noise_seed)
+        misses[mechanism.effect] = missed_share(works_of_effect)
+    shown_elsewhere = {"ageing", "odometry_scale"}  # in charge or distance
+    if read_by == "terminals":
+        shown_elsewhere |= set(BATTERY_LAWS)  # in voltage
+    misses |= dict.fromkeys(shown_elsewhere & set(effects), 1.0)
     later = [] if part == "cell" else _later(vehicle, routes, mean_c, len(runs), mechanisms, read_by, rng, short)
     return Case(part, number, robot.name, level, effects, robot, nominal, recordings, misses, refit=_refit(works),
                 later=later, without=without)  # fmt: skip
@@ -157,7 +165,8 @@ def control_case(number: int, exact: bool, fault: str, rng: Generator, short: bo
     if fault != "none":
         bad = rng.random()
         recordings = [FAULTS[fault](frame, work, bad, rng) for frame, work in zip(recordings, works, strict=True)]
-    label, truth = "exact" if exact else "misset", vehicle.robot
+    label = "exact" if exact else "misset"
+    truth = vehicle.robot
     return Case(part, number, truth.name, label, (), truth, nominal, recordings, {}, fault=fault)
 
 
@@ -170,7 +179,8 @@ def _outside(number: int, name: str, rng: Generator, short: bool) -> Case:
     works = _rollouts(vehicle, runs, [mechanism], read_by, int(rng.integers(2**32)))
     logging = _logging(vehicle, (), rng)
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
-    truth, misses = vehicle.robot, {name: missed_share(works)}
+    truth = vehicle.robot
+    misses = {name: missed_share(works)}
     return Case("outside", number, truth.name, name, (name,), truth, truth, recordings, misses, fair=fair)
 
 
@@ -194,11 +204,12 @@ def _pick(vehicles: Sequence[Plant], rng: Generator) -> Plant:
     return vehicles[int(rng.integers(len(vehicles)))]
 
 
-def _go_together(first: str, second: str) -> bool:
+def _go_together(effect: str, partner: str) -> bool:
     """Whether at most one effect is an instrument's, and at most one a law of the battery, and not heat meets cold."""
-    both = {first, second}
-    in_the_heat = "cooler" in both and bool(both & {"heater", "cold_battery"})
-    return first != second and not both <= set(INSTRUMENTS) and not both <= set(BATTERY_LAWS) and not in_the_heat
+    pair = {effect, partner}
+    if effect == partner or pair <= set(INSTRUMENTS) or pair <= set(BATTERY_LAWS):
+        return False
+    return "cooler" not in pair or pair.isdisjoint({"heater", "cold_battery"})
 
 
 def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Plant:
@@ -250,11 +261,14 @@ def _logging(vehicle: Plant, effects: tuple[str, ...], rng: Generator) -> Loggin
     )
 
 
-def misset(robot: Robot, rng: Generator, least: float, most: float) -> Robot:
-    """The robot with relative errors of rolling resistance and up to two other parameters."""
-    others = ["controller_w", "sensing_j_per_sample", "mass_kg"]
-    names = ["rolling_resistance", *rng.choice(others, size=int(rng.integers(0, 3)), replace=False).tolist()]
-    wrong = {n: getattr(robot, n) * (1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(least, most)) for n in names}
+def misset(robot: Robot, rng: Generator, smallest: float, largest: float) -> Robot:
+    """The robot with relative errors, of a size within limits, of rolling resistance and up to two other parameters."""
+    count = int(rng.integers(0, 3))
+    names = rng.choice(["controller_w", "sensing_j_per_sample", "mass_kg"], size=count, replace=False).tolist()
+    wrong = {}
+    for name in ("rolling_resistance", *names):
+        error = rng.choice([-1.0, 1.0]) * rng.uniform(smallest, largest)
+        wrong[name] = getattr(robot, name) * (1.0 + error)
     if "mass_kg" in wrong:  # at most one of the two, so that their errors cannot cancel in C_rr m
         wrong["rolling_resistance"] = robot.rolling_resistance
     return dataclasses.replace(robot, **wrong)
@@ -265,7 +279,7 @@ def _rollouts(vehicle: Plant, runs: Sequence[Motion], mechanisms: Sequence[Mecha
     return [rollout(vehicle, run, mechanisms, np.random.default_rng([seed, run.index]), read_by) for run in runs]
 
 
-def _later(vehicle: Plant, routes: list[Course], mean_c: float, before: int, mechanisms: Sequence[Mechanism],
+def _later(vehicle: Plant, routes: list[Course], mean_c: float, driven: int, mechanisms: Sequence[Mechanism],
            read_by: ReadBy, rng: Generator, short: bool) -> list[Later]:  # fmt: skip
     """Two drives on the known routes and two on new ones, after all changes; with the energy that it truly consumed."""
     physical = [mechanism for mechanism in mechanisms if mechanism.stage != "instrument"]
@@ -273,9 +287,9 @@ def _later(vehicle: Plant, routes: list[Course], mean_c: float, before: int, mec
     later = []
     for ways in (routes, new):
         for run in make_drives(vehicle, ways, rng, 2, mean_c, short):
-            after = dataclasses.replace(run, index=before + run.index)
-            work = rollout(vehicle, after, physical, rng, read_by)
-            later.append(Later(after, work.chemical_w))
+            later_run = dataclasses.replace(run, index=driven + run.index)
+            work = rollout(vehicle, later_run, physical, rng, read_by)
+            later.append(Later(later_run, work.chemical_w))
     return later
 
 
@@ -287,7 +301,9 @@ def missed_share(works: Sequence[Work]) -> float:
 def _refit(works: Sequence[Work]) -> Robot:
     """The robot with the parameter groups that fit noise-free recordings best."""
     robot = works[0].vehicle.robot
-    idle_w, sample_j, rolling, drag, grade = _fit(works)[0] * np.array([1.0, 1.0, *[robot.traction_efficiency] * 3])
+    over_gamma, _ = _fit(works)
+    idle_w, sample_j = over_gamma[:2]
+    rolling, drag, grade = over_gamma[2:] * robot.traction_efficiency
     mass_kg = max(grade / GRAVITY_MPS2, 0.01 * robot.mass_kg)
     return dataclasses.replace(
         robot, mass_kg=mass_kg, rolling_resistance=float(np.clip(rolling / GRAVITY_MPS2 / mass_kg, 1e-4, 1.0)),
@@ -303,7 +319,8 @@ def _fit(works: Sequence[Work]) -> tuple[Array, float]:
     them negative. Descents without consumption are left out, because the model has a kink there.
     """
     robot = works[0].vehicle.robot
-    columns, powers = [], []
+    columns = []
+    powers = []
     for work in works:
         run = work.run
         speed = run.speed_mps * work.odometer_gain
@@ -313,10 +330,11 @@ def _fit(works: Sequence[Work]) -> tuple[Array, float]:
             [np.ones(speed.size), run.sensing_hz, pulls * np.cos(run.grade_rad), pulls * speed**2, pulls * slope]
         )
         block = max(1, round(5.0 / run.dt_s))
-        n = speed.size // block * block
-        columns.append(groups[:n].reshape(-1, block, groups.shape[1]).mean(axis=1))
-        powers.append(read_power(work)[:n].reshape(-1, block).mean(axis=1))
-    matrix, power_w = np.concatenate(columns), np.concatenate(powers)
+        whole_blocks = speed.size // block * block
+        columns.append(groups[:whole_blocks].reshape(-1, block, groups.shape[1]).mean(axis=1))
+        powers.append(read_power(work)[:whole_blocks].reshape(-1, block).mean(axis=1))
+    matrix = np.concatenate(columns)
+    power_w = np.concatenate(powers)
     scale = np.maximum(np.abs(matrix).max(axis=0), 1e-12)
     groups = nnls(matrix / scale, power_w)[0] / scale
     missed_w = power_w - matrix @ groups

@@ -75,7 +75,8 @@ def make(number: int, truth: tuple[str, ...], pack: Pack, label: str, rng: Gener
     """One case, with a larger pack if the given one reaches its cut-off voltage."""
     for _ in range(5):
         draws = copy.deepcopy(rng)
-        draw, fit = partial(in_pack, pack, truth[-1] if truth else "none"), partial(fitted, pack)
+        draw = partial(in_pack, pack, truth[-1] if truth else "none")
+        fit = partial(fitted, pack)
         try:
             if not truth:
                 return control_case(number, label == "exact", "none", draws, short, "cell", fit, (draw,))
@@ -103,7 +104,8 @@ def in_pack(pack: Pack, effect: str, vehicle: Plant, rng: Generator, runs: int) 
     """Mechanism of a pack with the vehicle's rated energy."""
 
     def change(work: Work, _: Generator) -> None:
-        fresh, cell = Cell(pack.cell), pack.in_run(min(work.run.index, runs - 1), runs)
+        fresh = Cell(pack.cell)
+        cell = pack.in_run(min(work.run.index, runs - 1), runs)
         cells = vehicle.robot.rated_energy_j / electrochemistry.rated_energy_j(fresh)
         if effect == "rate_capacity":
             assert pack.air_c is not None

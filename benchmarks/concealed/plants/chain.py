@@ -61,9 +61,13 @@ class Work:
         self.rolling = np.full(n, robot.rolling_resistance)
         self.grade_rad = self.run.grade_rad.copy()
         self.air_mps = self.run.speed_mps.copy()
-        self.extra_n, self.turning_w, self.returned_w = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.extra_n = np.zeros(n)
+        self.turning_w = np.zeros(n)
+        self.returned_w = np.zeros(n)
         self.tread_mps = self.run.speed_mps.copy()
-        self.read_gain, self.read_offset_w, self.odometer_gain = np.ones(n), np.zeros(n), np.ones(n)
+        self.read_gain = np.ones(n)
+        self.read_offset_w = np.zeros(n)
+        self.odometer_gain = np.ones(n)
 
 
 Change = Callable[[Work, Generator], None]

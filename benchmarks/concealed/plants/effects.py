@@ -72,7 +72,8 @@ def turning(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     stiffness_n_per_rad = weight_n * rng.uniform(3.0, 6.0)  # of tyres on loose ground; hard ground has about 9 per rad
 
     def change(work: Work, _: Generator) -> None:
-        yaw, speed = np.abs(work.run.yaw_rate_radps), work.run.speed_mps
+        yaw = np.abs(work.run.yaw_rate_radps)
+        speed = work.run.speed_mps
         if vehicle.steering == "ackermann":
             work.turning_w += (work.mass_kg * speed * yaw) ** 2 / stiffness_n_per_rad * speed
         else:
@@ -141,8 +142,10 @@ def wind(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 def surface(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A softer stretch of the way with ragged edges; sinkage eases a little with speed (Wong, ch. 2)."""
     gain = rng.uniform(0.5, 1.4)
-    start, end = rng.uniform(0.15, 0.35), rng.uniform(0.5, 0.8)
-    wave, phase = rng.integers(8, 20), rng.uniform(0.0, 2.0 * np.pi)
+    start = rng.uniform(0.15, 0.35)
+    end = rng.uniform(0.5, 0.8)
+    wave = rng.integers(8, 20)
+    phase = rng.uniform(0.0, 2.0 * np.pi)
 
     def change(work: Work, _: Generator) -> None:
         share = np.mod(work.run.place_m, vehicle.leg_m) / vehicle.leg_m
@@ -156,10 +159,12 @@ def surface(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 def payload(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A load picked up on the way, under which C_rr rises a little, as load^0.1 (form of SAE J2452)."""
-    share, drive, at = rng.uniform(0.2, 0.5), int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
+    share = rng.uniform(0.2, 0.5)
+    drive = int(rng.integers(0, runs))
+    share_driven = rng.uniform(0.3, 0.6)
 
     def change(work: Work, _: Generator) -> None:
-        loaded = np.where(since(work.run, drive, at), 1.0 + share, 1.0)
+        loaded = np.where(since(work.run, drive, share_driven), 1.0 + share, 1.0)
         work.mass_kg *= loaded
         work.rolling *= loaded**0.1
 
@@ -169,7 +174,8 @@ def payload(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 def hidden_grade(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A slope that the map lacks, uneven along the way: surveys miss long, gentle slopes."""
     slope = rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.5) * vehicle.robot.rolling_resistance
-    wave, phase = rng.uniform(1.0, 3.0), rng.uniform(0.0, 2.0 * np.pi)
+    wave = rng.uniform(1.0, 3.0)
+    phase = rng.uniform(0.0, 2.0 * np.pi)
 
     def change(work: Work, _: Generator) -> None:
         share = work.run.place_m / vehicle.leg_m
@@ -185,7 +191,9 @@ def slip(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     Burckhardt 1993, Fahrwerktechnik: Radschlupfregelsysteme; between wet gravel and snow, c1 0.2 to 0.4 (Kiencke and
     Nielsen, Automotive Control Systems, ch. 8).
     """
-    c1, c2, c3 = rng.uniform(0.25, 0.35), rng.uniform(4.0, 8.0), rng.uniform(0.02, 0.06)
+    c1 = rng.uniform(0.25, 0.35)
+    c2 = rng.uniform(4.0, 8.0)
+    c3 = rng.uniform(0.02, 0.06)
     slips = np.linspace(0.0, 0.4, 400)
     grip = np.maximum.accumulate(c1 * (1.0 - np.exp(-c2 * slips)) - c3 * slips)
 
@@ -247,8 +255,10 @@ def motor_heating(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     Hughes, Electric Motors and Drives, ch. 2; copper by IEC 60028.
     """
     copper_share = rng.uniform(0.35, 0.55)  # of the motors' power: small ones, near their limit
-    winding_k, case_k = rng.uniform(40.0, 60.0), rng.uniform(25.0, 45.0)  # rise at typical power
-    winding_s, case_s = rng.uniform(40.0, 90.0), rng.uniform(400.0, 900.0)
+    winding_k = rng.uniform(40.0, 60.0)
+    case_k = rng.uniform(25.0, 45.0)  # rise at typical power
+    winding_s = rng.uniform(40.0, 90.0)
+    case_s = rng.uniform(400.0, 900.0)
 
     def change(work: Work, _: Generator) -> None:
         load = work.drive_w / rolling_power_w(vehicle)
@@ -300,10 +310,10 @@ def rate_capacity(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 def ageing(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Capacity lost, 15 to 35 %: the state of charge, a share of the capacity, falls faster (Plett, vol. 2)."""
-    left = 1.0 - rng.uniform(0.15, 0.35)
+    capacity_left = 1.0 - rng.uniform(0.15, 0.35)
 
     def change(work: Work, _: Generator) -> None:
-        work.capacity_share = left
+        work.capacity_share = capacity_left
 
     return Mechanism("ageing", "battery", change)
 
@@ -329,10 +339,11 @@ def cold_battery(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 def standby(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A load that stays on after some time: a lamp or amplifier that draws a third more while cold."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.12, 0.3)
-    drive, at = int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
+    drive = int(rng.integers(0, runs))
+    share_driven = rng.uniform(0.3, 0.6)
 
     def change(work: Work, _: Generator) -> None:
-        on = since(work.run, drive, at)
+        on = since(work.run, drive, share_driven)
         on_s = np.cumsum(on) * work.run.dt_s
         work.ancillary_w += np.where(on, size_w * (1.0 + 0.3 * np.exp(-on_s / 20.0)), 0.0)
 
@@ -345,7 +356,8 @@ def compute(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     Rabaey, Chandrakasan and Nikolic, Digital Integrated Circuits, ch. 5; governors answer in a second or two.
     """
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
-    exponent, awake = rng.uniform(1.8, 2.8), rng.uniform(0.2, 0.5)
+    exponent = rng.uniform(1.8, 2.8)
+    awake = rng.uniform(0.2, 0.5)
     governor_s = rng.uniform(0.5, 2.0)
 
     def change(work: Work, _: Generator) -> None:
@@ -395,18 +407,23 @@ def _thermostat(
     It heats the box (sign 1) or cools it (-1).
     """
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
-    set_c, band_k = rng.uniform(*set_points_c), rng.uniform(1.0, 2.0)
+    set_c = rng.uniform(*set_points_c)
+    band_k = rng.uniform(1.0, 2.0)
     box_s = rng.uniform(200.0, 500.0)
     full_rise_k = rng.uniform(20.0, 35.0)  # of the box with the heater always on
 
     def change(work: Work, _: Generator) -> None:
-        on, box_c = False, float(work.run.temperature_c[0]) + 2.0
+        on = False
+        box_c = float(work.run.temperature_c[0]) + 2.0
         keep = float(np.exp(-work.run.dt_s / box_s))
         for i, air_c in enumerate(work.run.temperature_c):
-            on = sign * box_c < sign * set_c + (band_k if on else -band_k)
-            target_c = air_c + (sign * full_rise_k if on else 0.0)
+            hysteresis_k = band_k if on else -band_k
+            on = sign * box_c < sign * set_c + hysteresis_k
+            target_c = air_c
+            if on:
+                target_c += sign * full_rise_k
+                work.ancillary_w[i] += size_w
             box_c = target_c + (box_c - target_c) * keep
-            work.ancillary_w[i] += size_w if on else 0.0
 
     return change
 
@@ -414,7 +431,8 @@ def _thermostat(
 def intermittent_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A compressor that switches periodically with jitter, with an inrush at each start."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
-    period_s, duty = rng.uniform(30.0, 80.0), rng.uniform(0.25, 0.5)
+    period_s = rng.uniform(30.0, 80.0)
+    duty = rng.uniform(0.25, 0.5)
 
     def change(work: Work, jitter: Generator) -> None:
         time_s = work.run.time_s
@@ -432,10 +450,11 @@ def intermittent_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 def sensor_offset(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Remanence of a Hall current sensor: an offset after an overload (LEM application note)."""
     size_w = rng.choice([-1.0, 1.0]) * typical_power_w(vehicle) * rng.uniform(0.1, 0.25)
-    drive, at = int(rng.integers(0, runs)), rng.uniform(0.3, 0.6)
+    drive = int(rng.integers(0, runs))
+    share_driven = rng.uniform(0.3, 0.6)
 
     def change(work: Work, _: Generator) -> None:
-        work.read_offset_w += np.where(since(work.run, drive, at), size_w, 0.0)
+        work.read_offset_w += np.where(since(work.run, drive, share_driven), size_w, 0.0)
 
     return Mechanism("sensor_offset", "instrument", change)
 
@@ -443,10 +462,11 @@ def sensor_offset(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 def sensor_gain(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """A shunt whose contact loosens: from some time on a gain error that grows gradually."""
     share = rng.uniform(0.12, 0.3)
-    drive, at = int(rng.integers(0, runs)), rng.uniform(0.2, 0.5)
+    drive = int(rng.integers(0, runs))
+    share_driven = rng.uniform(0.2, 0.5)
 
     def change(work: Work, _: Generator) -> None:
-        loose = since(work.run, drive, at).astype(np.float64)
+        loose = since(work.run, drive, share_driven).astype(np.float64)
         work.read_gain *= 1.0 + share * first_order(loose, work.run.dt_s, 5.0, float(loose[0]))
 
     return Mechanism("sensor_gain", "instrument", change)
@@ -454,10 +474,12 @@ def sensor_gain(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 def clock_lag(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     """Power stamped late by its own computer and smoothed by the meter's filter."""
-    lag_s, smooth_s = rng.uniform(0.8, 3.0), rng.uniform(0.05, 0.3)
+    lag_s = rng.uniform(0.8, 3.0)
+    smooth_s = rng.uniform(0.05, 0.3)
 
     def change(work: Work, _: Generator) -> None:
-        work.read_lag_s, work.read_smooth_s = lag_s, smooth_s
+        work.read_lag_s = lag_s
+        work.read_smooth_s = smooth_s
 
     return Mechanism("clock_lag", "instrument", change)
 

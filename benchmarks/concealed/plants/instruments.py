@@ -54,7 +54,8 @@ class Logging:
 
 def record(work: Work, noise: NoiseLevel, logging: Logging, rng: Generator) -> pd.DataFrame:
     """Record a drive with its instruments, with the columns of a homeward recording."""
-    run, robot = work.run, work.vehicle.robot
+    run = work.run
+    robot = work.vehicle.robot
     n = run.time_s.size
 
     def noisy(values: Array, deviation: float) -> Array:

@@ -88,14 +88,16 @@ def _speeds(vehicle: Plant, rng: Generator, duration_s: float, dt_s: float) -> A
     top_mps = vehicle.robot.max_speed_mps
     wanted = _levels(rng, duration_s, dt_s, top_mps * np.array([0.25, 0.4, 0.55, 0.7, 0.85, 1.0]), 15.0, 50.0)
     for start_s in np.arange(rng.uniform(30.0, 60.0), duration_s, rng.uniform(60.0, 120.0)):
-        wanted[round(start_s / dt_s) : round((start_s + rng.uniform(6.0, 25.0)) / dt_s)] = 0.0
+        end_s = start_s + rng.uniform(6.0, 25.0)
+        wanted[round(start_s / dt_s) : round(end_s / dt_s)] = 0.0
     wanted[: round(8.0 / dt_s)] = 0.0
-    most_mps = vehicle.max_accel_mps2 * rng.uniform(0.4, 1.0) * dt_s
-    brake_s = top_mps / most_mps * dt_s
-    wanted[-round((8.0 + min(brake_s, 20.0)) / dt_s) :] = 0.0
+    largest_step_mps = vehicle.max_accel_mps2 * rng.uniform(0.4, 1.0) * dt_s
+    brake_s = top_mps / largest_step_mps * dt_s
+    standing_s = 8.0 + min(brake_s, 20.0)
+    wanted[-round(standing_s / dt_s) :] = 0.0
     speed = np.zeros(wanted.size)
     for i in range(1, speed.size):
-        speed[i] = speed[i - 1] + np.clip(wanted[i] - speed[i - 1], -most_mps, most_mps)
+        speed[i] = speed[i - 1] + np.clip(wanted[i] - speed[i - 1], -largest_step_mps, largest_step_mps)
     return speed
 
 
@@ -121,7 +123,8 @@ def drive(vehicle: Plant, route: Course, rng: Generator, index: int, day_s: floa
         for start in np.flatnonzero((speed[1:] == 0.0) & (speed[:-1] > 0.0)):
             if rng.random() < 0.6:
                 stop = slice(start + round(2.0 / dt_s), start + round(rng.uniform(4.0, 7.0) / dt_s))
-                yaw[stop] += np.where(speed[stop] == 0.0, rng.choice([-1.0, 1.0]) * 0.6 * vehicle.max_turn_radps, 0.0)
+                turning_radps = rng.choice([-1.0, 1.0]) * 0.6 * vehicle.max_turn_radps
+                yaw[stop] += np.where(speed[stop] == 0.0, turning_radps, 0.0)
     yaw = np.clip(yaw, -vehicle.max_turn_radps, vehicle.max_turn_radps)
     heading = np.mod(route.heading_rad + np.cumsum(yaw) * dt_s, 2.0 * np.pi)
     hz = vehicle.robot.max_sensing_hz * np.array([0.0, 0.2, 0.5, 1.0])
@@ -140,11 +143,12 @@ def _from_start(route: Course, place_m: Array) -> Array:
     """Straight line from the start of a route to places along it, m; a loop ends where it begins."""
     at_m = np.linspace(0.0, route.length_m, _POINTS)
     course = route.heading_rad + route.curvature_per_m.antiderivative()(at_m)
-    ways = np.stack([cumulative_trapezoid(one, at_m, initial=0) for one in (np.cos(course), np.sin(course))])
+    along_m = cumulative_trapezoid(np.cos(course), at_m, initial=0)
+    across_m = cumulative_trapezoid(np.sin(course), at_m, initial=0)
     if route.loop:
-        ways -= ways[:, -1:] * at_m / route.length_m
-    east_m, north_m = (np.interp(place_m, at_m, way) for way in ways)
-    return np.asarray(np.hypot(east_m, north_m))
+        along_m -= along_m[-1] * at_m / route.length_m
+        across_m -= across_m[-1] * at_m / route.length_m
+    return np.asarray(np.hypot(np.interp(place_m, at_m, along_m), np.interp(place_m, at_m, across_m)))
 
 
 def make_drives(vehicle: Plant, routes: list[Course], rng: Generator, runs_wanted: int, mean_c: float,

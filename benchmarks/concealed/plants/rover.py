@@ -55,9 +55,14 @@ def make(number: int, build: Build, level: str, rng: Generator, short: bool) -> 
     exact = scenario.torque or bool(rng.random() < 0.5)  # most parameters of the file do not affect currents
     wrong = (0.03, 0.1) if scenario.truth else (0.1, 0.4)
     works, recordings = recorded(vehicle, scenario, trips, level, rng)
-    label = level if scenario.truth else "exact" if exact else "misset"
-    label = scenario.truth[0] if set(scenario.truth) & set(OUTSIDE) else label
-    nominal, misses = robot if exact else misset(robot, rng, *wrong), dict.fromkeys(scenario.truth, missed_share(works))
+    if not scenario.truth:
+        label = "exact" if exact else "misset"
+    elif set(scenario.truth) & set(OUTSIDE):
+        label = scenario.truth[0]
+    else:
+        label = level
+    nominal = robot if exact else misset(robot, rng, *wrong)
+    misses = dict.fromkeys(scenario.truth, missed_share(works))
     return Case("rover", number, robot.name, label, scenario.truth, robot, nominal, recordings, misses)
 
 
@@ -73,7 +78,8 @@ def recorded(
 def calibrated(scenario: Scenario) -> Robot:
     """Robot file fitted by least squares to steady straight drives over the rover's own level ground."""
     rover = scenario.rover
-    speeds, powers = [], []
+    speeds = []
+    powers = []
     for speed_mps in CALIBRATION_MPS:
         speed, yaw = cruise([speed_mps], CALIBRATION_S)
         log = drive(rover, Trip(speed, yaw, np.zeros(speed.size), World(scenario.ground)))
@@ -117,7 +123,8 @@ def _record(work: Work, log: Log, scenario: Scenario, noise: NoiseLevel, rng: Ge
     if scenario.wheels:
         deviation = noise.speed_share * work.vehicle.robot.max_speed_mps
         wheels = {"wheel_left_mps": log.wheel_left_mps, "wheel_right_mps": log.wheel_right_mps}
-        frame = frame.drop(columns="speed_mps").assign(**{name: noisy(v, deviation) for name, v in wheels.items()})
+        speeds = {name: noisy(speed_mps, deviation) for name, speed_mps in wheels.items()}
+        frame = frame.drop(columns="speed_mps").assign(**speeds)
     if scenario.torque:  # the driver's currents have no sign
         deviation = noise.power_share * float(np.mean(log.left_a + log.right_a)) / np.sqrt(2.0)
         sides = {"motor_left_a": log.left_a, "motor_right_a": log.right_a}

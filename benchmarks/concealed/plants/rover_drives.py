@@ -26,7 +26,8 @@ class Leg:
 
 def command(legs: list[Leg], seconds: float, acceleration_mps2: float) -> Command:
     """Legs in sequence, the last until the end, with limited acceleration and yaw acceleration."""
-    speed, yaw = [], []
+    speed = []
+    yaw = []
     for leg in [*legs, Leg(seconds, legs[-1].speed_mps)]:
         time_s = np.arange(round(leg.seconds * TICKS_PER_S)) / TICKS_PER_S
         speed.append(np.full(time_s.size, leg.speed_mps))
@@ -45,7 +46,8 @@ def stop_and_go(rng: np.random.Generator, seconds: float) -> Command:
     """Straight on with fast starts and stops, and some cruising in between."""
     legs: list[Leg] = []
     while sum(leg.seconds for leg in legs) < seconds:
-        high, low = rng.uniform(0.6, 1.0), rng.choice((0.0, 0.0, 0.3))
+        high = rng.uniform(0.6, 1.0)
+        low = rng.choice((0.0, 0.0, 0.3))
         legs += [Leg(rng.uniform(3.0, 9.0), high), Leg(rng.uniform(2.0, 5.0), low)]
     return command([Leg(3.0, 0.0), *legs], seconds, rng.uniform(0.8, 1.2))
 
@@ -54,7 +56,8 @@ def tour(rng: np.random.Generator, seconds: float, speed_mps: float) -> Command:
     """At one speed: straight stretches, bends to either side, slalom and figures of eight."""
     legs: list[Leg] = []
     while sum(leg.seconds for leg in legs) < seconds:
-        side, yaw = rng.choice((-1.0, 1.0)), rng.uniform(0.1, 0.35)
+        side = rng.choice((-1.0, 1.0))
+        yaw = rng.uniform(0.1, 0.35)
         kind = rng.choice(("bend", "bend", "slalom", "eight"))
         legs.append(Leg(rng.uniform(7.0, 16.0), speed_mps))
         if kind == "bend":
@@ -77,8 +80,11 @@ def on_the_spot(rng: np.random.Generator, seconds: float) -> Command:
 
 
 def _limited(wanted: Array, most_per_s: float) -> Array:
-    limited, now, most = np.empty(wanted.size), wanted[0], most_per_s / TICKS_PER_S
-    for index, value in enumerate(wanted):
-        now += min(max(value - now, -most), most)
-        limited[index] = now
+    """A series that changes no faster than a limit."""
+    limited = np.empty(wanted.size)
+    level = wanted[0]
+    largest_step = most_per_s / TICKS_PER_S
+    for tick, value in enumerate(wanted):
+        level += min(max(value - level, -largest_step), largest_step)
+        limited[tick] = level
     return limited

@@ -113,7 +113,9 @@ class _Cart:
     """The simulated rover, with its wheel speed controllers and a compass."""
 
     def __init__(self, rover: Rover, trip: Trip, brake: Brake | None) -> None:
-        self.rover, self.world, self.brake = rover, trip.world, brake
+        self.rover = rover
+        self.world = trip.world
+        self.brake = brake
         self.knots = np.array(trip.world.slope).T
         self.model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("rover.xml")))
         self.data = mujoco.MjData(self.model)
@@ -126,12 +128,14 @@ class _Cart:
     def place(self, start_m: float, heading_rad: float) -> None:
         """Move the rover to a place and heading, with its velocity and tilt unchanged."""
         turn = heading_rad - self.heading_rad
-        q, v = self.data.qpos, self.data.qvel
+        q = self.data.qpos
+        v = self.data.qvel
         q[:3] = start_m, 0.0, q[2]
         half = np.array([np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)])
         mujoco.mju_mulQuat(q[3:7], half, q[3:7].copy())
         v[:2] = v[0] * np.cos(turn) - v[1] * np.sin(turn), v[0] * np.sin(turn) + v[1] * np.cos(turn)
-        self.heading_rad, self.wanted_rad = heading_rad, self.wanted_rad + turn
+        self.heading_rad = heading_rad
+        self.wanted_rad = self.wanted_rad + turn
         self.data.qacc_warmstart[:] = 0.0
 
     def tick(self, speed_mps: float, yaw_radps: float, payload_kg: float) -> tuple[float, ...]:
@@ -178,7 +182,8 @@ class _Cart:
         self.heading_rad += (turned + np.pi) % (2 * np.pi) - np.pi  # continuous beyond half a turn
         east, north = self.data.qvel[:2]
         forward = east * np.cos(self.heading_rad) + north * np.sin(self.heading_rad)
-        torque, wheels = self.data.actuator_force, self.data.qvel[6:]
+        torque = self.data.actuator_force
+        wheels = self.data.qvel[6:]
         work = torque * wheels
         electric = np.where(
             work > 0.0, work / self.rover.efficiency, self.rover.recovery * self.rover.efficiency * work

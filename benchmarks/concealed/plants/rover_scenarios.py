@@ -78,11 +78,15 @@ def surface(rng: np.random.Generator) -> Scenario:
 
 def payload(rng: np.random.Generator) -> Scenario:
     """Sacks loaded and unloaded between runs, and during one."""
-    world, loads = World(_hard(rng)), rng.uniform(12.0, 28.0, 2)
-    slow, fast, last = _steady(rng, 0.3, 0.5), _steady(rng, 0.6, 0.8), _steady(rng)
-    trips = _loaded(_trips(world, [slow, slow, fast, fast, last]), (0.0, loads[0], 0.0, loads[1], 0.0))
-    half = np.where(np.arange(trips[4].speed_mps.size) < trips[4].speed_mps.size // 2, 0.0, loads[0])
-    return Scenario(("payload",), _rover(rng), (*trips[:4], replace(trips[4], payload_kg=half)))
+    world = World(_hard(rng))
+    loads = rng.uniform(12.0, 28.0, 2)
+    slow = _steady(rng, 0.3, 0.5)
+    fast = _steady(rng, 0.6, 0.8)
+    any_speed = _steady(rng)
+    trips = _loaded(_trips(world, [slow, slow, fast, fast, any_speed]), (0.0, loads[0], 0.0, loads[1], 0.0))
+    ticks = trips[4].speed_mps.size
+    from_half_on_kg = np.where(np.arange(ticks) < ticks // 2, 0.0, loads[0])
+    return Scenario(("payload",), _rover(rng), (*trips[:4], replace(trips[4], payload_kg=from_half_on_kg)))
 
 
 def payload_on_hills(rng: np.random.Generator) -> Scenario:
@@ -110,7 +114,8 @@ def regeneration(rng: np.random.Generator) -> Scenario:
 
 def turning_and_surface(rng: np.random.Generator) -> Scenario:
     """Tours, some of them over soft ground."""
-    hard, drives = _hard(rng), [tour(rng, RUN_S, speed) for speed in rng.uniform(0.45, 0.8, 4)]
+    hard = _hard(rng)
+    drives = [tour(rng, RUN_S, speed) for speed in rng.uniform(0.45, 0.8, 4)]
     soft = World(hard, ((-999.0, 999.0, replace(hard, rolling=2.2 * hard.rolling)),))
     edge = World(hard, ((10.0, 999.0, replace(hard, rolling=2.2 * hard.rolling)),))
     trips = _trips(World(hard), drives[:1]) + _trips(soft, drives[1:2]) + _trips(edge, [*drives[2:], _steady(rng)])
@@ -194,7 +199,8 @@ def constant_payload(rng: np.random.Generator) -> Scenario:
 
 def constant_surface(rng: np.random.Generator) -> Scenario:
     """Soft ground in all drives, which is equivalent to a wrong rolling resistance in the file."""
-    plain, ground = level(rng), _hard(rng)
+    plain = level(rng)
+    ground = _hard(rng)
     world = World(ground, ((-99.0, 999.0, replace(ground, rolling=1.7 * ground.rolling)),))
     trips = tuple(replace(trip, world=world) for trip in plain.trips)
     return replace(plain, truth=("surface",), trips=trips)

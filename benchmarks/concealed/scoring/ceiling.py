@@ -32,27 +32,33 @@ def provable(case: Case) -> dict[str, bool]:
     """Whether the recordings prove each hidden effect, in power or in another channel; empty if that is not known."""
     if case.without is None:
         return {}
-    runs, *others = (_runs(case, one) for one in (case.recordings, *map(case.without, case.hidden)))
-    if any(len(one.observed) != len(runs.observed) for one in others):
-        return {}  # without the effect other windows are usable
+    runs = _runs(case, case.recordings)
+    terms = []
+    for effect in case.hidden:
+        without_it = _runs(case, case.without(effect))
+        if len(without_it.observed) != len(runs.observed):
+            return {}  # without the effect other windows are usable
+        contribution = (runs.observed - without_it.observed)[:, None]
+        terms.append(Term(CATALOGUE[effect], contribution, np.zeros(1), np.full(1, _MOST), fixed=True))
     fit = refit(runs, case.nominal)
-    terms = tuple(
-        Term(CATALOGUE[effect], (runs.observed - one.observed)[:, None], np.zeros(1), np.full(1, _MOST), fixed=True)
-        for effect, one in zip(case.hidden, others, strict=True)
-    )
     residual = runs.observed - fit.predicted
     block = independent_blocks(fit, runs).channels
-    bench = Bench(fit, terms, runs, residual, block)
-    least, found = meter_error(runs), {}
+    bench = Bench(fit, tuple(terms), runs, residual, block)
+    is_provable = {}
     for index, effect in enumerate(case.hidden):
-        beside, noise = (bench, power_noise(runs)) if len(terms) == 1 else (bench.with_base(1 - index), 0.0)
-        share, squared_error = beside.share(index), beside.squared_error(index)
-        enough = thresholds.SMALLEST_GAIN_TO_NAME * (1.0 - noise / max(squared_error, 1e-300))
-        named = share >= enough and share * squared_error >= least
-        elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance
-        delta_bic = max(beside.held_out_bic(index), beside.innovations_bic(index))
-        found[effect] = elsewhere or (named and delta_bic >= thresholds.STRONG_BIC)
-    return found
+        bench_of_effect = bench
+        noise = power_noise(runs)
+        if len(terms) == 2:
+            bench_of_effect = bench.with_base(1 - index)
+            noise = 0.0
+        share = bench_of_effect.share(index)
+        squared_error = bench_of_effect.squared_error(index)
+        smallest_share = thresholds.SMALLEST_GAIN_TO_NAME * (1.0 - noise / max(squared_error, 1e-300))
+        has_gain = share >= smallest_share and share * squared_error >= meter_error(runs)
+        delta_bic = max(bench_of_effect.held_out_bic(index), bench_of_effect.innovations_bic(index))
+        shows_elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance
+        is_provable[effect] = shows_elsewhere or (has_gain and delta_bic >= thresholds.STRONG_BIC)
+    return is_provable
 
 
 def _runs(case: Case, recordings: list[pd.DataFrame]) -> Runs:

@@ -70,7 +70,9 @@ class Outcome:
             return self.part
         if not self.hidden:
             return "controls"
-        return "pairs" if len(self.hidden) == 2 else "singles" if self.hidden[0] in EFFECTS else "outside"
+        if len(self.hidden) == 2:
+            return "pairs"
+        return "singles" if self.hidden[0] in EFFECTS else "outside"
 
 
 def run_case(part: Part, seed: int, number: int, out: Path, without: Collection[str] = ()) -> Outcome:
@@ -97,9 +99,11 @@ def ask(case: Case, folder: Path, without: Collection[str] = ()) -> Outcome:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             analysis = diagnose.main(args, without)
     except RecordingError as error:
-        outcome.verdict, outcome.summary = "refused", str(error)
+        outcome.verdict = "refused"
+        outcome.summary = str(error)
     except Exception:  # the robot file is valid, so that even a RobotError counts as a crash
-        outcome.verdict, outcome.summary = "crash", traceback.format_exc(limit=-3)
+        outcome.verdict = "crash"
+        outcome.summary = traceback.format_exc(limit=-3)
     else:
         read_diagnosis(outcome, json.loads((folder / "diagnosis.json").read_text()), case)
         assert isinstance(analysis, Analysis)
@@ -110,24 +114,36 @@ def ask(case: Case, folder: Path, without: Collection[str] = ()) -> Outcome:
 
 def read_diagnosis(outcome: Outcome, diagnosis: dict[str, Any], case: Case) -> None:
     """Store verdict, classes and, where the true values are known, intervals."""
-    outcome.verdict, outcome.summary = diagnosis["verdict"], diagnosis["summary"]
-    missing, off = diagnosis["missing_physics"], diagnosis["parameters_off"]
-    outcome.classes = [[entry["effect"], *entry["confused_with"]] for entry in missing]
-    outcome.off = [entry["group"] for entry in off]
-    outcome.capacity = [
-        one for entry in off if entry["group"] == USABLE_ENERGY for one in ("ageing", *entry["confused_with"])
-    ]
-    if case.part != "coverage":
-        return
-    for entry in missing:
+    outcome.verdict = diagnosis["verdict"]
+    outcome.summary = diagnosis["summary"]
+    outcome.classes = [[entry["effect"], *entry["confused_with"]] for entry in diagnosis["missing_physics"]]
+    outcome.off = [entry["group"] for entry in diagnosis["parameters_off"]]
+    outcome.capacity = []
+    for entry in diagnosis["parameters_off"]:
+        if entry["group"] == USABLE_ENERGY:
+            outcome.capacity += ["ageing", *entry["confused_with"]]
+    if case.part == "coverage":
+        outcome.intervals = _intervals_of_effects(diagnosis, case) + _intervals_of_groups(diagnosis, case, outcome.off)
+
+
+def _intervals_of_effects(diagnosis: dict[str, Any], case: Case) -> list[Interval]:
+    intervals = []
+    for entry in diagnosis["missing_physics"]:
         true = case.truth.effects.get(entry["effect"], {})
         for name, parameter in entry["parameters"].items():
             if name in true:
-                outcome.intervals.append(_interval(f"{entry['effect']}.{name}", true[name], parameter["ci95"]))
-    groups = true_groups(case.truth)
-    for group in diagnosis["parameters"]:
-        if (name := group["group"]) in groups:
-            outcome.intervals.append(_interval(name, groups[name], group["ci95"], name in outcome.off))
+                intervals.append(_interval(f"{entry['effect']}.{name}", true[name], parameter["ci95"]))
+    return intervals
+
+
+def _intervals_of_groups(diagnosis: dict[str, Any], case: Case, off: Collection[str]) -> list[Interval]:
+    true = true_groups(case.truth)
+    intervals = []
+    for parameter in diagnosis["parameters"]:
+        name = parameter["group"]
+        if name in true:
+            intervals.append(_interval(name, true[name], parameter["ci95"], name in off))
+    return intervals
 
 
 def _interval(name: str, true: float, ci95: list[float], off: bool = False) -> Interval:
@@ -148,12 +164,16 @@ def true_groups(robot: Robot) -> dict[str, float]:
 
 def _read_corrected(outcome: Outcome, case: Case, folder: Path, analysis: Analysis) -> None:
     """Replay corrected.toml and both refits over the later drives."""
-    corrected, evidence = load_robot(folder / "corrected.toml"), analysis.evidence
+    corrected = load_robot(folder / "corrected.toml")
     outcome.holds = list(corrected.active_effects)
-    if case.refit is not None:
-        refitted = case.nominal if evidence is None else filed(case.nominal, evidence.plain, evidence.runs)[0]
-        robots = dict(zip(MODELS, (case.nominal, refitted, case.refit, corrected), strict=True))
-        outcome.later = [{name: _error_pct(one, drive) for name, one in robots.items()} for drive in case.later]
+    if case.refit is None:
+        return
+    refitted = case.nominal
+    if analysis.evidence is not None:
+        refitted, *_ = filed(case.nominal, analysis.evidence.plain, analysis.evidence.runs)
+    robots = dict(zip(MODELS, (case.nominal, refitted, case.refit, corrected), strict=True))
+    for drive in case.later:
+        outcome.later.append({name: _error_pct(robot, drive) for name, robot in robots.items()})
 
 
 def _error_pct(robot: Robot, drive: Later) -> float:

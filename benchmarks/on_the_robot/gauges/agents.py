@@ -61,7 +61,8 @@ class CompanionRun:
         for earlier in range(min(index, len(self.advice) - 1), -1, -1):
             advice = self.advice[earlier]
             if advice is not None:
-                left, home = advice.energy_left_j, advice.energy_home_j
+                left = advice.energy_left_j
+                home = advice.energy_home_j
                 return Estimate(left.mean, left.low, left.high), Estimate(home.mean, home.low, home.high)
         return None
 
@@ -120,7 +121,8 @@ def _read_along(companion: Companion, readings: Readings, rated_energy_j: float,
         if not readings.there[index]:
             run.advice.append(None)
             continue
-        east, north = east_m[index], north_m[index]
+        east = east_m[index]
+        north = north_m[index]
         advice = companion.update(
             clock_s,
             speed_mps=speed_mps[index],
@@ -142,7 +144,8 @@ def _read_along(companion: Companion, readings: Readings, rated_energy_j: float,
 
 def _check(advice: Advice, index: int, rated_energy_j: float, run: CompanionRun) -> None:
     """Note advice that contradicts itself or the label."""
-    left, home = advice.energy_left_j, advice.energy_home_j
+    left = advice.energy_left_j
+    home = advice.energy_home_j
     run.most_left = max(run.most_left, left.mean / rated_energy_j)
     numbers = (left.mean, home.mean, advice.chance_home, advice.turn_in_m, advice.turn_in_s, advice.way_home_m)
     if any(math.isnan(number) for number in numbers):

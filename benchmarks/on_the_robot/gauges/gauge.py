@@ -96,8 +96,8 @@ def _late(counted: Floats, update_s: float, gauge: GaugeSizes, rng: Generator) -
         last_read = np.arange(counted.size) // every * every
         return _rounded(counted[last_read], gauge.counter_step), f"read every {hold_s:.0f} s"
     lag_s = between(rng.random(), gauge.late_lag_s)
-    kept = np.exp(-update_s / lag_s)
-    lagged = counted[0] + lfilter([1.0 - kept], [1.0, -kept], counted - counted[0])
+    share_kept = np.exp(-update_s / lag_s)
+    lagged = counted[0] + lfilter([1.0 - share_kept], [1.0, -share_kept], counted - counted[0])
     return _rounded(lagged, gauge.counter_step), f"lags {lag_s:.0f} s"
 
 
@@ -106,18 +106,18 @@ def _reset(
 ) -> tuple[Floats, str]:
     """A counter that is set anew on the way, to full, by a map of the voltage, or by some percent, and counts on."""
     moment_s = between(rng.random(), gauge.reset_when) * way.empty_s
-    first = int(np.searchsorted(way.column(TIME_S), moment_s))
+    reset = int(np.searchsorted(way.column(TIME_S), moment_s))
     kind = rng.random()
     if kind < gauge.reset_full_share:
-        jump = 1.0 - counted[first]
+        jump = 1.0 - counted[reset]
         words = "set to 100%"
     elif kind < gauge.reset_full_share + gauge.reset_rest_map_share:
-        jump = float(np.interp(cell_v[first], rest_map.v, rest_map.share)) - counted[first]
+        jump = float(np.interp(cell_v[reset], rest_map.v, rest_map.share)) - counted[reset]
         words = f"set by the voltage, {jump:+.0%}"
     else:
         jump = float(rng.choice(gauge.reset_jumps))
         words = f"set {jump:+.0%}"
-    jumped = np.where(np.arange(counted.size) >= first, counted + jump, counted)
+    jumped = np.where(np.arange(counted.size) >= reset, counted + jump, counted)
     return _rounded(jumped, gauge.counter_step), words
 
 

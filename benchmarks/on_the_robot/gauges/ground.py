@@ -143,9 +143,9 @@ def _patches(cells: int, sizes: Sizes, rng: Generator) -> Floats:
 
 def _wander(cells: int, correlation_s: float, rng: Generator) -> Floats:
     """Noise with a standard deviation of 1 that forgets itself after `correlation_s`, shape (cells,)."""
-    kept = np.exp(-CELL_S / correlation_s)
-    noise = rng.normal(0.0, np.sqrt(1.0 - kept**2), cells)
-    wander: Floats = lfilter([1.0], [1.0, -kept], noise)
+    share_kept = np.exp(-CELL_S / correlation_s)
+    noise = rng.normal(0.0, np.sqrt(1.0 - share_kept**2), cells)
+    wander: Floats = lfilter([1.0], [1.0, -share_kept], noise)
     return wander
 
 

@@ -137,21 +137,24 @@ class PybammPack:
         records = without_end.records.copy()
         records[:, TEMPERATURE_C] = self.outside_c
         states: list[Any] = []
-        state, before = None, (0.0, 0.0, self.start_share)  # time, energy and share at the last step's end
+        state = None
+        step_start = (0.0, 0.0, self.start_share)  # time, energy and share at the last step's end
         for first, last in _stretches(records[:, TIME_S]):
-            end_s, end_j = records[last, TIME_S], records[last, ENERGY_J]
-            next_state = self._step(state, (end_j - before[1]) / (end_s - before[0]), end_s - before[0])
+            end_s = records[last, TIME_S]
+            end_j = records[last, ENERGY_J]
+            next_state = self._step(state, (end_j - step_start[1]) / (end_s - step_start[0]), end_s - step_start[0])
             if next_state is None:
                 break
             share = self._share(next_state)
             times_s = records[first : last + 1, TIME_S]
-            shares = np.interp(times_s, [before[0], end_s], [before[2], share])
+            shares = np.interp(times_s, [step_start[0], end_s], [step_start[2], share])
             begin_v = self._voltage_v(next_state) if state is None else self._voltage_v(state)
             records[first : last + 1, SHARE] = shares
             records[first : last + 1, VOLTAGE_V] = np.interp(
-                times_s, [before[0], end_s], [begin_v, self._voltage_v(next_state)]
+                times_s, [step_start[0], end_s], [begin_v, self._voltage_v(next_state)]
             )
-            state, before = next_state, (end_s, end_j, share)
+            state = next_state
+            step_start = (end_s, end_j, share)
             states.extend([state] * (last + 1 - first))
         driven = records[: len(states)]
         driven[:, CURRENT_A] = driven[:, POWER_W] / driven[:, VOLTAGE_V]
@@ -164,11 +167,15 @@ class PybammPack:
         drawn_j = cross_s * ground.home_w[start_cell::-1]
         times_s = np.cumsum([truth.turning_s, *cross_s])
         joules = np.cumsum([truth.turning_s * ground.standby_w, *drawn_j])
-        state, end_s, end_j = way.states[turn], 0.0, 0.0
+        state = way.states[turn]
+        end_s = 0.0
+        end_j = 0.0
         for _first, last in _stretches(times_s):
-            step_s, step_j = times_s[last] - end_s, joules[last] - end_j
+            step_s = times_s[last] - end_s
+            step_j = joules[last] - end_j
             state = self._step(state, step_j / step_s, step_s)
-            end_s, end_j = times_s[last], joules[last]
+            end_s = times_s[last]
+            end_j = joules[last]
             if state is None:
                 return WayHome(False, float(end_j), 0.0)
         return WayHome(True, float(end_j), max(self._share(state), 0.0))
@@ -288,9 +295,11 @@ def _given_j(pack: PybammPack, state: Any, power_w: float) -> tuple[float, float
 def _stretches(times_s: Floats) -> Sequence[tuple[int, int]]:
     """First and last index of parts of a way that last at least `STEP_S` each; what is left over is a shorter one."""
     stretches = []
-    first, begin_s = 0, 0.0
+    start = 0
+    begin_s = 0.0
     for index, time_s in enumerate(times_s):
         if time_s - begin_s >= STEP_S or index == len(times_s) - 1:
-            stretches.append((first, index))
-            first, begin_s = index + 1, float(time_s)
+            stretches.append((start, index))
+            start = index + 1
+            begin_s = float(time_s)
     return stretches

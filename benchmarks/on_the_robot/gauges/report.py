@@ -37,8 +37,8 @@ Figure = TypeVar("Figure", bool, float)
 def stranded_table(drives: list[Drive], sizes: Sizes, title: str) -> Table:
     """How many were stranded, by agent: all, by robot, pack, electrical readings, chemistry, gauge, and cell."""
     made = table(f"Stranded: {title}", ["drives", ""], list(AGENTS))
-    for by, name, chosen in [*_groups(drives, sizes), *_cells(drives, sizes)]:
-        rates = [rate_of([outcome.stranded for outcome in _outcomes(chosen, agent)]) for agent in AGENTS]
+    for by, name, selected in [*_groups(drives, sizes), *_cells(drives, sizes)]:
+        rates = [rate_of([outcome.stranded for outcome in _outcomes(selected, agent)]) for agent in AGENTS]
         made.add_row(by, name, *rates)
     return made
 
@@ -48,8 +48,8 @@ def left_table(drives: list[Drive], sizes: Sizes, title: str) -> Table:
     made = table(
         f"Charge left at home, share of the start, of those that arrived: {title}", ["drives", ""], list(AGENTS)
     )
-    for by, name, chosen in _groups(drives, sizes):
-        means = [mean_of([outcome.left for outcome in _outcomes(chosen, agent)], ".1%") for agent in AGENTS]
+    for by, name, selected in _groups(drives, sizes):
+        means = [mean_of([outcome.left for outcome in _outcomes(selected, agent)], ".1%") for agent in AGENTS]
         made.add_row(by, name, *means)
     return made
 
@@ -108,12 +108,12 @@ def _along_way(
     headings = [f"{share:.0%}" for share in SHARES_OF_WAY]
     made = table(f"{what}, at shares of the way out: {title}", ["energy", "drives", ""], headings)
     for energy in ALONG_WAY:
-        for by, name, chosen in groups:
+        for by, name, selected in groups:
             if by not in ALONG_WAY[energy]:
                 continue
             texts = []
             for share in SHARES_OF_WAY:
-                figures = [figure(drive, point, energy) for drive, point in _at(share, chosen)]
+                figures = [figure(drive, point, energy) for drive, point in _at(share, selected)]
                 texts.append(words(figures))
             made.add_row(energy, by, name, *texts)
     return made
@@ -230,14 +230,14 @@ def _groups(drives: list[Drive], sizes: Sizes) -> list[Group]:
     for robot in sizes.robots:
         groups.append(("robot", robot, [drive for drive in drives if drive.case.robot == robot]))
     for pack_share in sizes.truth.pack_shares:
-        chosen = [drive for drive in drives if drive.case.pack_share == pack_share]
-        groups.append(("pack", f"{pack_share:.0%}", chosen))
+        selected = [drive for drive in drives if drive.case.pack_share == pack_share]
+        groups.append(("pack", f"{pack_share:.0%}", selected))
     for recorded in ("voltage and current", "voltage", "neither"):
-        chosen = [drive for drive in drives if drive.conditions.recorded == recorded]
-        groups.append(("recorded", recorded, chosen))
+        selected = [drive for drive in drives if drive.conditions.recorded == recorded]
+        groups.append(("recorded", recorded, selected))
     for noise_m in dict.fromkeys(sizes.instruments.position_noises_m):
-        chosen = [drive for drive in drives if drive.conditions.position_noise_m == noise_m]
-        groups.append(("positions", f"{noise_m:.0f} m of noise", chosen))
+        selected = [drive for drive in drives if drive.conditions.position_noise_m == noise_m]
+        groups.append(("positions", f"{noise_m:.0f} m of noise", selected))
     groups.append(("cut-off", "told", [drive for drive in drives if drive.cutoff_known]))
     groups.append(("cut-off", "not told", [drive for drive in drives if not drive.cutoff_known]))
     groups.append(("air", f"below {COLD_C:.0f} C", [drive for drive in drives if drive.temperature_c < COLD_C]))
@@ -254,9 +254,9 @@ def _cells(drives: list[Drive], sizes: Sizes) -> list[Group]:
     groups: list[Group] = []
     for gauge in GAUGES:
         for chemistry in sizes.cells:
-            chosen = [drive for drive in drives if drive.case.gauge == gauge and drive.case.chemistry == chemistry]
-            if chosen:
-                groups.append((gauge, chemistry, chosen))
+            selected = [drive for drive in drives if drive.case.gauge == gauge and drive.case.chemistry == chemistry]
+            if selected:
+                groups.append((gauge, chemistry, selected))
     return groups
 
 

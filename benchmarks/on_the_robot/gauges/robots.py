@@ -58,7 +58,9 @@ def read_preset(preset: str) -> dict[str, Any]:
 def draw_robot(preset: str, cruise_mps: list[float], sizes: Sizes, rng: Generator) -> TrueRobot:
     """Draw a robot near its file; its losses equal the file's when it cruises on level ground without wind."""
     stated = read_preset(preset)
-    body, drive, ancillary = stated["body"], stated["drive"], stated["ancillary"]
+    body = stated["body"]
+    drive = stated["drive"]
+    ancillary = stated["ancillary"]
     truth = sizes.truth
     pace_mps = between(rng.random(), cruise_mps)
     stated_force_n = body["mass_kg"] * 9.81 * body["rolling_resistance"]
