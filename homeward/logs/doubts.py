@@ -58,7 +58,10 @@ def turned_slopes(
     # Windows that depend on those before count for less: the variance grows by their autocorrelation time.
     degrees_of_freedom = len(residual_w) - causes.shape[1]
     variance = float(residual_w @ residual_w) / degrees_of_freedom * correlation_windows(residual_w, run)
-    error_n = float(np.sqrt(variance * np.linalg.inv(causes.T @ causes)[0, 0]))
+    # The first row of the pseudoinverse: its square is that entry of the inverse of causes.T @ causes, which may be
+    # singular in double precision where causes are not, as at a speed that is constant but for rounding.
+    gain = np.linalg.pinv(causes)[0]
+    error_n = float(np.sqrt(variance * (gain @ gain)))
     is_small = force_n > -thresholds.SHARE_OF_WEIGHT * weight_n
     is_unclear = force_n > -thresholds.CLEAR_CLIMB * error_n
     if is_small or is_unclear:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from homeward.logs.channels import Array
-from homeward.logs.doubts import doubts
+from homeward.logs.doubts import doubts, turned_slopes
 
 
 def drive() -> dict[str, Array]:
@@ -33,6 +33,18 @@ def test_a_unit_that_passes_is_doubted_by_what_the_data_show(kind: str) -> None:
     name, spoil, words = SPOILED[kind]
     said = doubts({**drive(), name: spoil(drive()[name])})
     assert list(said) == [name] and words in said[name] and "\n" not in said[name]
+
+
+@pytest.mark.parametrize("jitter_mps", [0.0, 2e-13, 0.1])
+def test_slopes_of_a_drive_at_one_speed_are_judged_by_its_climbs(jitter_mps: float) -> None:
+    rng = np.random.default_rng(0)
+    speed_mps = 1.2 + jitter_mps * rng.normal(size=300)
+    climb_mps = 0.1 * np.sin(np.arange(300) / 20.0)
+    run = np.zeros(300, np.intp)
+    for sign, is_doubted in ((1.0, False), (-1.0, True)):
+        power_w = 60.0 + sign * 490.0 * climb_mps + rng.normal(size=300)
+        said = turned_slopes(climb_mps, speed_mps, power_w, run, 490.0, "rover")
+        assert (said is not None) == is_doubted
 
 
 def test_a_drive_as_it_should_be_has_no_doubts() -> None:
