@@ -262,10 +262,13 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
     values = numbers.to_numpy(np.float64, na_value=np.nan)
     if not np.isfinite(values).any():
         return []
-    if dated is not None and name not in _NAMES:
-        _, taken_for = dated
-        is_time = _names_channel(words, "time_s")
-        return [Guess(name, "time_s", factor=1.0, offset=0.0, sure=0, why=taken_for)] if is_time else []
+    if dated is not None:
+        if name in _NAMES:
+            return [_by_exact_name(name, values)]
+        if _names_channel(words, "time_s"):
+            _, taken_for = dated
+            return [Guess(name, "time_s", factor=1.0, offset=0.0, sure=0, why=taken_for)]
+        return []
     by_letter = _by_letter(name, name_and_unit, values)
     if by_letter is not None:
         return [by_letter]
@@ -274,14 +277,18 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
         guesses.append(_in_unit(name, "motor_right_a", values, unit_words))
     for channel in _NAMES:
         if name == channel:
-            exact = Guess(name, channel, factor=1.0, offset=0.0, sure=0, why="it has the channel's name")
-            guesses.append(_signed(exact, values))
+            guesses.append(_by_exact_name(name, values))
         elif _names_channel(words, channel):
             guess = _in_unit(name, channel, values, unit_words)
             if guess is not None and channel == "soc" and words & _USED:
                 guess = _turned(guess)
             guesses.append(guess)
     return [guess for guess in guesses if guess is not None]
+
+
+def _by_exact_name(name: str, values: Array) -> Guess:
+    guess = Guess(name, channel=name, factor=1.0, offset=0.0, sure=0, why="it has the channel's name")
+    return _signed(guess, values)
 
 
 def _names_channel(words: set[str], channel: str) -> bool:

@@ -157,7 +157,7 @@ def watch(
         warned_s[wrong_sign] = 0.0
     next_s = 0.0
     advice = None
-    stride = math.ceil(len(run.time_s) / _MOST_FED)
+    stride = math.ceil(len(run.time_s) / _MOST_FED)  # samples of which each reading is the mean
     for start in range(0, len(run.time_s), stride):
         end = min(start + stride, len(run.time_s))
         sample = end - 1

@@ -164,9 +164,8 @@ def _empty_m(driven_m: Array, left_j: Array) -> float:
     below = np.flatnonzero(left_j < 0.0)
     if not len(below):
         return float("inf")
-    after = int(below[0])
-    before = after - 1
-    return float(np.interp(0.0, [left_j[after], left_j[before]], [driven_m[after], driven_m[before]]))
+    point = int(below[0])
+    return float(np.interp(0.0, [left_j[point], left_j[point - 1]], [driven_m[point], driven_m[point - 1]]))
 
 
 def show(console: Terminal, robot: Robot, route_name: str, length_m: float, forecast: RouteForecast) -> None:

@@ -108,22 +108,26 @@ def names_no_effect(outcome: Outcome) -> bool:
 def tables(outcomes: Sequence[Outcome]) -> list[Table]:
     """All tables with outcomes."""
     made: list[Table] = []
-    makers: dict[str, Callable[[list[Outcome]], Table]] = {
-        "singles": _singles, "pairs": _pairs, "controls": _controls, "outside": _outside, "coverage": _coverage,
-    }  # fmt: skip
-    for kind, maker in makers.items():
-        of_kind = [outcome for outcome in outcomes if outcome.kind == kind and outcome.part not in NEEDS]
-        if of_kind:
-            made.append(maker(of_kind))
+    made += _by_kind([outcome for outcome in outcomes if outcome.part not in NEEDS])
     for part in NEEDS:  # of another simulator
-        for kind, maker in makers.items():
-            of_kind = [outcome for outcome in outcomes if outcome.kind == kind and outcome.part == part]
-            if of_kind:
-                table = maker(of_kind)
-                made.append(dataclasses.replace(table, title=f"{table.title}, {part}"))
+        for table in _by_kind([outcome for outcome in outcomes if outcome.part == part]):
+            made.append(dataclasses.replace(table, title=f"{table.title}, {part}"))
     hidden = [outcome for outcome in outcomes if outcome.part in ("singles", "pairs")]
     if hidden:
         made += _later(hidden)
+    return made
+
+
+def _by_kind(outcomes: Sequence[Outcome]) -> list[Table]:
+    """A table for each kind of cases that there is."""
+    makers: dict[str, Callable[[list[Outcome]], Table]] = {
+        "singles": _singles, "pairs": _pairs, "controls": _controls, "outside": _outside, "coverage": _coverage,
+    }  # fmt: skip
+    made = []
+    for kind, maker in makers.items():
+        of_kind = [outcome for outcome in outcomes if outcome.kind == kind]
+        if of_kind:
+            made.append(maker(of_kind))
     return made
 
 

@@ -6,7 +6,7 @@ another clock (more than `thresholds.CLOCKS_DIFFER_S` from the rest). Their time
 delay of receipt of the other topics.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,7 +18,7 @@ from scipy.ndimage import median_filter
 
 from homeward.logs import thresholds
 from homeward.logs.bags.container import Bag
-from homeward.logs.bags.elements import MOST_PARTS, elements_reader
+from homeward.logs.bags.elements import MOST_PARTS, Element, elements_reader
 from homeward.logs.bags.messages import UnknownType, WrongField, decoder
 from homeward.logs.bags.topics import PART, without_part
 from homeward.logs.channels import Array
@@ -59,24 +59,18 @@ def read_samples(
         decode = decoders.get(_key(connection))
         if decode is None:
             continue  # where a damaged index leads to messages of another topic
-        of_topic = rows[name]
         if not isinstance(received_ns, int) or received_ns > _LATEST_NS:  # a damaged database may give other types
-            of_topic.failures += 1
+            rows[name].failures += 1
             continue
         try:
             message = decode(content)
             elements = readers[name](message, getattr(message, "__msgtype__", connection.msgtype))
         except SerdeError:
-            of_topic.failures += 1
+            rows[name].failures += 1
             continue
         except WrongField as error:
             raise RecordingError(f"{name} ({connection.msgtype}): {error}") from None
-        stamp = getattr(getattr(message, "header", None), "stamp", None)
-        stamp_ns = 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
-        for element in elements:
-            of_topic.values.append([element.values[path] for path in wanted[name]])
-            of_topic.parts.append(element.part)
-            of_topic.times_ns.append((received_ns, stamp_ns))
+        rows[name].add(elements, wanted[name], received_ns, _stamp_ns(message))
     samples: dict[str, Samples] = {}
     for name, of_topic in rows.items():
         if of_topic.failures:
@@ -89,6 +83,14 @@ def read_samples(
     return samples, [line for name, line in unread.items() if name not in names]
 
 
+def _stamp_ns(message: Any) -> int:
+    """Time in the header of a message, 0 where there is none."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return 0
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
 @dataclass
 class _Rows:
     """Numbers of one topic while its messages are read: a row for each message, or for each battery in it."""
@@ -97,6 +99,13 @@ class _Rows:
     parts: list[str] = field(default_factory=list)  # names of the batteries
     times_ns: list[tuple[int, int]] = field(default_factory=list)  # of receipt, and of the header
     failures: int = 0  # messages that cannot be read
+
+    def add(self, elements: Sequence[Element], paths: Collection[str], received_ns: int, stamp_ns: int) -> None:
+        """Add the numbers of a message."""
+        for element in elements:
+            self.values.append([element.values[path] for path in paths])
+            self.parts.append(element.part)
+            self.times_ns.append((received_ns, stamp_ns))
 
     def samples(self, paths: Collection[str]) -> Samples:
         """The rows as samples, by the paths of their columns."""
