@@ -205,10 +205,11 @@ def field_of(message: Any, name: str, path: str) -> Any:
     Raises:
         WrongField: It has no such field; `path` is where a mapping names it.
     """
-    if not hasattr(message, name):
+    try:
+        return getattr(message, name)
+    except AttributeError:
         fields = [field for field in getattr(message, "__dataclass_fields__", {}) if not field.startswith("_")]
-        raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}")
-    return getattr(message, name)
+        raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}") from None
 
 
 def _place(message: Any, key: str) -> int | None:
