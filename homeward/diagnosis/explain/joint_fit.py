@@ -95,15 +95,21 @@ class Model:
             within = term.hypothesis.within(term.hypothesis, within, numbers, runs)
         return within
 
-    def _over_ground(self, within: WithEffects, index: int, theta: Array, values: Array) -> WithEffects:
-        """Rough ground as an addition to the replay, on top of what the robot file has of it.
+    def share(self, index: int, theta: Array) -> float:
+        """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects.
 
-        The sizes are of the C_rr m before the joint fit: only its product with the rise is known.
+        Sizes of rough ground are of the C_rr m before the joint fit, as only its product with the rise is known.
         """
+        rolling_kg = self.terms[index].of_rolling_kg
+        if rolling_kg is None:
+            return 1.0
+        return rolling_kg / max(float(theta[ROLLING]), 1e-9)
+
+    def _over_ground(self, within: WithEffects, index: int, theta: Array, values: Array) -> WithEffects:
+        """Rough ground as an addition to the replay, on top of what the robot file has of it."""
         term = self.terms[index]
-        assert term.of_rolling_kg is not None and term.at_work is not None
-        share = term.of_rolling_kg / max(float(theta[ROLLING]), 1e-9)
-        rise = share * (term.at_work @ values[self.of(index)])
+        assert term.at_work is not None
+        rise = self.share(index, theta) * (term.at_work @ values[self.of(index)])
         gain, usual = term.hypothesis.entry.parameters
         in_file = self.parameters.nominal.effects.get(term.effect, {})
         rise_in_file = in_file.get(gain.name, 0.0) * in_file.get(usual.name, 0.0)
@@ -229,11 +235,8 @@ class Corrected:
         return self.values[self.model.of(index)]
 
     def share(self, index: int) -> float:
-        """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects."""
-        rolling_kg = self.model.terms[index].of_rolling_kg
-        if rolling_kg is None:
-            return 1.0
-        return rolling_kg / max(float(self.theta[ROLLING]), 1e-9)
+        """Factor from the fitted sizes of an effect to those in a file, see `Model.share`."""
+        return self.model.share(index, self.theta)
 
 
 def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Corrected:
