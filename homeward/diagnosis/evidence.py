@@ -7,7 +7,7 @@ from typing import Literal
 from homeward.diagnosis.explain.channel_effects.shown import Capacity, ChannelEffect
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.explain.naming import Naming
+from homeward.diagnosis.explain.named import Naming
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.explain.together import RemainingDependence

@@ -11,7 +11,8 @@ import numpy as np
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.conditions import TOGETHER, judge, passes
 from homeward.diagnosis.explain.formula import Empirical
-from homeward.diagnosis.explain.naming import Naming, name_missing
+from homeward.diagnosis.explain.named import Naming
+from homeward.diagnosis.explain.naming import name_missing
 from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate, where_at_work
 from homeward.diagnosis.explain.residual_test import Dependence

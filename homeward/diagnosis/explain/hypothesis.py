@@ -103,8 +103,11 @@ class Term:
 
     @property
     def linear(self) -> bool:
-        """Whether its contribution is linear in its sizes, so that no replay with other sizes is needed."""
-        return self.axis != "steady" or self.fixed
+        """Whether its contribution is linear in its sizes, so that no replay with other sizes is needed.
+
+        Rough ground is replayed: where the drive draws nothing downhill, it may draw something over rougher ground.
+        """
+        return self.of_rolling_kg is None and (self.axis != "steady" or self.fixed)
 
     @property
     def misread(self) -> bool:

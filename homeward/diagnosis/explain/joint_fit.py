@@ -77,14 +77,17 @@ class Model:
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
                 added += self._added(index, values)
-        within = self.within(runs, values, leave_out)
+        within = self.within(runs, theta, values, leave_out)
         return self.parameters.predict(runs, theta, within) + added
 
-    def within(self, runs: Runs, values: Array, leave_out: int | None = None) -> WithEffects:
+    def within(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> WithEffects:
         """The terms that are not linear in their sizes, as additions to the replay."""
         within = WithEffects()
         for index, term in enumerate(self.terms):
             if term.linear or index == leave_out:
+                continue
+            if term.of_rolling_kg is not None:
+                within = self._over_ground(within, index, theta, values)
                 continue
             numbers = dict(term.shape)
             for number in self.of(index):
@@ -92,12 +95,36 @@ class Model:
             within = term.hypothesis.within(term.hypothesis, within, numbers, runs)
         return within
 
+    def share(self, index: int, theta: Array) -> float:
+        """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects.
+
+        Sizes of rough ground are of the C_rr m before the joint fit, as only its product with the rise is known.
+        """
+        rolling_kg = self.terms[index].of_rolling_kg
+        if rolling_kg is None:
+            return 1.0
+        return rolling_kg / max(float(theta[ROLLING]), 1e-9)
+
+    def _over_ground(self, within: WithEffects, index: int, theta: Array, values: Array) -> WithEffects:
+        """Rough ground as an addition to the replay, on top of what the robot file has of it."""
+        term = self.terms[index]
+        assert term.at_work is not None
+        rise = self.share(index, theta) * (term.at_work @ values[self.of(index)])
+        gain, usual = term.hypothesis.entry.parameters
+        in_file = self.parameters.nominal.effects.get(term.effect, {})
+        rise_in_file = in_file.get(gain.name, 0.0) * in_file.get(usual.name, 0.0)
+        return dataclasses.replace(
+            within,
+            effects={**within.effects, term.effect: {gain.name: 1.0}},
+            roughness=(1.0 + rise_in_file) * (1.0 + rise) - 1.0,
+        )
+
     def setting(self, runs: Runs, theta: Array, values: Array) -> Setting:
         """Prediction of these parameters and values by a replay, and its residual.
 
         Flexible forms are in their form in a robot file: a load on top, for example, also makes turning harder.
         """
-        within = self.within(runs, values)
+        within = self.within(runs, theta, values)
         for index, term in enumerate(self.terms):
             plain = term.plain
             if plain is None or plain.columns.shape[1] != 1:
@@ -208,11 +235,8 @@ class Corrected:
         return self.values[self.model.of(index)]
 
     def share(self, index: int) -> float:
-        """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects."""
-        rolling_kg = self.model.terms[index].of_rolling_kg
-        if rolling_kg is None:
-            return 1.0
-        return rolling_kg / max(float(self.theta[ROLLING]), 1e-9)
+        """Factor from the fitted sizes of an effect to those in a file, see `Model.share`."""
+        return self.model.share(index, self.theta)
 
 
 def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Corrected:
@@ -227,7 +251,7 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     theta, values = _start(fit, model, runs)
     point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, theta, values))
     # The load per unit of a size depends on the groups, such as a share of the power.
-    loads_depend_on_groups = any(term.at_work is not None for term in terms)
+    loads_depend_on_groups = any(term.at_work is not None and term.linear for term in terms)
     if loads_depend_on_groups:
         for _ in range(_PASSES - 1):
             model = _with_loads_at(model, runs, point.theta, point.values)
@@ -290,13 +314,12 @@ def _with_loads_at(model: Model, runs: Runs, theta: Array, values: Array) -> Mod
 
 def _with_load_of(term: Term, setting: Setting) -> Term:
     """The term with the load of these parameters, where its size is a share of a load."""
-    if term.at_work is None:
+    if term.at_work is None or not term.linear:
         return term
     load = term.hypothesis.load(term.hypothesis, setting)
     if load is None:
         return term
-    rolling_kg = None if term.of_rolling_kg is None else setting.rolling_kg
-    return dataclasses.replace(term, load=load, columns=load[:, None] * term.at_work, of_rolling_kg=rolling_kg)
+    return dataclasses.replace(term, load=load, columns=load[:, None] * term.at_work)
 
 
 @dataclass(frozen=True)
@@ -392,7 +415,8 @@ def _sizes(index: int, term: Term, nominal: Robot) -> list[Unknown]:
     # Shares of the rolling resistance count from none, whatever the file has of the effect.
     in_file = nominal.effects.get(term.effect, {}) if term.of_rolling_kg is None else {}
     # Bounds of a column that is linear near one size only, such as a lag, do not hold where it is replayed.
-    lows, highs = (term.low, term.high) if term.linear else term.hypothesis.limits(len(term.low))
+    is_form_of_kernel = not term.linear and term.at_work is None
+    lows, highs = term.hypothesis.limits(len(term.low)) if is_form_of_kernel else (term.low, term.high)
     sizes = []
     for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
         reference = in_file.get(name, 0.0)

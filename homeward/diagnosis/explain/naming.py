@@ -7,7 +7,7 @@ is taken if each of its effects meets the conditions (`homeward.diagnosis.explai
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
@@ -22,6 +22,7 @@ from homeward.diagnosis.explain.channel_effects.meter import not_contradicted
 from homeward.diagnosis.explain.conditions import BEFORE_PLACEBOS, BEFORE_REPLAYS, CONDITIONS, Condition, judge, passes
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
+from homeward.diagnosis.explain.named import Named, Naming, Ranked, Refused
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.explain.uncertainty import profiled
 from homeward.diagnosis.fit.channel_errors import channel_error, power_noise
@@ -40,54 +41,6 @@ _PAIRS = 3
 _WORTH_JUDGING = 0.5  # share of the least gain that a linearised replay must reach; chosen: bounds the time
 _DIGITS = 9  # of an error over that of the base, to which sets are compared: above rounding; chosen
 _PAIRED = 12  # single hypotheses that are screened in pairs; chosen: 66 pairs, which bounds the time
-
-
-@dataclass(frozen=True)
-class Named:
-    """One effect identified in the recordings, and the evidence for it."""
-
-    term: Term
-    delta_bic: float  # against the model without it
-    held_out_gain: float  # share of the squared held-out error of the model without it
-    gain_ci95: tuple[float, float]
-    p_value: float  # share of placebos that score as high
-    rivals: tuple[Term, ...]  # effects confounded with it, best first
-    checks: tuple[Checked, ...] = ()  # values of the conditions
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """One hypothesis tried alone, for the report."""
-
-    effect: str
-    axis: str
-    delta_bic: float
-    held_out_gain: float
-
-
-@dataclass(frozen=True)
-class Refused:
-    """An effect that was about to be named, and the conditions up to the one that refused it."""
-
-    effect: str
-    checks: tuple[Checked, ...]
-
-
-@dataclass(frozen=True)
-class Naming:
-    """The named effects and the score of every hypothesis; `absorbed` is each effect's share that the refit absorbs."""
-
-    named: tuple[Named, ...] = ()
-    corrected: Corrected | None = None  # the model with them, where any is named
-    ranking: tuple[Ranked, ...] = ()
-    absorbed: Mapping[str, float] = field(default_factory=dict)
-    unrecorded: bool = False  # whether an unrecorded channel may explain the mismatch
-    refused: tuple[Refused, ...] = ()
-    together: tuple[Checked, ...] = ()  # values of the conditions on all named effects together
-
-    def nothing_named(self) -> Naming:
-        """The scores of the hypotheses, with none of them named."""
-        return Naming(ranking=self.ranking, absorbed=self.absorbed, refused=self.refused)
 
 
 def name_missing(

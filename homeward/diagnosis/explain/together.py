@@ -18,7 +18,7 @@ from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.motion import explained, largest_by_motion, motion_gain, place_gain, trees_beat
-from homeward.diagnosis.explain.naming import Named, Naming
+from homeward.diagnosis.explain.named import Named, Naming
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
 from homeward.diagnosis.fit.channel_errors import is_autocorrelated, unexplained, unrecorded

@@ -55,7 +55,7 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
         return FileContent(model.theta, {}, WithEffects())
     theta = model.theta
     effects: dict[str, dict[str, float]] = {}
-    met = replace(model.model.within(runs, model.values), effects={})
+    met = replace(model.model.within(runs, theta, model.values), effects={})
     not_begun: dict[str, Mask] = {}
     given_effects = model.parameters.nominal.effects
     reading = np.zeros(len(runs.observed))

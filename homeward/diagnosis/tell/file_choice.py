@@ -15,7 +15,7 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.naming import Named
+from homeward.diagnosis.explain.named import Named
 from homeward.diagnosis.explain.uncertainty import Joint, joint
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.parameter_groups import GROUPS, with_effects_of

@@ -2,7 +2,7 @@
 
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
-from homeward.diagnosis.explain.naming import Named
+from homeward.diagnosis.explain.named import Named
 from homeward.diagnosis.explain.places import places, places_of
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import MissingPhysics, NotNamed, Proof

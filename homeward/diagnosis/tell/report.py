@@ -15,7 +15,7 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.conditions import CONDITIONS, TOGETHER
-from homeward.diagnosis.explain.naming import Named, Naming
+from homeward.diagnosis.explain.named import Named, Naming
 from homeward.diagnosis.explain.places import condition, total_share
 from homeward.diagnosis.read.signals import WINDOW_S
 from homeward.diagnosis.result import Place

@@ -178,9 +178,6 @@ def test_what_a_file_cannot_say_is_in_no_form_that_is_written(effect: str, robot
     assert joint_fit(robot, effect, recorded(robot, effect, runs)) is None, NOT_SAID[effect]
 
 
-@pytest.mark.xfail(
-    strict=True, raises=AssertionError, reason="a share of a C_rr that the refit takes for 0 explains nothing"
-)
 def test_rough_ground_is_fitted_where_the_refit_without_it_takes_all_rolling_for_none(robot: Robot, runs: Runs) -> None:
     robot = dataclasses.replace(robot, rolling_resistance=0.03)
     runs = recorded(robot, "surface", runs)

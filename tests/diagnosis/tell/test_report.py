@@ -15,7 +15,7 @@ import pytest
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse
 from homeward.diagnosis.explain.formula import Empirical, EmpiricalTerm
-from homeward.diagnosis.explain.naming import Naming
+from homeward.diagnosis.explain.named import Naming
 from homeward.diagnosis.tell.report import corrected_toml, ranking, report_html, write_outputs
 from tests.diagnosis.made_up import with_power
 
