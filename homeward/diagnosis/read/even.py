@@ -32,34 +32,46 @@ def on_even_clock(recording: Recording, shortest_s: float) -> tuple[Recording, s
     edges_s = np.arange(time_s[0], time_s[-1], tick_s)
     middle_s = (edges_s[1:] + edges_s[:-1]) / 2.0
     step = np.searchsorted(time_s, middle_s) - 1
-    recorded = steps_s[step] < thresholds.GAP * tick_s
-    channels = {"time_s": middle_s[recorded]}
-    for name, values in recording.channels.items():
+    is_recorded = steps_s[step] < thresholds.GAP * tick_s
+    recorded = recording.channels
+    averaged = {"time_s": middle_s[is_recorded]}
+    for name, values in recorded.items():
         if name != "time_s":
-            channels[name] = _means(name, values, time_s, edges_s)[recorded]
-    given = recording.channels
-    if "voltage_v" in given and "current_a" in given:  # the mean power is that of their product
-        power_w = _means("power_w", given["voltage_v"] * given["current_a"], time_s, edges_s)[recorded]
-        channels["current_a"] = power_w / np.where(channels["voltage_v"] > 0.0, channels["voltage_v"], np.nan)
-    says = f"its stamps are uneven ({short_s:.2g} to {long_s:.2g} s): every channel is averaged over {tick_s:.2g} s"
-    return dataclasses.replace(recording, channels=channels), says
+            averaged[name] = _means(name, values, time_s, edges_s)[is_recorded]
+    if "voltage_v" in recorded and "current_a" in recorded:
+        # The mean power is the mean of the product, not the product of the means: the current makes up for it.
+        product_w = recorded["voltage_v"] * recorded["current_a"]
+        power_w = _means("power_w", product_w, time_s, edges_s)[is_recorded]
+        voltage_v = averaged["voltage_v"]
+        averaged["current_a"] = power_w / np.where(voltage_v > 0.0, voltage_v, np.nan)
+    phrase = f"its stamps are uneven ({short_s:.2g} to {long_s:.2g} s): every channel is averaged over {tick_s:.2g} s"
+    return dataclasses.replace(recording, channels=averaged), phrase
 
 
 def _means(name: str, values: Array, time_s: Array, edges_s: Array) -> Array:
     """Mean of a channel between edges, shape (edges - 1,), NaN where most of it was not recorded."""
-    known = np.isfinite(values)
-    if not known.any():
+    finite = np.isfinite(values)
+    if not finite.any():
         return np.full(len(edges_s) - 1, np.nan)
-    given = np.unwrap(values[known]) if name in _ANGLES else values[known]
-    filled: Array = np.interp(time_s, time_s[known], given)
-    share = _integral(known.astype(np.float64), time_s, edges_s) / np.diff(edges_s)
-    return np.where(share >= thresholds.HALF, _integral(filled, time_s, edges_s) / np.diff(edges_s), np.nan)
+    readings = values[finite]
+    if name in _ANGLES:
+        readings = np.unwrap(readings)
+    filled: Array = np.interp(time_s, time_s[finite], readings)
+    ticks_s = np.diff(edges_s)
+    recorded_share = _integral(finite.astype(np.float64), time_s, edges_s) / ticks_s
+    means = _integral(filled, time_s, edges_s) / ticks_s
+    return np.where(recorded_share >= thresholds.HALF, means, np.nan)
 
 
 def _integral(values: Array, time_s: Array, edges_s: Array) -> Array:
     """Integral of the straight lines between samples from each edge to the next, shape (edges - 1,)."""
-    until = np.concatenate(([0.0], np.cumsum((values[1:] + values[:-1]) / 2.0 * np.diff(time_s))))
-    step = np.clip(np.searchsorted(time_s, edges_s, side="right") - 1, 0, len(time_s) - 2)
-    since_s = edges_s - time_s[step]
-    slope = (values[step + 1] - values[step]) / (time_s[step + 1] - time_s[step])
-    return np.asarray(np.diff(until[step] + values[step] * since_s + slope * since_s**2 / 2.0))
+    steps_s = np.diff(time_s)
+    trapezoids = (values[1:] + values[:-1]) / 2.0 * steps_s
+    until_sample = np.concatenate(([0.0], np.cumsum(trapezoids)))
+    sample = np.searchsorted(time_s, edges_s, side="right") - 1  # the last one before each edge
+    sample = np.clip(sample, 0, len(time_s) - 2)
+    since_s = edges_s - time_s[sample]
+    start = values[sample]
+    rate = np.diff(values)[sample] / steps_s[sample]
+    until_edge = until_sample[sample] + start * since_s + rate * since_s**2 / 2.0
+    return np.asarray(np.diff(until_edge))

@@ -23,38 +23,52 @@ def tilt(run: Signals) -> tuple[float, float] | None:
     if length_m == 0.0:
         return None
     slope = np.tan(run.grade_rad)
-    near = np.flatnonzero(run.base_distance_m <= thresholds.CLOSED * length_m)
-    if len(near):
-        # The slope is unknown over the gap of the way and over the odometer's error.
-        closed = slice(near[0], near[-1])
+    near_base = np.flatnonzero(run.base_distance_m <= thresholds.CLOSED * length_m)
+    if len(near_base):
+        start = near_base[0]
+        end = near_base[-1]
+        closed = slice(start, end)
         onward_m = float(steps_m[closed].sum())
-        open_m = max(float(np.ptp(run.base_distance_m[near[[0, -1]]])), thresholds.CLOSED * length_m / 2.0)
+        # The slope is unknown over the gap of the way and over the odometer's error.
+        gap_m = float(abs(run.base_distance_m[end] - run.base_distance_m[start]))
+        unknown_m = max(gap_m, thresholds.CLOSED * length_m / 2.0)
         if abs(onward_m) > thresholds.HALF * length_m:
             mean = float(slope[closed] @ steps_m[closed]) / onward_m
-            return mean, float(np.std(slope)) * open_m / abs(onward_m)
+            error = float(np.std(slope)) * unknown_m / abs(onward_m)
+            return mean, error
     return _both_ways(run, slope)
 
 
 def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
-    """Mean of the slopes read out and home at the same distance from base, where they are anticorrelated."""
-    moving = run.speed_mps > 0.0
-    if not moving.any() or not np.ptp(run.base_distance_m):
+    """Mean of the slopes read out and home at the same distance from base, where they are anticorrelated, and its
+    standard error."""
+    if not (run.speed_mps > 0.0).any() or not np.ptp(run.base_distance_m):
         return None
-    ends = run.base_distance_m.min(), run.base_distance_m.max()
-    ways = (moving & (run.direction == direction) for direction in (1.0, -1.0))
-    sides = [binned_statistic(run.base_distance_m[way], slope[way], "mean", _PLACES, ends).statistic for way in ways]
-    out, home = np.array(sides)[:, np.isfinite(sides).all(axis=0)]
-    if (
-        len(out) < thresholds.HALF * _PLACES
-        or not np.ptp(out) * np.ptp(home)
-        or np.corrcoef(out, home)[0, 1] > -thresholds.NEARLY_ALL
-    ):
+    out = _by_place(run, slope, direction=1.0)
+    home = _by_place(run, slope, direction=-1.0)
+    driven_both_ways = np.isfinite(out) & np.isfinite(home)
+    out = out[driven_both_ways]
+    home = home[driven_both_ways]
+    if len(out) < thresholds.HALF * _PLACES or not np.ptp(out) * np.ptp(home):
+        return None
+    # The hills have opposite signs, and cancel; the tilt has the same.
+    if np.corrcoef(out, home)[0, 1] > -thresholds.NEARLY_ALL:
         return None
     middle = (out + home) / 2.0
     # The error of hills that do not quite mirror is autocorrelated along the way.
-    correlation = float(np.clip(np.corrcoef(middle[1:], middle[:-1])[0, 1], 0.0, MOST_CORRELATED))
+    lag_one = np.corrcoef(middle[1:], middle[:-1])[0, 1]
+    correlation = float(np.clip(lag_one, 0.0, MOST_CORRELATED))
     error = float(middle.std(ddof=1) / np.sqrt(len(middle)))
-    return float(middle.mean()), error * float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
+    inflation = float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
+    return float(middle.mean()), error * inflation
+
+
+def _by_place(run: Signals, slope: Array, direction: float) -> Array:
+    """Mean slope in each cell of the distance from base on one way, (places,); NaN where the robot did not drive."""
+    driven = (run.speed_mps > 0.0) & (run.direction == direction)
+    base_m = run.base_distance_m
+    ends_m = base_m.min(), base_m.max()
+    return np.asarray(binned_statistic(base_m[driven], slope[driven], "mean", _PLACES, ends_m).statistic)
 
 
 def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
@@ -62,21 +76,28 @@ def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
 
     The runs hold its standard error, and where it is not clear also what it may be.
     """
-    if not (tilts := [found for run in runs if (found := tilt(run)) is not None]):
+    tilts = [tilt(run) for run in runs]
+    estimates = [estimate for estimate in tilts if estimate is not None]
+    if not estimates:
         return list(runs), 0.0
-    angles, errors = np.array(tilts).T
-    weight = 1.0 / np.maximum(errors, 1e-6) ** 2
-    angle = float(np.average(angles, weights=weight))
+    angles_rad, errors_rad = np.array(estimates).T
+    weight = 1.0 / np.maximum(errors_rad, 1e-6) ** 2
+    angle_rad = float(np.average(angles_rad, weights=weight))
     # Between runs it may vary by more than its standard error.
-    varies = float(np.std(angles)) / np.sqrt(len(angles))
-    clear = abs(angle) > thresholds.FAR_APART * max(float(weight.sum() ** -0.5), varies)
+    spread_rad = float(np.std(angles_rad)) / np.sqrt(len(angles_rad))
+    mean_error_rad = max(float(weight.sum() ** -0.5), spread_rad)
+    is_clear = abs(angle_rad) > thresholds.FAR_APART * mean_error_rad
     # Runs on one route have the same error: their mean is no better than one of them.
-    error = float(np.hypot(max(np.average(errors, weights=weight), varies), 0.0 if clear else angle))
+    run_error_rad = max(np.average(errors_rad, weights=weight), spread_rad)
+    uncorrected_rad = 0.0 if is_clear else angle_rad
+    tilt_error_rad = float(np.hypot(run_error_rad, uncorrected_rad))
     level = []
     for run in runs:
-        known = replace(run, tilt_error_rad=error)
-        if clear and "grade_rad" in run.context:
-            context = {**run.context, "grade_rad": run.context["grade_rad"] - angle}
-            known = replace(known, grade_rad=run.grade_rad - angle, context=context)
-        level.append(known)
-    return level, angle if clear else 0.0
+        corrected = replace(run, tilt_error_rad=tilt_error_rad)
+        if is_clear and "grade_rad" in run.context:
+            context = {**run.context, "grade_rad": run.context["grade_rad"] - angle_rad}
+            corrected = replace(corrected, grade_rad=run.grade_rad - angle_rad, context=context)
+        level.append(corrected)
+    if not is_clear:
+        return level, 0.0
+    return level, angle_rad

@@ -27,8 +27,9 @@ def along_the_way(base_m: Array, driven_m: Array, slope: Array | None, reach_m: 
         reach_m: Distance that is long against the noise of position.
     """
     driven_m = driven_m + 1e-9 * np.arange(len(driven_m))  # interpolation needs it to grow
-    ahead, behind = (np.interp(driven_m + sign * reach_m, driven_m, base_m) for sign in (1.0, -1.0))
-    direction = np.where(ahead < behind, -1.0, 1.0)
+    base_ahead_m = np.interp(driven_m + reach_m, driven_m, base_m)
+    base_behind_m = np.interp(driven_m - reach_m, driven_m, base_m)
+    direction = np.where(base_ahead_m < base_behind_m, -1.0, 1.0)
     place_m = base_m[0] + _passed(driven_m, direction)
     if slope is None:
         return direction, place_m
@@ -36,14 +37,15 @@ def along_the_way(base_m: Array, driven_m: Array, slope: Array | None, reach_m: 
     # Several flips close together are one turn, or none if the direction is then as before.
     clusters = np.split(flips, 1 + np.flatnonzero(np.diff(driven_m[flips]) > reach_m))
     turns = [int(np.median(cluster)) for cluster in clusters if len(cluster) % 2]
-    ends = np.array([0, *turns, len(base_m) - 1])
-    for part in zip(ends[:-2], ends[1:-1], ends[2:], strict=True):
-        if _turns_back(driven_m, base_m, slope, driven_m[list(part)], reach_m):
+    peaks = [0, *turns, len(base_m) - 1]
+    for number, peak in enumerate(turns, start=1):
+        if _turns_back(driven_m, base_m, slope, driven_m[peaks[number - 1 : number + 2]], reach_m):
             continue
-        here = part[1]
-        direction[here:] *= -1.0
-        begins = base_m[here] <= thresholds.CLOSED * float(np.ptp(base_m))
-        place_m[here:] = (base_m[here] if begins else place_m[here]) + _passed(driven_m[here:], direction[here:])
+        # A loop: it goes on in the same direction, from base if that is where it is.
+        direction[peak:] *= -1.0
+        is_at_base = base_m[peak] <= thresholds.CLOSED * float(np.ptp(base_m))
+        start_m = base_m[peak] if is_at_base else place_m[peak]
+        place_m[peak:] = start_m + _passed(driven_m[peak:], direction[peak:])
     return direction, place_m
 
 
@@ -54,26 +56,38 @@ def _passed(driven_m: Array, direction: Array) -> Array:
 
 def _turns_back(driven_m: Array, base_m: Array, slope: Array, peaks_m: Array, reach_m: float) -> bool:
     """Whether the robot turns back at the second of three successive peaks; also where too little is known."""
-    most_m = float(np.diff(peaks_m).min()) - reach_m / 2.0
-    if most_m < 2.0 * reach_m:
+    compared_m = float(np.diff(peaks_m).min()) - reach_m / 2.0
+    if compared_m < 2.0 * reach_m:
         return True
-    away_m = np.linspace(0.0, most_m, _COMPARED)
+    peak_m = peaks_m[1]
+    around_m = np.interp(peak_m + reach_m * np.array([-1.0, 0.0, 1.0]), driven_m, base_m)
+    # At a turn the distance falls on both sides by as much as the robot drives, on a smooth loop by less.
+    sharpness_m = 2.0 * around_m[1] - around_m[0] - around_m[2]
+    if sharpness_m >= 2.0 * thresholds.SHARP * reach_m:
+        return True
+    away_m = np.linspace(0.0, compared_m, _COMPARED)
 
     def sides(channel: Array, shift_m: float) -> Array:
         """The channel before and after the peak, less its mean, shape (2, places): a slope sensor may be tilted."""
-        middle_m = peaks_m[1] + shift_m
-        values = np.stack([np.interp(middle_m + sign * away_m, driven_m, channel) for sign in (-1.0, 1.0)])
+        turn_m = peak_m + shift_m
+        values = np.stack([
+            np.interp(turn_m - away_m, driven_m, channel),
+            np.interp(turn_m + away_m, driven_m, channel),
+        ])  # fmt: skip
         return np.asarray(values - values.mean())
 
-    beside_m = np.interp(peaks_m[1] + reach_m * np.array([-1.0, 0.0, 1.0]), driven_m, base_m)
-    if 2.0 * beside_m[1] - beside_m[0] - beside_m[2] >= 2.0 * thresholds.SHARP * reach_m:
-        return True
-    shifts_m = np.linspace(-0.5, 0.5, _SHIFTS) * reach_m
-    shifted = [sides(base_m, shift_m) for shift_m in shifts_m.tolist()]
-    noise = white_noise(base_m) ** 2
-    errors = [float(np.mean((before - after) ** 2)) / 2.0 - noise for before, after in shifted]
-    best = int(np.argmin(errors))
-    slopes = sides(slope, float(shifts_m[best]))
-    as_far = errors[best] <= thresholds.AS_FAR * float(np.var(shifted[best]))
-    not_mirrored = float(np.mean((slopes[0] + slopes[1]) ** 2)) / 2.0
-    return as_far and not_mirrored <= thresholds.REVERSED * float(np.var(slopes))
+    noise_m2 = white_noise(base_m) ** 2
+
+    def asymmetry_m2(base_sides: Array) -> float:
+        """Mean squared difference of the distances on both sides, beyond that of their noise."""
+        inward, outward = base_sides
+        return float(np.mean((inward - outward) ** 2)) / 2.0 - noise_m2
+
+    shifts_m = (np.linspace(-0.5, 0.5, _SHIFTS) * reach_m).tolist()
+    shift_m = min(shifts_m, key=lambda shift_m: asymmetry_m2(sides(base_m, shift_m)))
+    base_sides = sides(base_m, shift_m)
+    is_as_far = asymmetry_m2(base_sides) <= thresholds.AS_FAR * float(np.var(base_sides))
+    # Slopes that are met again reversed cancel.
+    slope_sides = sides(slope, shift_m)
+    not_reversed = float(np.mean((slope_sides[0] + slope_sides[1]) ** 2)) / 2.0
+    return is_as_far and not_reversed <= thresholds.REVERSED * float(np.var(slope_sides))
