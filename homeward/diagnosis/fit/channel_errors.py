@@ -16,7 +16,8 @@ from homeward.logs.times import median_step_s
 SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose standard error is known, from smoothing."""
 
-_OWN = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "heading_rad": SMOOTHED, "time_s": SMOOTHED}
+# Channels whose errors may be confounded with an effect of the channel; of any other, its own.
+_SOURCES = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "heading_rad": SMOOTHED, "time_s": SMOOTHED}
 
 
 def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
@@ -28,30 +29,39 @@ def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
     would be confounded with that slope.
     """
     total = 0.0
-    for name in _OWN.get(channel, (channel,)):
-        if name in SMOOTHED and any(name in run.error for run in runs.signals):
-            sides = [fit.parameters.predict(_moved(runs, name, sign), fit.theta) for sign in (1.0, -1.0)]
-            total += float(np.sum((sides[0] - sides[1]) ** 2)) / 4.0
+    for name in _SOURCES.get(channel, (channel,)):
+        has_error = any(name in run.error for run in runs.signals)
+        if name in SMOOTHED and has_error:
+            above = fit.parameters.predict(_shifted(runs, name, 1.0), fit.theta)
+            below = fit.parameters.predict(_shifted(runs, name, -1.0), fit.theta)
+            total += float(np.sum((above - below) ** 2)) / 4.0  # a central difference over two errors
     return total
 
 
-def _moved(runs: Runs, name: str, sign: float) -> Runs:
+def _shifted(runs: Runs, name: str, sign: float) -> Runs:
     """The runs with a channel shifted by its error, slopes by the largest of all runs: an elevation without a step
     seems exact. At rest the speed is exact."""
-    moved, largest = [], max(run.error.get(name, 0.0) for run in runs.signals)
-    for run in runs.signals:
+    errors = [run.error.get(name, 0.0) for run in runs.signals]
+    shifted = []
+    for run, run_error in zip(runs.signals, errors, strict=True):
         values: Array = getattr(run, name)
-        error = largest if name == "grade_rad" and name in run.context else run.error.get(name, 0.0)
-        size = sign * thresholds.SMOOTHING_ERROR * error * (values != 0.0 if name == "speed_mps" else 1.0)
-        moved.append(dataclasses.replace(run, **{name: values + size}))  # type: ignore[arg-type]
-    return dataclasses.replace(runs, signals=moved)
+        is_slope = name == "grade_rad" and name in run.context
+        error = max(errors) if is_slope else run_error
+        shift: float | Array = sign * thresholds.SMOOTHING_ERROR * error
+        if name == "speed_mps":
+            shift = shift * (values != 0.0)
+        shifted.append(dataclasses.replace(run, **{name: values + shift}))  # type: ignore[arg-type]
+    return dataclasses.replace(runs, signals=shifted)
 
 
 def tilt_error(fit: Fitted, runs: Runs) -> float:
     """Rms error of the prediction from one standard error of the slope sensor's tilt, which acts as rolling resistance
     does."""
     per_kg = fit.groups.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
-    return runs.tilt_error_rad * float(fit.theta[MASS]) * float(np.sqrt(np.mean(per_kg**2)))
+    rms_per_kg = float(np.sqrt(np.mean(per_kg**2)))
+    # A small slope adds its angle to the coefficient of rolling resistance.
+    resistance_kg = runs.tilt_error_rad * float(fit.theta[MASS])
+    return resistance_kg * rms_per_kg
 
 
 def meter_error(runs: Runs) -> float:
@@ -63,10 +73,11 @@ def reliability(name: str, runs: Runs) -> float:
     """Share of the variance of a channel over windows that is signal, 1 where it was not smoothed."""
     if name not in runs.context:
         return 1.0
-    values = runs.context[name]
-    signal = float(np.nanvar(values))
-    wrong = float(np.mean([run.error.get(name, 0.0) ** 2 for run in runs.signals]))
-    return signal / (signal + wrong) if wrong > 0.0 else 1.0
+    error_variance = float(np.mean([run.error.get(name, 0.0) ** 2 for run in runs.signals]))
+    if error_variance <= 0.0:
+        return 1.0
+    variance = float(np.nanvar(runs.context[name]))
+    return variance / (variance + error_variance)
 
 
 class Influence(NamedTuple):
@@ -86,35 +97,44 @@ _INFLUENCES = (
 
 def unrecorded(runs: Runs) -> list[Influence]:
     """Dependencies of power that no channel measures in some run; current does not depend on the sensing rate."""
-    missing = [one for one in _INFLUENCES if not any(map(runs.has, one.channels))]
-    return missing if runs.unit == "W" else [one for one in missing if "sensing_hz" not in one.channels]
+    missing = [influence for influence in _INFLUENCES if not any(map(runs.has, influence.channels))]
+    if runs.unit == "A":
+        return [influence for influence in missing if "sensing_hz" not in influence.channels]
+    return missing
 
 
 def is_autocorrelated(residual: Array, runs: Runs) -> bool:
     """Whether a residual, (windows,), has a lag-one autocorrelation of `NEARLY_ALL` or more, unlike noise of power."""
-    together = runs.run[1:] == runs.run[:-1]
-    return float((residual[1:] * residual[:-1])[together].sum()) >= thresholds.NEARLY_ALL * float(residual @ residual)
+    same_run = runs.run[1:] == runs.run[:-1]
+    products = residual[1:] * residual[:-1]
+    lag_one = float(products[same_run].sum())
+    return lag_one >= thresholds.NEARLY_ALL * float(residual @ residual)
 
 
 def unexplained(fit: Fitted, runs: Runs) -> bool:
     """Whether a fit has a material, autocorrelated residual above the noise though all dependencies were recorded."""
-    persistent = is_material(fit, runs) and is_autocorrelated(runs.observed - fit.predicted, runs)
-    return persistent and not unrecorded(runs) and times_noise(fit, runs) > thresholds.TWICE
+    if not is_material(fit, runs) or not is_autocorrelated(runs.observed - fit.predicted, runs):
+        return False
+    return not unrecorded(runs) and times_noise(fit, runs) > thresholds.TWICE
 
 
 def is_material(fit: Fitted, runs: Runs) -> bool:
     """Whether the residual of a fit exceeds `MATERIAL_SHARE` of what was recorded."""
     residual = runs.observed - fit.predicted
-    return float(residual @ residual) >= thresholds.MATERIAL_SHARE**2 * float(runs.observed @ runs.observed)
+    squared_share = thresholds.MATERIAL_SHARE**2
+    return float(residual @ residual) >= squared_share * float(runs.observed @ runs.observed)
 
 
 def power_noise(runs: Runs) -> float:
     """Squared white noise of power, summed over windows."""
+    # The variance of a mean falls with its length: that of a second is the variance of a sample times its length.
     of_a_second = np.array([white_noise(run.observed) ** 2 * median_step_s(run.time_s) for run in runs.signals])
-    return float((of_a_second[runs.run] / runs.duration_s).sum())
+    of_window = of_a_second[runs.run] / runs.duration_s
+    return float(of_window.sum())
 
 
 def times_noise(fit: Fitted, runs: Runs) -> float:
     """Squared error of a fit over the largest that noise of power and of the other channels explains."""
     residual = runs.observed - fit.predicted
-    return float(residual @ residual) / max(channel_error(fit, runs) + power_noise(runs), 1e-300)
+    largest = channel_error(fit, runs) + power_noise(runs)
+    return float(residual @ residual) / max(largest, 1e-300)

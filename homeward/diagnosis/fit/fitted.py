@@ -49,17 +49,23 @@ def excited(fit: Fitted, runs: Runs, share: float | Array = thresholds.EXCITED) 
     """Whether each parameter is excited: a plausible change of it changes the prediction by this share of the record,
     shape (columns,)."""
     norms = np.linalg.norm(fit.jacobian, axis=0)
-    return np.asarray(norms > share * max(float(np.linalg.norm(runs.observed)), 1e-12))
+    norm_of_record = max(float(np.linalg.norm(runs.observed)), 1e-12)
+    return np.asarray(norms > share * norm_of_record)
 
 
-def with_columns(fit: Fitted, chosen: Mask, observed: Array, beside: Array) -> Array:
-    """Prediction, (windows,), by a fit to the chosen windows with further, unbounded columns, (windows, columns)."""
-    columns = np.column_stack([fit.jacobian, beside])
+def with_columns(fit: Fitted, training: Mask, observed: Array, further: Array) -> Array:
+    """Prediction, (windows,), by a fit to the training windows with further, unbounded columns, (windows, columns)."""
+    columns = np.column_stack([fit.jacobian, further])
+    residual = observed - fit.predicted
     low, high = fit.freedom()
-    free = np.full(beside.shape[1], np.inf)
-    part = columns[chosen]
-    bounds = np.concatenate([low, -free]), np.concatenate([high, free])
-    weights = bounded(part.T @ part, part.T @ (observed - fit.predicted)[chosen], *bounds)
+    unbounded = np.full(further.shape[1], np.inf)
+    training_columns = columns[training]
+    weights = bounded(
+        gram=training_columns.T @ training_columns,
+        moment=training_columns.T @ residual[training],
+        low=np.concatenate([low, -unbounded]),
+        high=np.concatenate([high, unbounded]),
+    )
     return np.asarray(fit.predicted + columns @ weights)
 
 
@@ -73,14 +79,19 @@ def bounded(gram: Array, moment: Array, low: Array | float = -np.inf, high: Arra
     """
     if len(moment) == 0:
         return np.zeros(0)
-    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    size[size == 0.0] = 1.0
-    scaled = gram / np.outer(size, size) + RIDGE * np.eye(len(moment))
-    solution = (np.linalg.solve(scaled, (moment.T / size).T).T / size).T
+    # Columns are scaled to length one, so that the ridge and the rounding are alike for all.
+    norm = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    norm[norm == 0.0] = 1.0
+    scaled_gram = gram / np.outer(norm, norm) + RIDGE * np.eye(len(moment))
+    scaled_moment = (moment.T / norm).T
+    solution = (np.linalg.solve(scaled_gram, scaled_moment).T / norm).T
     if (solution < low).any() or (solution > high).any():
-        values, vectors = np.linalg.eigh(scaled)
-        root = np.sqrt(np.maximum(values, RIDGE))
-        matrix, target = root[:, None] * vectors.T, (vectors.T @ (moment / size)) / root
-        found = lsq_linear(matrix, target, (low * size - 1e-12, high * size + 1e-12), method="bvls")
-        solution = np.clip(found.x / size, low, high)
-    return np.asarray(solution + 0.0)
+        # The same problem as least squares on as many rows as columns, by a square root of the Gram matrix.
+        eigenvalues, eigenvectors = np.linalg.eigh(scaled_gram)
+        root = np.sqrt(np.maximum(eigenvalues, RIDGE))
+        matrix = root[:, None] * eigenvectors.T
+        target = (eigenvectors.T @ scaled_moment) / root
+        bounds = (low * norm - 1e-12, high * norm + 1e-12)
+        least_squares = lsq_linear(matrix, target, bounds, method="bvls")
+        solution = np.clip(least_squares.x / norm, low, high)
+    return np.asarray(solution + 0.0)  # no negative zeros

@@ -21,14 +21,17 @@ def cut_blocks(run: Index, residual: Array | None = None) -> Index:
     Blocks are shortened where fewer than `FEWEST_BLOCKS` would remain.
     """
     correlation = 0.0 if residual is None else correlation_windows(residual, run)
-    length = max(
-        thresholds.SHORTEST_BLOCK, len(run) // _MOST_BLOCKS, int(np.ceil(thresholds.CORRELATION_TIMES * correlation))
-    )
-    length = max(thresholds.SHORTEST_BLOCK, min(length, len(run) // (thresholds.FEWEST_BLOCKS + len(np.unique(run)))))
-    _, first, number, size = np.unique(run, return_index=True, return_inverse=True, return_counts=True)
-    count = np.maximum(np.rint(size / length), 1).astype(np.intp)
-    before, within = np.cumsum(count) - count, np.arange(len(run)) - first[number]
-    return np.asarray(before[number] + within * count[number] // size[number])
+    uncorrelated = int(np.ceil(thresholds.CORRELATION_TIMES * correlation))
+    wanted = max(thresholds.SHORTEST_BLOCK, len(run) // _MOST_BLOCKS, uncorrelated)
+    # The number of blocks is rounded in each run, which may lose one.
+    longest = len(run) // (thresholds.FEWEST_BLOCKS + len(np.unique(run)))
+    length = max(thresholds.SHORTEST_BLOCK, min(wanted, longest))
+    _, start, number, windows = np.unique(run, return_index=True, return_inverse=True, return_counts=True)
+    blocks = np.maximum(np.rint(windows / length), 1).astype(np.intp)  # of each run
+    previous_blocks = np.cumsum(blocks) - blocks
+    since_start = np.arange(len(run)) - start[number]
+    block_of_run = since_start * blocks[number] // windows[number]
+    return np.asarray(previous_blocks[number] + block_of_run)
 
 
 def per_block(values: Array, block: Index) -> Array:
@@ -40,14 +43,17 @@ def per_block(values: Array, block: Index) -> Array:
 
 def cut_stretches(run: Index) -> Index:
     """Number within its run of each window's stretch of `SHORTEST_LEVEL` windows, shape (windows,)."""
-    first = np.searchsorted(run, run)
-    return (np.arange(len(run)) - first) // thresholds.SHORTEST_LEVEL
+    start = np.searchsorted(run, run)
+    return (np.arange(len(run)) - start) // thresholds.SHORTEST_LEVEL
 
 
 def cut_folds(runs: Runs, block: Index) -> tuple[Index, Literal["run", "block"]]:
     """Fold of each window, shape (windows,), and its kind: whole runs or, of fewer than three, series of blocks."""
     count = len(runs.signals)
+    if count > _MOST_FOLDS:
+        return runs.run % _MOST_FOLDS, "run"
     if count >= thresholds.FEWEST_RUNS:
-        return runs.run % _MOST_FOLDS if count > _MOST_FOLDS else runs.run, "run"
+        return runs.run, "run"
     blocks = int(block.max()) + 1
-    return block * min(FOLDS, blocks) // blocks, "block"
+    folds = min(FOLDS, blocks)
+    return block * folds // blocks, "block"

@@ -8,7 +8,7 @@ current at rest. Losses are therefore held at the robot file's values and the re
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,32 +72,36 @@ class Parameters:
 
     def robot(self, theta: Array) -> Robot:
         """The robot with these parameters."""
-        *ancillary, rolling, drag, mass = theta.tolist()
-        resistance = float(np.clip(rolling / mass, 1e-9, 1.0))
+        *ancillary, rolling_kg, drag, mass_kg = theta.tolist()
         if len(ancillary) == 2:
-            at_rest = _ancillary_changes(self.nominal, *ancillary)
+            idle_w, sample_j = ancillary
+            at_rest = _ancillary_changes(self.nominal, idle_w, sample_j)
         else:
             at_rest = {"rest_current_a": max(ancillary[0], 0.0)}
         return dataclasses.replace(
-            self.nominal, mass_kg=mass, rolling_resistance=resistance, drag_ns2_per_m2=drag, **at_rest
+            self.nominal,
+            mass_kg=mass_kg,
+            rolling_resistance=float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0)),
+            drag_ns2_per_m2=drag,
+            **at_rest,
         )
 
     def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:
         """Prediction of these parameters, shape (windows,), with effects if any are given."""
-        robot, extra = self.robot(theta), with_effects or WithEffects()
-        if extra.effects:
-            robot = with_effects_of(robot, extra.effects)
-        return predict(runs, robot, extra)
+        robot = self.robot(theta)
+        additions = with_effects or WithEffects()
+        if additions.effects:
+            robot = with_effects_of(robot, additions.effects)
+        return predict(runs, robot, additions)
 
 
 def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) -> Robot:
     """The robot with these effects; where its file has no track width, that fitted with an effect."""
     track_m = next((numbers["track_m"] for numbers in effects.values() if "track_m" in numbers), robot.track_m)
-    added = {
-        effect: {name: value for name, value in numbers.items() if name != "track_m"}
-        for effect, numbers in effects.items()
-    }
-    return dataclasses.replace(robot, track_m=track_m, effects={**robot.effects, **added})
+    added = dict(robot.effects)
+    for effect, numbers in effects.items():
+        added[effect] = {name: value for name, value in numbers.items() if name != "track_m"}
+    return dataclasses.replace(robot, track_m=track_m, effects=added)
 
 
 def with_ancillary(robot: Robot, idle_w: float, sample_j: float) -> Robot:
@@ -106,50 +110,96 @@ def with_ancillary(robot: Robot, idle_w: float, sample_j: float) -> Robot:
     return dataclasses.replace(robot, **changes) if changes else robot
 
 
+def _idle_w(robot: Robot) -> float:
+    return robot.sensing_idle_w + robot.communication_w + robot.controller_w
+
+
+def _sample_j(robot: Robot) -> float:
+    return robot.sensing_j_per_sample + robot.computer_j_per_sample
+
+
 def _ancillary_changes(robot: Robot, idle_w: float, sample_j: float) -> dict[str, Any]:
-    """What that changes in the robot's file."""
-    idle = robot.sensing_idle_w + robot.communication_w + robot.controller_w
-    sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
-    if idle_w == idle and sample_j == sample:
+    """Fields of the robot's file, with their values, that another idle power and energy per sample change."""
+    file_idle_w = _idle_w(robot)
+    file_sample_j = _sample_j(robot)
+    if idle_w == file_idle_w and sample_j == file_sample_j:
         return {}
+    # Of a file without any, all is the controller's and the sensors'.
     changes: dict[str, Any] = {"controller_w": idle_w, "sensing_j_per_sample": sample_j}
-    if idle > 0.0:
-        changes |= {name: getattr(robot, name) * idle_w / idle for name in _IDLE_PARTS}
-    if sample > 0.0:
-        changes |= {name: getattr(robot, name) * sample_j / sample for name in _SAMPLE_PARTS}
+    if file_idle_w > 0.0:
+        changes |= {name: getattr(robot, name) * idle_w / file_idle_w for name in _IDLE_PARTS}
+    if file_sample_j > 0.0:
+        changes |= {name: getattr(robot, name) * sample_j / file_sample_j for name in _SAMPLE_PARTS}
     return changes
+
+
+class _Row(NamedTuple):
+    """Numbers of one component of theta."""
+
+    start: float
+    low: float
+    high: float
+    scale: float  # a plausible change
 
 
 def parameters(runs: Runs, robot: Robot) -> Parameters:
     """Groups, bounds and starting values for these runs and this robot."""
-    most = float(np.max(runs.observed))
-    top_speed = max(float(np.max(np.abs(runs.context["speed_mps"]))), 1e-3)
-    gamma = robot.traction_efficiency
-    known = runs.unit == "W" or robot.traction_n_per_a > 0.0
-    if not known:  # an arbitrary thrust per ampere: the groups do not depend on it
-        robot = dataclasses.replace(robot, traction_n_per_a=float(rolling_force(robot)) / max(most, 1e-9))
-    per = gamma if runs.unit == "W" else thrust_n_per_a(robot)
-    idle = (
-        robot.sensing_idle_w + robot.communication_w + robot.controller_w if runs.unit == "W" else robot.rest_current_a
-    )
-    sample = robot.sensing_j_per_sample + robot.computer_j_per_sample
-    fastest_hz = max(float(np.max(runs.sensing_hz, initial=0.0)), robot.max_sensing_hz)
-    # An unknown drag is bounded by ten times the largest recorded power.
-    most_force = most * (gamma / top_speed if runs.unit == "W" else per)
-    most_drag = thresholds.MOST_TIMES * robot.drag_ns2_per_m2 or 10.0 * most_force / top_speed**2
-    most = max(most, 2.0 * idle, 1e-6)
-    most_sample = max(most / fastest_hz, 2.0 * sample)
-    rolling, drag, mass = robot.rolling_resistance * robot.mass_kg, robot.drag_ns2_per_m2, robot.mass_kg
-    ancillary = [(idle, 0.0, most, idle or most / 10), (sample, 0.0, most_sample, sample or most_sample / 10)]
-    start, low, high, scale = np.array([
-        *(ancillary if runs.unit == "W" else ancillary[:1]),
-        (rolling, 1e-3 * rolling, mass, rolling),
-        (drag, 0.0, most_drag, drag or most_drag / 100),
-        (mass, mass / thresholds.MOST_TIMES, mass * thresholds.MOST_TIMES, mass),
-    ]).T  # fmt: skip
+    largest = float(np.max(runs.observed))
+    current_known = runs.unit == "W" or robot.traction_n_per_a > 0.0
+    if not current_known:
+        # An arbitrary thrust per ampere: the groups do not depend on it.
+        thrust = float(rolling_force(robot)) / max(largest, 1e-9)
+        robot = dataclasses.replace(robot, traction_n_per_a=thrust)
+    # Recordings show forces over the efficiency of the drive or over the thrust per ampere.
+    divisor = robot.traction_efficiency if runs.unit == "W" else thrust_n_per_a(robot)
     groups = GROUPS[runs.unit]
-    to_group = np.where([group.measured for group in groups], 1.0 / per, 1.0)
-    return Parameters(robot, groups, start, low, high, scale, to_group, known)
+    rows = [*_rows_at_rest(runs, robot), *_rows_of_motion(runs, robot)]
+    start, low, high, scale = np.array(rows).T
+    return Parameters(
+        nominal=robot,
+        groups=groups,
+        start=start,
+        low=low,
+        high=high,
+        scale=scale,
+        to_group=np.where([group.measured for group in groups], 1.0 / divisor, 1.0),
+        current_known=current_known,
+    )
+
+
+def _rows_at_rest(runs: Runs, robot: Robot) -> list[_Row]:
+    """Idle power, W, and energy per sample, J; of motor current the current at rest, A."""
+    idle = _idle_w(robot) if runs.unit == "W" else robot.rest_current_a
+    largest = max(float(np.max(runs.observed)), 2.0 * idle, 1e-6)
+    row_of_idle = _Row(start=idle, low=0.0, high=largest, scale=idle or largest / 10)
+    if runs.unit == "A":
+        return [row_of_idle]
+    sample_j = _sample_j(robot)
+    fastest_hz = max(float(np.max(runs.sensing_hz, initial=0.0)), robot.max_sensing_hz)
+    largest_j = max(largest / fastest_hz, 2.0 * sample_j)
+    return [row_of_idle, _Row(start=sample_j, low=0.0, high=largest_j, scale=sample_j or largest_j / 10)]
+
+
+def _rows_of_motion(runs: Runs, robot: Robot) -> list[_Row]:
+    """Rolling resistance C_rr m, kg, drag c, N s^2/m^2, and mass m, kg."""
+    mass_kg = robot.mass_kg
+    rolling_kg = robot.rolling_resistance * mass_kg
+    drag = robot.drag_ns2_per_m2
+    most_times = thresholds.MOST_TIMES
+    highest_drag = most_times * drag or _highest_unknown_drag(runs, robot)
+    return [
+        _Row(start=rolling_kg, low=1e-3 * rolling_kg, high=mass_kg, scale=rolling_kg),
+        _Row(start=drag, low=0.0, high=highest_drag, scale=drag or highest_drag / 100),
+        _Row(start=mass_kg, low=mass_kg / most_times, high=mass_kg * most_times, scale=mass_kg),
+    ]
+
+
+def _highest_unknown_drag(runs: Runs, robot: Robot) -> float:
+    """Drag, N s^2/m^2, that takes ten times the largest recorded power or current at the top speed."""
+    top_speed_mps = max(float(np.max(np.abs(runs.context["speed_mps"]))), 1e-3)
+    n_per_unit = robot.traction_efficiency / top_speed_mps if runs.unit == "W" else thrust_n_per_a(robot)
+    force_n = float(np.max(runs.observed)) * n_per_unit
+    return 10.0 * force_n / top_speed_mps**2
 
 
 def derivatives(

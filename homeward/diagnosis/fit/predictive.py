@@ -32,6 +32,8 @@ from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 from homeward.physics.effects import (
     EFFECTS,
+    Effect,
+    Parameter,
     air_temperature,
     cooler,
     heater,
@@ -56,17 +58,20 @@ _SWITCHES = {effect.id: effect.switch for effect in EFFECTS}
 
 _MOST_LOST = 0.6
 """Losses of the drive, a share: the largest that is tried. Chosen: a small brushed motor with a worm gear."""
-_STEPS, _HALVINGS = 15, 6  # most Gauss-Newton steps, and halvings of one that overshoots; chosen
+_MOST_STEPS = 15  # of Gauss-Newton; chosen
+_MOST_HALVINGS = 6  # of a step that overshoots; chosen
 _PRECISE = 1e-7  # of the sum that is minimised, relative: a fit ends; chosen
-_SMALL = 1e-4  # of a scale, for a derivative by a finite difference; chosen
-_HARDLY = 1e-3
+_SMALL_STEP = 1e-4  # of a scale, for a derivative by a finite difference; chosen
+_PENALTY_OF_FIRST_FIT = 1e-3
 """Lambda of the first fit, whose error is what drives leave unexplained: hardly any prior. Chosen."""
-_SURE = 1e-6
+_SMALLEST_SHARE = 1e-6
 """Least relative standard deviation of a measured number. Chosen: above rounding."""
 _PENALTIES = np.logspace(-1.0, 1.0, 7)
 """Lambdas that are tried, about 1: prior and minutes then count as stated. Chosen: half a decade apart or less."""
-_FEW_RUNS, _OF_FEW = 8, 0.3
-"""Drives below which their errors are too few to choose by, and lambda then. Chosen: the middle of 0.1 and 1."""
+_FEWEST_RUNS = 8
+"""Drives below which their errors are too few to choose lambda by. Chosen."""
+_PENALTY_OF_FEW = 0.3
+"""Lambda then. Chosen: the middle of 0.1 and 1."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ class Scales:
 
 
 SCALES = Scales()
-_FACTOR = 1.0  # of inertia over mass: Newton's second law without rotating parts
+_MASS_FACTOR = 1.0  # of inertia over mass: Newton's second law without rotating parts
 _ROLLING_PER_K = 0.0086  # UN GTR 15, Annex 4
 _SET_POINTS_C = {heater.EFFECT: 18.0, cooler.EFFECT: 24.0}  # of degree days, as above
 
@@ -130,9 +135,21 @@ def entries(runs: Runs, robot: Robot, named: Robot, scales: Scales = SCALES) -> 
         named: The same with named effects: further numbers, which may be as large as found.
         scales: Standard deviations of the priors.
     """
-    problem = parameters(runs, robot)
     mean = float(np.average(np.abs(runs.observed), weights=runs.duration_s))
-    wide = {
+    numbers = _groups(runs, robot, mean, scales)
+    numbers += _inertia_and_losses(runs, robot, scales)
+    numbers += _effects_of_the_way(runs, robot, scales)
+    numbers += _climate(runs, robot, mean, scales)
+    numbers += _viscous(robot)
+    names = {entry.name for entry in numbers}
+    numbers += [entry for entry in _named_effects(robot, named) if entry.name not in names]
+    return tuple(numbers)
+
+
+def _groups(runs: Runs, robot: Robot, mean: float, scales: Scales) -> list[Entry]:
+    """The identifiable groups; `mean` is the mean power, W, or motor current, A."""
+    problem = parameters(runs, robot)
+    deviations = {
         "idle_power": scales.idle_of_power * mean,
         "rest_current": mean,  # hardly any file states it
         "rolling": scales.rolling_times * problem.scale[ROLLING],
@@ -141,27 +158,23 @@ def entries(runs: Runs, robot: Robot, named: Robot, scales: Scales = SCALES) -> 
     }
     values = {group.name: float(problem.start[index]) for index, group in enumerate(problem.groups)}
     for name, measured in _measured(runs, robot, scales, values).items():
-        wide[name] = min(wide.get(name, measured), measured)
-    found = []
+        deviations[name] = min(deviations.get(name, measured), measured)
+    numbers = []
     for index, group in enumerate(problem.groups):
-        per = float(problem.to_group[index])
-        low, high = float(problem.low[index]), float(problem.high[index])
         if group.name == "sample_energy" and not np.ptp(runs.sensing_hz):
-            continue
-        scale = wide.get(group.name, float(problem.scale[index]))
-        found.append(
-            Entry(group.name, group.unit, per * float(problem.start[index]), per * scale, per * low, per * high)
+            continue  # at one sensing rate it is a part of the idle power
+        to_group = float(problem.to_group[index])
+        numbers.append(
+            Entry(
+                name=group.name,
+                unit=group.unit,
+                centre=to_group * float(problem.start[index]),
+                scale=to_group * deviations.get(group.name, float(problem.scale[index])),
+                low=to_group * float(problem.low[index]),
+                high=to_group * float(problem.high[index]),
+            )
         )
-    found += _of_effects(runs, robot, mean, float(problem.to_group[MASS]), scales)
-    found += _of_viscous(robot)
-    known = {entry.name for entry in found}
-    for effect, numbers in named.effects.items():
-        switch = _SWITCHES[effect]
-        name = f"{effect}.{switch.name}"
-        size = numbers.get(switch.name, 0.0)
-        if name not in known and size and numbers != robot.effects.get(effect):
-            found.append(Entry(name, switch.unit, size, abs(size), switch.low, switch.high))
-    return tuple(found)
+    return numbers
 
 
 def _measured(runs: Runs, robot: Robot, scales: Scales, values: Mapping[str, float]) -> dict[str, float]:
@@ -170,99 +183,138 @@ def _measured(runs: Runs, robot: Robot, scales: Scales, values: Mapping[str, flo
     Recordings of power show the same over the drive's efficiency, which the test does not know: the drive's losses are
     as uncertain as without it. Recordings of motor current show it over the thrust per ampere of the file.
     """
-    losses = scales.losses / robot.traction_efficiency if runs.unit == "W" else 0.0
     if runs.unit == "A" and robot.traction_n_per_a == 0.0:
         return {}
-    measured = {name: _measured_share(robot, name) for name in values}
-    return {
-        name: values[name] * float(np.hypot(share, losses)) for name, share in measured.items() if share is not None
-    }
+    share_of_losses = scales.losses / robot.traction_efficiency if runs.unit == "W" else 0.0
+    measured = {}
+    for name, value in values.items():
+        share = _measured_share(robot, name)
+        if share is not None:
+            measured[name] = value * float(np.hypot(share, share_of_losses))
+    return measured
 
 
 def _measured_share(robot: Robot, name: str) -> float | None:
     """Relative standard deviation of a force or mass that was measured; None if it was not."""
-    given = robot.uncertainty
-    variance = given.variance(name) if given is not None and given.of == "force" else None
-    return None if variance is None else max(float(np.sqrt(variance)), _SURE)
+    if robot.uncertainty is None or robot.uncertainty.of != "force":
+        return None
+    variance = robot.uncertainty.variance(name)
+    if variance is None:
+        return None
+    return max(float(np.sqrt(variance)), _SMALLEST_SHARE)
 
 
-def _of_viscous(robot: Robot) -> list[Entry]:
-    """Friction that grows with speed, where a coast-down test measured it."""
-    switch = viscous.EFFECT.switch
-    name = f"{viscous.EFFECT.id}.{switch.name}"
-    size = robot.effects.get(viscous.EFFECT.id, {}).get(switch.name, 0.0)
-    share = _measured_share(robot, name)
-    if share is None or size == 0.0:
-        return []
-    return [Entry(name, switch.unit, size, share * size, switch.low, switch.high)]
+def _in_file(robot: Robot, effect: Effect, parameter: Parameter, otherwise: float) -> float:
+    """Value of an effect's parameter in the robot's file, or another where the file does not have it."""
+    return robot.effects.get(effect.id, {}).get(parameter.name, otherwise)
 
 
-def _of_effects(runs: Runs, robot: Robot, mean: float, per: float, scales: Scales) -> list[Entry]:
-    """Effects that most robots have, whether or not a drive proves them."""
+def _entry(effect: Effect, parameter: Parameter, centre: float, scale: float) -> Entry:
+    """The entry of an effect's parameter, within its bounds."""
+    name = f"{effect.id}.{parameter.name}"
+    return Entry(name, parameter.unit, centre, scale, low=parameter.low, high=parameter.high)
 
-    def given(effect: str, number: str, otherwise: float) -> float:
-        return robot.effects.get(effect, {}).get(number, otherwise)
 
-    mass_kg = per * robot.mass_kg
+def _inertia_and_losses(runs: Runs, robot: Robot, scales: Scales) -> list[Entry]:
+    """Inertia and, of power, the share that the drive loses and the share that braking gives back."""
+    to_group = float(parameters(runs, robot).to_group[MASS])
+    mass_kg = to_group * robot.mass_kg
     factor = inertia.EFFECT.switch
-    found = [
+    numbers = [
         Entry(
-            INERTIA, "kg", mass_kg * given(inertia.EFFECT.id, factor.name, _FACTOR), scales.inertia_times * mass_kg,
-            0.0, factor.high * thresholds.MOST_TIMES * mass_kg,
+            name=INERTIA,
+            unit="kg",
+            centre=mass_kg * _in_file(robot, inertia.EFFECT, factor, _MASS_FACTOR),
+            scale=scales.inertia_times * mass_kg,
+            low=0.0,
+            high=factor.high * thresholds.MOST_TIMES * mass_kg,
         )
-    ]  # fmt: skip
+    ]
     if runs.unit == "W":
         share = regeneration.EFFECT.switch
-        centre = given(regeneration.EFFECT.id, share.name, 0.0)
-        found.append(Entry(REGENERATION, share.unit, centre, scales.regeneration, share.low, share.high))
+        recovered = _in_file(robot, regeneration.EFFECT, share, 0.0)
+        numbers.append(_entry(regeneration.EFFECT, share, recovered, scales.regeneration))
         losses = robot.motor_loss + robot.friction_loss
-        found.append(Entry(LOSSES, "1", losses, scales.losses, 0.0, max(_MOST_LOST, losses)))
+        numbers.append(Entry(LOSSES, "1", losses, scales.losses, low=0.0, high=max(_MOST_LOST, losses)))
+    return numbers
+
+
+def _effects_of_the_way(runs: Runs, robot: Robot, scales: Scales) -> list[Entry]:
+    """Turning and the temperature of the tyres, which most robots have, whether or not a drive proves them."""
+    numbers = []
     if runs.has("yaw_rate_radps") and robot.track_m > 0.0:
         scrub = turning.EFFECT.switch
-        centre = given(turning.EFFECT.id, scrub.name, 0.0)
-        found.append(Entry(TURNING, scrub.unit, centre, scales.turning, 0.0, scrub.high))
+        centre = _in_file(robot, turning.EFFECT, scrub, 0.0)
+        numbers.append(Entry(TURNING, scrub.unit, centre, scales.turning, low=0.0, high=scrub.high))
     if runs.has("temperature_c"):
-        tyres = air_temperature.EFFECT.switch
-        centre = given(air_temperature.EFFECT.id, tyres.name, _ROLLING_PER_K)
-        found.append(Entry(ROLLING_PER_K, tyres.unit, centre, scales.rolling_per_k, tyres.low, tyres.high))
+        per_k = air_temperature.EFFECT.switch
+        centre = _in_file(robot, air_temperature.EFFECT, per_k, _ROLLING_PER_K)
+        numbers.append(_entry(air_temperature.EFFECT, per_k, centre, scales.rolling_per_k))
+    return numbers
+
+
+def _climate(runs: Runs, robot: Robot, mean_w: float, scales: Scales) -> list[Entry]:
+    """A heater and a cooler: power per kelvin and set point of each."""
+    if runs.unit == "A" or not runs.has("temperature_c"):
+        return []
     # In one temperature a heater, a cooler and idle power are the same.
-    if runs.unit == "W" and runs.has("temperature_c") and np.ptp(runs.context["temperature_c"]) > scales.set_point_k:
-        for effect, set_point_c in _SET_POINTS_C.items():
-            size, limit = effect.parameters
-            centre = given(effect.id, size.name, 0.0)
-            wide = scales.climate_of_power * mean
-            found.append(Entry(f"{effect.id}.{size.name}", size.unit, centre, wide, size.low, size.high))
-            centre = given(effect.id, limit.name, set_point_c)
-            found.append(
-                Entry(f"{effect.id}.{limit.name}", limit.unit, centre, scales.set_point_k, limit.low, limit.high)
-            )
-    return found
+    if np.ptp(runs.context["temperature_c"]) <= scales.set_point_k:
+        return []
+    numbers = []
+    for effect, set_point_c in _SET_POINTS_C.items():
+        per_k, limit = effect.parameters
+        centre_w = _in_file(robot, effect, per_k, 0.0)
+        numbers.append(_entry(effect, per_k, centre_w, scales.climate_of_power * mean_w))
+        centre_c = _in_file(robot, effect, limit, set_point_c)
+        numbers.append(_entry(effect, limit, centre_c, scales.set_point_k))
+    return numbers
+
+
+def _viscous(robot: Robot) -> list[Entry]:
+    """Friction that grows with speed, where a coast-down test measured it."""
+    effect = viscous.EFFECT
+    size = _in_file(robot, effect, effect.switch, 0.0)
+    share = _measured_share(robot, f"{effect.id}.{effect.switch.name}")
+    if share is None or size == 0.0:
+        return []
+    return [_entry(effect, effect.switch, centre=size, scale=share * size)]
+
+
+def _named_effects(robot: Robot, named: Robot) -> list[Entry]:
+    """Sizes of the effects that were named; they may be as large as found."""
+    numbers = []
+    for effect, values in named.effects.items():
+        switch = _SWITCHES[effect]
+        size = values.get(switch.name, 0.0)
+        if size != 0.0 and values != robot.effects.get(effect):
+            name = f"{effect}.{switch.name}"
+            numbers.append(Entry(name, switch.unit, centre=size, scale=abs(size), low=switch.low, high=switch.high))
+    return numbers
 
 
 def robot_of(robot: Robot, numbers: Mapping[str, float]) -> Robot:
     """A robot with these numbers, by the names of entries."""
     if LOSSES in numbers:
-        before = robot.motor_loss + robot.friction_loss
-        motor = robot.motor_loss / before if before else 1.0
-        lost = numbers[LOSSES]
-        robot = dataclasses.replace(robot, motor_loss=motor * lost, friction_loss=(1.0 - motor) * lost)
-    gamma = robot.traction_efficiency if LOSSES in numbers else thrust_n_per_a(robot)
-    mass_kg = gamma * numbers["mass"]
-    accelerated_kg = gamma * numbers[INERTIA]
+        robot = _with_losses(robot, numbers[LOSSES])
+        divisor = robot.traction_efficiency
+    else:
+        divisor = thrust_n_per_a(robot)
+    mass_kg = divisor * numbers["mass"]
+    accelerated_kg = divisor * numbers[INERTIA]
     factor = inertia.EFFECT.switch
     effects: dict[str, dict[str, float]] = {
         inertia.EFFECT.id: {factor.name: min(accelerated_kg / mass_kg, factor.high)}
     }
     for name, value in numbers.items():
-        effect, _, number = name.partition(".")
-        if number and name != INERTIA:
-            own = effects.setdefault(effect, dict(robot.effects.get(effect, {})))
-            own[number] = value
+        effect, _, parameter = name.partition(".")
+        if parameter and name != INERTIA:
+            values = effects.setdefault(effect, dict(robot.effects.get(effect, {})))
+            values[parameter] = value
     robot = dataclasses.replace(
         with_effects_of(robot, effects),
         mass_kg=mass_kg,
-        rolling_resistance=float(np.clip(gamma * numbers["rolling"] / mass_kg, 1e-9, 1.0)),
-        drag_ns2_per_m2=gamma * numbers["drag"],
+        rolling_resistance=float(np.clip(divisor * numbers["rolling"] / mass_kg, 1e-9, 1.0)),
+        drag_ns2_per_m2=divisor * numbers["drag"],
     )
     if "rest_current" in numbers:
         robot = dataclasses.replace(robot, rest_current_a=numbers["rest_current"])
@@ -270,6 +322,15 @@ def robot_of(robot: Robot, numbers: Mapping[str, float]) -> Robot:
         sample_j = robot.sensing_j_per_sample + robot.computer_j_per_sample
         robot = with_ancillary(robot, numbers["idle_power"], numbers.get("sample_energy", sample_j))
     return robot
+
+
+def _with_losses(robot: Robot, losses: float) -> Robot:
+    """The robot with another share of losses, divided between motor and friction as in its file."""
+    file_losses = robot.motor_loss + robot.friction_loss
+    share_of_motor = 1.0
+    if file_losses != 0.0:
+        share_of_motor = robot.motor_loss / file_losses
+    return dataclasses.replace(robot, motor_loss=share_of_motor * losses, friction_loss=(1.0 - share_of_motor) * losses)
 
 
 @dataclass(frozen=True)
@@ -287,7 +348,8 @@ class Predictive:
     @property
     def numbers(self) -> dict[str, float]:
         """The fitted numbers, by name."""
-        return dict(zip((entry.name for entry in self.entries), self.values.tolist(), strict=True))
+        names = [entry.name for entry in self.entries]
+        return dict(zip(names, self.values.tolist(), strict=True))
 
     @property
     def changed(self) -> Robot:
@@ -304,10 +366,12 @@ class Predictive:
         residual = runs.observed - self.predicted
         sums = _sums(self.jacobian, residual, runs.duration_s)
         weight = sums.minutes / sums.squared
-        scores = weight * per_block(self.jacobian * (residual * runs.duration_s)[:, None], block)
+        weighted_residual = residual * runs.duration_s
+        scores = weight * per_block(self.jacobian * weighted_residual[:, None], block)
         prior = self.penalty * np.eye(len(scale))
         bread = np.linalg.inv(weight * sums.gram + prior)
-        return np.asarray(bread @ (scores.T @ scores + prior) @ bread * np.outer(scale, scale))
+        meat = scores.T @ scores + prior
+        return np.asarray(bread @ meat @ bread * np.outer(scale, scale))
 
     def fitted_to(self, chosen: Mask, runs: Runs) -> Predictive:
         """The same fitted to the chosen windows only, linearised at this fit."""
@@ -328,44 +392,57 @@ class _Sums:
     minutes: float
 
     def without(self, part: _Sums) -> _Sums:
+        """The sums over the other windows."""
         return _Sums(
-            self.gram - part.gram, self.moment - part.moment, self.squared - part.squared, self.minutes - part.minutes
+            gram=self.gram - part.gram,
+            moment=self.moment - part.moment,
+            squared=self.squared - part.squared,
+            minutes=self.minutes - part.minutes,
         )
 
     def error(self, step: Array) -> float:
         """Squared error of these windows after a step of z."""
-        return float(self.squared - 2.0 * step @ self.moment + step @ self.gram @ step)
+        linear = 2.0 * step @ self.moment
+        quadratic = step @ self.gram @ step
+        return float(self.squared - linear + quadratic)
 
 
 def _sums(jacobian: Array, residual: Array, duration_s: Array) -> _Sums:
     weighted = jacobian * duration_s[:, None]
     return _Sums(
-        weighted.T @ jacobian, weighted.T @ residual, float(duration_s @ residual**2), float(duration_s.sum() / 60.0)
+        gram=weighted.T @ jacobian,
+        moment=weighted.T @ residual,
+        squared=float(duration_s @ residual**2),
+        minutes=_minutes(duration_s),
     )
 
 
-def _minutes(runs: Runs) -> float:
-    return float(runs.duration_s.sum() / 60.0)
+def _minutes(duration_s: Array) -> float:
+    return float(duration_s.sum() / 60.0)
 
 
 def _step(fit: Predictive, sums: _Sums, total: float, penalty: float) -> Array:
     """Step of z that minimises the linearised sum within bounds, shape (entries,)."""
-    centre, scale, low, high = (
-        np.array([getattr(entry, name) for entry in fit.entries]) for name in ("centre", "scale", "low", "high")
+    centre = np.array([entry.centre for entry in fit.entries])
+    scale = np.array([entry.scale for entry in fit.entries])
+    low = np.array([entry.low for entry in fit.entries])
+    high = np.array([entry.high for entry in fit.entries])
+    z = (fit.values - centre) / scale
+    prior_weight = penalty / sums.minutes
+    return bounded(
+        gram=sums.gram / total + prior_weight * np.eye(len(scale)),
+        moment=sums.moment / total - prior_weight * z,
+        low=(low - fit.values) / scale - 1e-12,
+        high=(high - fit.values) / scale + 1e-12,
     )
-    about = (fit.values - centre) / scale
-    weight = penalty / sums.minutes
-    gram = sums.gram / total + weight * np.eye(len(scale))
-    moment = sums.moment / total - weight * about
-    return bounded(gram, moment, (low - fit.values) / scale - 1e-12, (high - fit.values) / scale + 1e-12)
 
 
 def _moved(fit: Predictive, sums: _Sums, total: float, penalty: float, share: float = 1.0) -> Array:
-    """Values after a share of the step, within their bounds."""
-    moved = [
-        float(np.clip(value + share * step * entry.scale, entry.low, entry.high))
-        for value, step, entry in zip(fit.values, _step(fit, sums, total, penalty), fit.entries, strict=True)
-    ]
+    """Values after a share of the step, within their bounds, shape (entries,)."""
+    steps = _step(fit, sums, total, penalty)
+    moved = []
+    for value, step, entry in zip(fit.values, steps, fit.entries, strict=True):
+        moved.append(float(np.clip(value + share * step * entry.scale, entry.low, entry.high)))
     return np.array(moved)
 
 
@@ -384,13 +461,21 @@ def fit_predictive(
     """
     numbers = entries(runs, robot, named, scales)
     start = np.array([float(np.clip(entry.centre, entry.low, entry.high)) for entry in numbers])
-    empty = np.zeros((len(runs.observed), len(numbers)))
-    fit = Predictive(named, numbers, start, np.zeros(len(empty)), empty, 1.0, _HARDLY)
+    windows = len(runs.observed)
+    fit = Predictive(
+        robot=named,
+        entries=numbers,
+        values=start,
+        predicted=np.zeros(windows),  # replayed below
+        jacobian=np.zeros((windows, len(numbers))),
+        total=1.0,
+        penalty=_PENALTY_OF_FIRST_FIT,
+    )
     fit = dataclasses.replace(fit, predicted=_replayed(fit, start, replay))
     fit = dataclasses.replace(fit, total=_squared(fit, runs))
     fit = _descended(fit, runs, replay)
-    fit = dataclasses.replace(fit, total=_squared(fit, runs), penalty=_OF_FEW)
-    if len(runs.signals) >= _FEW_RUNS:
+    fit = dataclasses.replace(fit, total=_squared(fit, runs), penalty=_PENALTY_OF_FEW)
+    if len(runs.signals) >= _FEWEST_RUNS:
         fit = dataclasses.replace(fit, penalty=_best_penalty(fit, runs, fold))
     return _descended(fit, runs, replay)
 
@@ -398,37 +483,48 @@ def fit_predictive(
 def _best_penalty(fit: Predictive, runs: Runs, fold: Index) -> float:
     """The lambda whose linearised fits predict windows best that are held out."""
     residual = runs.observed - fit.predicted
-    of_fold = [
-        _sums(fit.jacobian, residual, np.where(fold == number, runs.duration_s, 0.0)) for number in np.unique(fold)
-    ]
-    everything = _sums(fit.jacobian, residual, runs.duration_s)
+    tests = []
+    for number in np.unique(fold):
+        duration_s = np.where(fold == number, runs.duration_s, 0.0)
+        tests.append(_sums(fit.jacobian, residual, duration_s))
+    sums_of_all = _sums(fit.jacobian, residual, runs.duration_s)
 
     def held_out_error(penalty: float) -> float:
-        left = [everything.without(part) for part in of_fold]
-        steps = [_step(fit, sums, sums.squared, penalty) for sums in left]
-        return float(sum(part.error(step) for part, step in zip(of_fold, steps, strict=True)))
+        error = 0.0
+        for test in tests:
+            training = sums_of_all.without(test)
+            error += test.error(_step(fit, training, training.squared, penalty))
+        return error
 
     return float(min(_PENALTIES.tolist(), key=held_out_error))
 
 
 def _descended(fit: Predictive, runs: Runs, replay: Replay) -> Predictive:
     """The fit after Gauss-Newton steps through the replay, until the sum no longer falls."""
-    least = _objective(fit, runs)
-    for _ in range(_STEPS):
+    error = _objective(fit, runs)
+    for _ in range(_MOST_STEPS):
         fit = dataclasses.replace(fit, jacobian=_derivatives(fit, replay))
-        sums = _sums(fit.jacobian, runs.observed - fit.predicted, runs.duration_s)
-        share, before = 1.0, least
-        for _ in range(_HALVINGS):
-            values = _moved(fit, sums, fit.total, fit.penalty, share)
-            tried = dataclasses.replace(fit, values=values, predicted=_replayed(fit, values, replay))
-            error = _objective(tried, runs)
-            if error < least:
-                fit, least = tried, error
-                break
-            share /= 2.0
-        if before - least <= _PRECISE * before:
+        stepped = _stepped(fit, runs, replay)
+        error_before = error
+        error = _objective(stepped, runs)
+        fit = stepped
+        if error_before - error <= _PRECISE * error_before:
             break
     return dataclasses.replace(fit, jacobian=_derivatives(fit, replay))
+
+
+def _stepped(fit: Predictive, runs: Runs, replay: Replay) -> Predictive:
+    """The fit after a step, halved until it lowers the sum; the same fit where none does."""
+    error = _objective(fit, runs)
+    sums = _sums(fit.jacobian, runs.observed - fit.predicted, runs.duration_s)
+    share = 1.0
+    for _ in range(_MOST_HALVINGS):
+        values = _moved(fit, sums, fit.total, fit.penalty, share)
+        stepped = dataclasses.replace(fit, values=values, predicted=_replayed(fit, values, replay))
+        if _objective(stepped, runs) < error:
+            return stepped
+        share /= 2.0
+    return fit
 
 
 def _squared(fit: Predictive, runs: Runs) -> float:
@@ -436,11 +532,14 @@ def _squared(fit: Predictive, runs: Runs) -> float:
 
 
 def _objective(fit: Predictive, runs: Runs) -> float:
-    away = [(value - entry.centre) / entry.scale for value, entry in zip(fit.values, fit.entries, strict=True)]
-    return _squared(fit, runs) / fit.total + fit.penalty / _minutes(runs) * float(np.sum(np.square(away)))
+    """The sum that is minimised: squared error over S0 and the penalty of z."""
+    z = [(value - entry.centre) / entry.scale for value, entry in zip(fit.values, fit.entries, strict=True)]
+    penalty = fit.penalty / _minutes(runs.duration_s) * float(np.sum(np.square(z)))
+    return _squared(fit, runs) / fit.total + penalty
 
 
 def _replayed(fit: Predictive, values: Array, replay: Replay) -> Array:
+    """Prediction by the fit with other values, shape (windows,)."""
     return replay(dataclasses.replace(fit, values=values).changed)
 
 
@@ -448,7 +547,7 @@ def _derivatives(fit: Predictive, replay: Replay) -> Array:
     """Derivative of the prediction per unit of z by finite differences, shape (windows, entries)."""
     columns = []
     for index, entry in enumerate(fit.entries):
-        step = _SMALL * entry.scale
+        step = _SMALL_STEP * entry.scale
         if fit.values[index] + step > entry.high:
             step = -step
         moved = fit.values.copy()

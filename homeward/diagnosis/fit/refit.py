@@ -75,13 +75,16 @@ class Refit:
     @property
     def at_bound(self) -> Mask:
         """Groups at a physical bound, shape (groups,); a power or drag of zero is a regular value."""
-        low, high, margin = self.parameters.low, self.parameters.high, 1e-9 * self.parameters.scale
-        return np.asarray((self.theta >= high - margin) | ((self.theta <= low + margin) & (low > 0.0)))
+        margin = 1e-9 * self.parameters.scale
+        at_high = self.theta >= self.parameters.high - margin
+        at_low = (self.theta <= self.parameters.low + margin) & (self.parameters.low > 0.0)
+        return np.asarray(at_high | at_low)
 
     def freedom(self) -> tuple[Array, Array]:
         """Least and largest physical step from theta, in units of `scale`, each of shape (groups,)."""
-        low, high = ((end - self.theta) / self.parameters.scale for end in (self.parameters.low, self.parameters.high))
-        return low - 1e-12, high + 1e-12
+        down = (self.parameters.low - self.theta) / self.parameters.scale
+        up = (self.parameters.high - self.theta) / self.parameters.scale
+        return down - 1e-12, up + 1e-12  # a solver needs some room between them
 
     def moved(self, step: Array) -> Array:
         """Theta after a step in units of `scale`, within its bounds; groups that are held keep theirs to the digit."""
@@ -92,10 +95,11 @@ class Refit:
         """Least-squares step of theta in units of `scale`, shape (groups,), within the bounds, for these windows."""
         # QR reduces the problem to a few rows, whatever the length of the recording.
         triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
-        weak = _WEAK_PRIOR * max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
-        start = (self.parameters.start - self.theta) / self.parameters.scale
-        matrix = np.vstack([triangle[:, :-1], weak * np.eye(len(start))])
-        target = np.concatenate([triangle[:, -1], weak * start])
+        largest_norm = max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
+        prior_weight = _WEAK_PRIOR * largest_norm
+        step_to_start = (self.parameters.start - self.theta) / self.parameters.scale
+        matrix = np.vstack([triangle[:, :-1], prior_weight * np.eye(len(step_to_start))])
+        target = np.concatenate([triangle[:, -1], prior_weight * step_to_start])
         return np.asarray(lsq_linear(matrix, target, self.freedom(), method="bvls").x)
 
     def fitted_to(self, chosen: Mask, observed: Array) -> Refit:
@@ -124,56 +128,83 @@ def holding(fit: Refit, runs: Runs, held: Mask) -> Refit:
 
 
 def _fit(problem: Parameters, runs: Runs, held: Mask) -> Refit:
-    theta = np.clip(problem.start, problem.low, problem.high)
-    best, least = None, np.inf
-    for _ in range(_ITERATIONS):
+    """Gauss-Newton steps until the error no longer falls; groups that are held, shape (groups,), keep their values."""
+
+    def linearised(theta: Array) -> Refit:
         predicted = problem.predict(runs, theta)
         columns = derivatives(problem, theta, predicted, lambda moved: problem.predict(runs, moved), held)
-        jacobian = np.column_stack(columns)
-        residual = runs.observed - predicted
-        error = float(residual @ residual)
-        if best is not None and error >= least * (1.0 - 1e-10):
+        return Refit(problem, theta, predicted, jacobian=np.column_stack(columns), held=held)
+
+    fit = linearised(np.clip(problem.start, problem.low, problem.high))
+    residual = runs.observed - fit.predicted
+    for _ in range(_ITERATIONS - 1):
+        stepped = linearised(fit.moved(fit.step(fit.jacobian, residual)))
+        residual_after = runs.observed - stepped.predicted
+        if float(residual_after @ residual_after) >= float(residual @ residual) * (1.0 - 1e-10):
             break
-        best, least = Refit(problem, theta, predicted, jacobian, held), error
-        theta = best.moved(best.step(jacobian, residual))
-    assert best is not None
-    return best
+        fit = stepped
+        residual = residual_after
+    return fit
 
 
 def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
     """Value and interval of each group, or why there is none; blocks, shape (windows,), count as independent."""
-    fit, beside = model.groups, model.beside
-    problem, jacobian = fit.parameters, fit.jacobian
-    moving = excited(fit, runs)
-    errors = np.full(len(problem.groups), np.inf)
-    columns = np.column_stack([jacobian[:, moving], beside])
-    errors[moving] = standard_errors(columns, runs.observed - fit.predicted, block)[: int(moving.sum())]
-    errors *= problem.scale
-    degrees_of_freedom = max(int(block.max()) + 1 - int(moving.sum()), 1)
-    errors = np.hypot(errors, thresholds.GAIN_ERROR * np.abs(fit.theta))
-    errors[ROLLING] = np.hypot(errors[ROLLING], runs.tilt_error_rad * abs(fit.theta[MASS]))
-    widths = float(student.ppf(0.975, degrees_of_freedom)) * errors
-    wide = float(student.ppf(1.0 - 0.025 / len(problem.groups), degrees_of_freedom)) * errors
+    problem = model.groups.parameters
+    is_excited = excited(model.groups, runs)
+    errors = _errors(model, runs, block, is_excited)
+    degrees_of_freedom = max(int(block.max()) + 1 - int(is_excited.sum()), 1)
+    # One interval covers with 95 %; all together, by which groups are off, at Bonferroni's level.
+    quantile = float(student.ppf(0.975, degrees_of_freedom))
+    quantile_of_all = float(student.ppf(1.0 - 0.025 / len(problem.groups), degrees_of_freedom))
     result = []
-    for j, group in enumerate(problem.groups):
-        assumed = problem.start[j] * problem.to_group[j]
-        known = assumed if runs.unit == "W" or (problem.current_known and group.name != "rest_current") else None
-        status, mixed = _status(fit, j, moving)
-        fitted, width = fit.theta[j] * problem.to_group[j], widths[j] * problem.to_group[j]
-        if status == "fitted" and (
-            width > max(abs(assumed), abs(fitted))
-            or reliability(_RESTS_ON.get(group.name, ""), runs) < thresholds.NEARLY_ALL
-        ):
-            status = "too uncertain"
-        elif status == "fitted" and fit.at_bound[j]:
-            status = "at bound"
-        if status != "fitted":
-            result.append(Estimate(group, known, None, None, status, mixed_with=mixed))
-            continue
-        interval = (max(float(fitted - width), 0.0), float(fitted + width))
-        off = known is not None and abs(fitted - known) > wide[j] * problem.to_group[j]
-        result.append(Estimate(group, known, float(fitted), interval, "fitted", off=bool(off)))
+    for number in range(len(problem.groups)):
+        to_group = problem.to_group[number]
+        width = quantile * errors[number] * to_group
+        width_of_all = quantile_of_all * errors[number] * to_group
+        result.append(_estimate(model.groups, runs, number, is_excited, width, width_of_all))
     return result
+
+
+def _errors(model: Fitted, runs: Runs, block: Index, is_excited: Mask) -> Array:
+    """Standard errors of theta, shape (groups,), with those of the instruments; infinite where it is not excited."""
+    fit = model.groups
+    columns = np.column_stack([fit.jacobian[:, is_excited], model.beside])
+    of_columns = standard_errors(columns, runs.observed - fit.predicted, block)
+    errors = np.full(len(fit.theta), np.inf)
+    errors[is_excited] = of_columns[: int(is_excited.sum())]
+    errors *= fit.parameters.scale
+    errors = np.hypot(errors, thresholds.GAIN_ERROR * np.abs(fit.theta))
+    # A tilt of the slope sensor acts as rolling resistance does.
+    errors[ROLLING] = np.hypot(errors[ROLLING], runs.tilt_error_rad * abs(fit.theta[MASS]))
+    return np.asarray(errors)
+
+
+def _estimate(fit: Refit, runs: Runs, number: int, is_excited: Mask, width: float, width_of_all: float) -> Estimate:
+    """Estimate of one group with an interval of this half width; `width_of_all` is that by which it counts as off."""
+    problem = fit.parameters
+    group = problem.groups[number]
+    start = problem.start[number] * problem.to_group[number]
+    fitted = fit.theta[number] * problem.to_group[number]
+    in_file = runs.unit == "W" or (problem.current_known and group.name != "rest_current")
+    assumed = start if in_file else None
+    status, mixed_with = _status(fit, number, is_excited)
+    if status == "fitted":
+        rests_on = _RESTS_ON.get(group.name, "")
+        if width > max(abs(start), abs(fitted)) or reliability(rests_on, runs) < thresholds.NEARLY_ALL:
+            status = "too uncertain"
+        elif fit.at_bound[number]:
+            status = "at bound"
+    if status != "fitted":
+        return Estimate(group, assumed, fitted=None, ci95=None, status=status, mixed_with=mixed_with)
+    is_off = assumed is not None and abs(fitted - assumed) > width_of_all
+    return Estimate(
+        group=group,
+        assumed=assumed,
+        fitted=float(fitted),
+        ci95=(max(float(fitted - width), 0.0), float(fitted + width)),
+        status="fitted",
+        off=bool(is_off),
+    )
 
 
 def _status(fit: Refit, number: int, excited: Mask) -> tuple[Status, tuple[str, ...]]:
@@ -181,16 +212,16 @@ def _status(fit: Refit, number: int, excited: Mask) -> tuple[Status, tuple[str, 
     if not excited[number]:
         return "not excited", ()
     column = fit.jacobian[:, number]
-    others = np.flatnonzero(excited & (np.arange(len(excited)) != number))
-    if not len(others):
+    rivals = np.flatnonzero(excited & (np.arange(len(excited)) != number))
+    if not len(rivals):
         return "fitted", ()
-    beside = fit.jacobian[:, others]
-    weights = np.linalg.lstsq(beside, column, rcond=None)[0]
-    own_part = column - beside @ weights
-    if own_part @ own_part >= thresholds.COLLINEAR * (column @ column):
+    columns = fit.jacobian[:, rivals]
+    weights = np.linalg.lstsq(columns, column, rcond=None)[0]
+    unexplained = column - columns @ weights
+    if unexplained @ unexplained >= thresholds.COLLINEAR * (column @ column):
         return "fitted", ()
-    projection = np.abs(weights) * np.linalg.norm(beside, axis=0)
-    largest = others[projection >= thresholds.HALF * projection.max()]
+    projections = np.abs(weights) * np.linalg.norm(columns, axis=0)
+    largest = rivals[projections >= thresholds.HALF * projections.max()]
     return "confounded", tuple(fit.parameters.groups[index].symbol for index in largest)
 
 
@@ -201,10 +232,12 @@ def standard_errors(jacobian: Array, residual: Array, block: Index) -> Array:
 
 def covariance(jacobian: Array, residual: Array, block: Index) -> Array:
     """Covariance, (parameters, parameters), by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
-    count, blocks = jacobian.shape[1], int(block.max()) + 1
-    if count == 0:
+    windows, columns = jacobian.shape
+    if columns == 0:
         return np.zeros((0, 0))
     bread = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
-    scores, n = per_block(jacobian * residual[:, None], block), len(residual)
-    small_sample = blocks / max(blocks - 1, 1) * (n - 1) / max(n - count, 1)
-    return np.asarray(small_sample * bread @ (scores.T @ scores) @ bread)
+    scores = per_block(jacobian * residual[:, None], block)
+    meat = scores.T @ scores
+    blocks = len(scores)
+    small_sample = blocks / max(blocks - 1, 1) * (windows - 1) / max(windows - columns, 1)
+    return np.asarray(small_sample * bread @ meat @ bread)

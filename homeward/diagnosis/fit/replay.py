@@ -1,7 +1,7 @@
 """What a robot file predicts for recorded runs: their motion replayed through the physics, averaged over windows."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,7 +35,10 @@ class Runs:
 
     def has(self, name: str) -> bool:
         """Whether every run has a channel."""
-        return bool(np.bincount(self.run, np.isfinite(self.context.get(name, np.nan * self.time_s))).all())
+        if name not in self.context:
+            return False
+        recorded_windows = np.bincount(self.run, np.isfinite(self.context[name]))
+        return bool(recorded_windows.all())
 
     def squared_error(self, predicted: Array) -> float:
         """Squared error of a prediction, shape (windows,), summed over windows."""
@@ -76,21 +79,29 @@ class WithEffects:
 def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
     """Average runs of one unit over windows of `WINDOW_S`, or longer so that each holds at least so many samples."""
     total_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in signals)
-    lengths = [max(WINDOW_S, samples * median_step_s(run.time_s), total_s / _MOST_WINDOWS) for run in signals]
-    cuts = [windows(run.time_s, length) for run, length in zip(signals, lengths, strict=True)]
-    pairs = list(zip(signals, cuts, strict=True))
+    shortest_s = max(WINDOW_S, total_s / _MOST_WINDOWS)
+    lengths_s = [max(shortest_s, samples * median_step_s(run.time_s)) for run in signals]
+    cuts = [windows(run.time_s, length_s) for run, length_s in zip(signals, lengths_s, strict=True)]
     counts = [int(cut.keep.sum()) for cut in cuts]
-    context = {
-        name: np.concatenate([
-            cut.means(run.context.get(name, np.full(len(run.time_s), np.nan))) for run, cut in pairs
-        ])
-        for name in dict.fromkeys(name for run in signals for name in run.context)
-    }  # fmt: skip
-    time_s, observed = (
-        np.concatenate([cut.means(getattr(run, name)) for run, cut in pairs]) for name in ("time_s", "observed")
+
+    def means(values_of: Callable[[Signals], Array]) -> Array:
+        """Window means of all runs."""
+        return np.concatenate([cut.means(values_of(run)) for run, cut in zip(signals, cuts, strict=True)])
+
+    def channel_means(name: str) -> Array:
+        return means(lambda run: run.context.get(name, np.full(len(run.time_s), np.nan)))
+
+    channels = dict.fromkeys(name for run in signals for name in run.context)
+    return Runs(
+        signals=signals,
+        windows=cuts,
+        unit=signals[0].unit,
+        run=np.repeat(np.arange(len(signals)), counts),
+        time_s=means(lambda run: run.time_s),
+        duration_s=np.repeat(lengths_s, counts),
+        observed=means(lambda run: run.observed),
+        context={name: channel_means(name) for name in channels},
     )
-    number = np.repeat(np.arange(len(signals)), counts)
-    return Runs(signals, cuts, signals[0].unit, number, time_s, np.repeat(lengths, counts), observed, context)
 
 
 def thrust_n_per_a(robot: Robot) -> float:
@@ -108,7 +119,8 @@ def power_w(run: Signals, robot: Robot) -> Array:
 
 def wheels_mps(run: Signals, robot: Robot) -> Array:
     """Speed at which the robot's wheels turn, also on the spot, m/s, shape (samples,)."""
-    return np.maximum(np.abs(run.speed_mps), 0.5 * np.abs(run.yaw_rate_radps) * robot.track_m)
+    turning_mps = 0.5 * np.abs(run.yaw_rate_radps) * robot.track_m
+    return np.maximum(np.abs(run.speed_mps), turning_mps)
 
 
 def current_a(run: Signals, robot: Robot) -> Array:
@@ -117,9 +129,9 @@ def current_a(run: Signals, robot: Robot) -> Array:
 
 
 def _current_a(run: Signals, robot: Robot, force_n: Array) -> Array:
-    # Motor current vanishes with the motion.
-    turning = np.minimum(wheels_mps(run, robot) / logs_thresholds.STANDSTILL_MPS, 1.0)
-    return np.asarray(robot.rest_current_a + turning * force_n / thrust_n_per_a(robot))
+    """Motor current at a wheel force, A, shape (samples,); beyond that at rest it vanishes with the motion."""
+    moving = np.minimum(wheels_mps(run, robot) / logs_thresholds.STANDSTILL_MPS, 1.0)
+    return np.asarray(robot.rest_current_a + moving * force_n / thrust_n_per_a(robot))
 
 
 def predict(runs: Runs, robot: Robot, met: WithEffects | None = None) -> Array:
@@ -131,23 +143,33 @@ def predict(runs: Runs, robot: Robot, met: WithEffects | None = None) -> Array:
     """
     met = met or WithEffects()
     means = []
-    outside = at_terminals(robot)
+    robot_at_terminals = at_terminals(robot)
     for index, (run, cut) in enumerate(zip(runs.signals, runs.windows, strict=True)):
-        changed: dict[str, Any] = {}
-        if met.speed_factors is not None:
-            true = met.speed_factors[index]
-            changed |= {"speed_mps": true * run.speed_mps, "accel_mps2": true * run.accel_mps2}
-        if met.headwind_mps is not None:
-            changed["headwind_mps"] = met.headwind_mps[index]
-        if met.roughness is not None:
-            changed["roughness"] = cut.samples(met.roughness[runs.run == index], len(run.time_s))
-        recorded = run.conditions_with(**changed) if changed else run.conditions
-        power, force_n = _loaded(outside if run.at_terminals else robot, run, recorded)
-        if runs.unit == "A":
-            power = _current_a(run, robot, force_n)
-        late: Array = np.interp(run.time_s - met.lag_s, run.time_s, power) if met.lag_s != 0.0 else power
-        means.append(cut.means(late))
+        replayed = robot_at_terminals if run.at_terminals else robot
+        power_w, force_n = _loaded(replayed, run, _conditions(runs, index, met))
+        predicted = _current_a(run, robot, force_n) if runs.unit == "A" else power_w
+        if met.lag_s != 0.0:
+            predicted = np.interp(run.time_s - met.lag_s, run.time_s, predicted)
+        means.append(cut.means(predicted))
     return np.concatenate(means)
+
+
+def _conditions(runs: Runs, index: int, met: WithEffects) -> Recorded:
+    """What is replayed of a run, with the conditions of the drive and the true speed, where they are given."""
+    run = runs.signals[index]
+    changed: dict[str, Any] = {}
+    if met.speed_factors is not None:
+        true_over_recorded = met.speed_factors[index]
+        changed["speed_mps"] = true_over_recorded * run.speed_mps
+        changed["accel_mps2"] = true_over_recorded * run.accel_mps2
+    if met.headwind_mps is not None:
+        changed["headwind_mps"] = met.headwind_mps[index]
+    if met.roughness is not None:
+        of_windows = met.roughness[runs.run == index]
+        changed["roughness"] = runs.windows[index].samples(of_windows, len(run.time_s))
+    if not changed:
+        return run.conditions  # computed once
+    return run.conditions_with(**changed)
 
 
 def _loaded(robot: Robot, run: Signals, recorded: Recorded) -> tuple[Array, Array]:
@@ -159,15 +181,24 @@ def _loaded(robot: Robot, run: Signals, recorded: Recorded) -> tuple[Array, Arra
         model = recorded.replay(robot)
         return model.power_w, model.wheel_force_n
     load_kg = np.nan_to_num(run.context["payload_kg"])
-    levels = np.unique(load_kg)
-    if len(levels) > _MOST_LOADS:
-        levels = np.linspace(levels[0], levels[-1], _MOST_LOADS)
-    power_w, force_n = np.zeros(len(run.time_s)), np.zeros(len(run.time_s))
-    effect, switch = payload.EFFECT.id, payload.EFFECT.switch.name
-    own_kg = robot.effects.get(effect, {}).get(switch, 0.0)
-    for number, level in enumerate(levels.tolist()):
-        effects = {**robot.effects, effect: {switch: own_kg + level}}
-        model = recorded.replay(dataclasses.replace(robot, effects=effects) if level else robot)
-        share = np.interp(load_kg, levels, np.eye(len(levels))[number])
-        power_w, force_n = power_w + share * model.power_w, force_n + share * model.wheel_force_n
+    levels_kg = np.unique(load_kg)
+    if len(levels_kg) > _MOST_LOADS:
+        levels_kg = np.linspace(levels_kg[0], levels_kg[-1], _MOST_LOADS)
+    power_w = np.zeros(len(run.time_s))
+    force_n = np.zeros(len(run.time_s))
+    for level_kg, hat in zip(levels_kg.tolist(), np.eye(len(levels_kg)), strict=True):
+        model = recorded.replay(_with_load(robot, level_kg))
+        share = np.interp(load_kg, levels_kg, hat)
+        power_w = power_w + share * model.power_w
+        force_n = force_n + share * model.wheel_force_n
     return power_w, force_n
+
+
+def _with_load(robot: Robot, load_kg: float) -> Robot:
+    """The robot with a load beside that of its file."""
+    if load_kg == 0.0:
+        return robot
+    effect = payload.EFFECT.id
+    switch = payload.EFFECT.switch.name
+    file_kg = robot.effects.get(effect, {}).get(switch, 0.0)
+    return dataclasses.replace(robot, effects={**robot.effects, effect: {switch: file_kg + load_kg}})

@@ -29,28 +29,24 @@ def signs_of_power(runs: Sequence[Signals], robot: Robot) -> dict[int, Sign]:
     """
     drawn_j = np.array([_drawn_j(run) for run in runs])
     negative = np.flatnonzero(drawn_j < 0.0)
-    of_all = f"in {len(negative)} of {len(runs)} runs, by {-drawn_j[negative].sum() / 1e3:.3g} kJ"
+    negative_kj = -drawn_j[negative].sum() / 1e3
+    is_negative = f"power is negative while it drives (in {len(negative)} of {len(runs)} runs, by {negative_kj:.3g} kJ)"
     signs: dict[int, Sign] = {}
-    for number in map(int, negative):
-        lost_j = _lost_height_j(runs[number], robot)
-        if lost_j is not None and -drawn_j[number] <= lost_j:
-            signs[number] = Sign(
-                f"{-drawn_j[number] / 1e3:.3g} kJ more are recovered than drawn, of {lost_j / 1e3:.3g} kJ that its "
-                "descent gives",
-                refused=False,
+    for number in negative.tolist():
+        recovered_j = -drawn_j[number]
+        descent_j = _descent_j(runs[number], robot)
+        if descent_j is not None and recovered_j <= descent_j:
+            text = (
+                f"{recovered_j / 1e3:.3g} kJ more are recovered than drawn, of {descent_j / 1e3:.3g} kJ that its "
+                "descent gives"
             )
-        elif lost_j is None and drawn_j.sum() > 0.0:
-            signs[number] = Sign(
-                f"power is negative while it drives ({of_all}), and positive over all runs together: assumed to be "
-                "recovered downhill",
-                refused=False,
-            )
+            signs[number] = Sign(text, refused=False)
+        elif descent_j is None and drawn_j.sum() > 0.0:
+            text = f"{is_negative}, and positive over all runs together: assumed to be recovered downhill"
+            signs[number] = Sign(text, refused=False)
         else:
-            signs[number] = Sign(
-                f"power is negative while it drives ({of_all}): power drawn must be positive "
-                "(factor -1 in a mapping file)",
-                refused=True,
-            )
+            text = f"{is_negative}: power drawn must be positive (factor -1 in a mapping file)"
+            signs[number] = Sign(text, refused=True)
     return signs
 
 
@@ -58,15 +54,17 @@ def _drawn_j(run: Signals) -> float:
     """Energy drawn while driving, less the energy recovered, J; of motor current, which has no sign, 0."""
     if run.unit != "W":
         return 0.0
-    driving = run.speed_mps[:-1] != 0.0
-    return float((run.observed[:-1] * steps_s(run.time_s))[driving].sum())
+    drives = run.speed_mps[:-1] != 0.0
+    energy_j = run.observed[:-1] * steps_s(run.time_s)
+    return float(energy_j[drives].sum())
 
 
-def _lost_height_j(run: Signals, robot: Robot) -> float | None:
+def _descent_j(run: Signals, robot: Robot) -> float | None:
     """Potential energy that a run's descents give, less that of its climbs, J; None where slopes are unknown."""
     if "grade_rad" not in run.context:
         return None
-    rise_m = run.speed_mps[:-1] * np.sin(run.grade_rad[:-1]) * steps_s(run.time_s)
+    climb_mps = run.speed_mps * np.sin(run.grade_rad)
+    rise_m = climb_mps[:-1] * steps_s(run.time_s)
     return float(-robot.mass_kg * GRAVITY_MPS2 * rise_m.sum())
 
 
@@ -79,4 +77,5 @@ def wrong_slopes(signals: Sequence[Signals], robot: Robot) -> str | None:
     pairs = list(zip(runs.signals, runs.windows, strict=True))
     speed_mps = np.concatenate([cut.means(np.abs(run.speed_mps)) for run, cut in pairs])
     climb_mps = np.concatenate([cut.means(run.speed_mps * np.sin(run.grade_rad)) for run, cut in pairs])
-    return turned_slopes(climb_mps, speed_mps, runs.observed, runs.run, robot.mass_kg * GRAVITY_MPS2, robot.name)
+    weight_n = robot.mass_kg * GRAVITY_MPS2
+    return turned_slopes(climb_mps, speed_mps, runs.observed, runs.run, weight_n, robot.name)
