@@ -42,11 +42,12 @@ def _shifted(runs: Runs, name: str, sign: float) -> Runs:
     """The runs with a channel shifted by its error, slopes by the largest of all runs: an elevation without a step
     seems exact. At rest the speed is exact."""
     errors = [run.error.get(name, 0.0) for run in runs.signals]
+    largest = max(errors)
     shifted = []
     for run, run_error in zip(runs.signals, errors, strict=True):
         values: Array = getattr(run, name)
         is_slope = name == "grade_rad" and name in run.context
-        error = max(errors) if is_slope else run_error
+        error = largest if is_slope else run_error
         shift: float | Array = sign * thresholds.SMOOTHING_ERROR * error
         if name == "speed_mps":
             shift = shift * (values != 0.0)

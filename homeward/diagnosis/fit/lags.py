@@ -40,7 +40,7 @@ def drive_columns(run: Signals, robot: Robot, grade_rad: Array) -> Array:
     Where the place is known, rolling resistance varies along the way, so that it is not confounded with a late slope.
     """
     speed = np.abs(run.speed_mps)
-    # Slope and acceleration along the motion, also in reverse; a descent steeper than it rolls down draws nothing.
+    # Slope and acceleration along the motion, also in reverse. A descent that the robot rolls down draws nothing.
     slope = np.sin(grade_rad) * np.where(run.speed_mps < 0.0, -1.0, 1.0)
     accel = run.accel_mps2 * np.sign(run.speed_mps)
     moving = (speed > 0.0).astype(np.float64)
@@ -83,21 +83,16 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
 
     def corrected(late_s: float) -> list[Signals]:
         """The searched runs with slopes that were so late set right."""
-        runs_of_lag = []
-        for index, run in zip(sloping, searched, strict=True):
-            slope = slope_of(recordings[index].channels, run.speed_mps, run.time_s, robot, late_s)
-            if slope is None:
-                slope = np.zeros(len(run.time_s))
-            runs_of_lag.append(replace(run, grade_rad=slope))
-        return runs_of_lag
+        pairs = zip(sloping, searched, strict=True)
+        return [_with_slope_of(recordings[index], run, robot, late_s) for index, run in pairs]
 
     def errors_by_regression(late_s: float) -> Array:
         """Squared error of each searched run."""
         return np.array([_squared_error(run, _columns(run, robot)) for run in corrected(late_s)])
 
     def error_by_replay(late_s: float) -> float:
-        runs_of_lag = average(corrected(late_s))
-        return runs_of_lag.squared_error(refit(runs_of_lag, robot).predicted)
+        averaged = average(corrected(late_s))
+        return averaged.squared_error(refit(averaged, robot).predicted)
 
     lags_s = np.arange(0.0, _LONGEST_LAG_S + 1e-9, _COARSE_S).tolist()
     coarse_s = min(lags_s, key=lambda late_s: float(errors_by_regression(late_s).sum()))
@@ -118,6 +113,14 @@ def late_slope(runs: Sequence[Signals], recordings: Sequence[Recording], robot: 
 def _head(run: Signals) -> Signals:
     """The part of a run that is searched."""
     return run.only(np.arange(len(run.time_s)) < _MOST_SEARCHED)
+
+
+def _with_slope_of(recording: Recording, run: Signals, robot: Robot, late_s: float) -> Signals:
+    """The run with the slopes of its recording as if they were so late; flat where they are unknown."""
+    slope = slope_of(recording.channels, run.speed_mps, run.time_s, robot, late_s)
+    if slope is None:
+        slope = np.zeros(len(run.time_s))
+    return replace(run, grade_rad=slope)
 
 
 def _columns(run: Signals, robot: Robot) -> Array:
@@ -210,6 +213,7 @@ def _fitted_drift(run: Signals, columns: Array, stretch: Index) -> tuple[float, 
         residual = run.observed - design @ _least_squares(design, run.observed)
         return float(residual @ residual)
 
+    # From a few lags and drifts, as Gauss-Newton finds only the nearest minimum.
     starts = []
     for drift_s in np.arange(-_LONGEST_DRIFT_S, _LONGEST_DRIFT_S + 1e-9, _COARSE_DRIFT_S).tolist():
         starts.append((0.0, drift_s))
@@ -220,6 +224,7 @@ def _fitted_drift(run: Signals, columns: Array, stretch: Index) -> tuple[float, 
     for _ in range(_ITERATIONS):
         late_columns = late(lag_s, drift_s)
         predicted = late_columns @ _least_squares(late_columns, run.observed)
+        # Derivatives of the prediction by lag and drift are two more columns: their weights are the steps.
         by_lag = -np.gradient(predicted, run.time_s)
         by_drift = by_lag * passed
         design = np.column_stack([late_columns, by_lag, by_drift])

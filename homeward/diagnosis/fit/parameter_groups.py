@@ -148,8 +148,8 @@ def parameters(runs: Runs, robot: Robot) -> Parameters:
     current_known = runs.unit == "W" or robot.traction_n_per_a > 0.0
     if not current_known:
         # An arbitrary thrust per ampere: the groups do not depend on it.
-        thrust = float(rolling_force(robot)) / max(largest, 1e-9)
-        robot = dataclasses.replace(robot, traction_n_per_a=thrust)
+        any_n_per_a = float(rolling_force(robot)) / max(largest, 1e-9)
+        robot = dataclasses.replace(robot, traction_n_per_a=any_n_per_a)
     # Recordings show forces over the efficiency of the drive or over the thrust per ampere.
     divisor = robot.traction_efficiency if runs.unit == "W" else thrust_n_per_a(robot)
     groups = GROUPS[runs.unit]
@@ -219,6 +219,7 @@ def derivatives(
             columns.append(np.zeros(len(predicted)))
             continue
         step = 1e-4 * problem.scale[index]
+        # At a bound backwards: beyond it the parameter means nothing.
         if theta[index] + step > problem.high[index]:
             step = -step
         moved = theta.copy()

@@ -548,6 +548,7 @@ def _derivatives(fit: Predictive, replay: Replay) -> Array:
     columns = []
     for index, entry in enumerate(fit.entries):
         step = _SMALL_STEP * entry.scale
+        # At a bound backwards: beyond it the number means nothing.
         if fit.values[index] + step > entry.high:
             step = -step
         moved = fit.values.copy()

@@ -117,25 +117,22 @@ def signals(
     speed_mps = _smooth_speed(recorded_mps / (1.0 + odometer_scale), time_s, robot, error)
     filled = _fill(channels)
     zeros = np.zeros(len(time_s))
-    accel_mps2 = np.gradient(speed_mps, time_s) if len(time_s) > 1 else zeros
+    accel_mps2 = _rate_of_change(speed_mps, time_s)
     context = {name: channels[name] for name in _CONTEXT if name in channels}
     turning, yaw_rate_radps = _turning(channels, time_s, robot, error)
     context |= turning
     grade_rad = None
     if sloped or "grade_rad" in channels:
         grade_rad = slope_of(channels, speed_mps, time_s, robot, slope_late_s, error)
-    if "base_distance_m" in channels and len(time_s) > 1:
-        slope = _clear_slope(grade_rad, error)
-        direction, place_m = _on_the_way(channels["base_distance_m"], speed_mps, slope, time_s, robot)
+    direction, place_m = _on_the_way(channels, speed_mps, _clear_slope(grade_rad, error), robot)
+    if place_m is not None:
         context["place_m"] = place_m
-    else:
-        direction = np.where(speed_mps < 0.0, -1.0, 1.0)
     context["accel_mps2"] = accel_mps2
     context["speed_mps"] = speed_mps
     if grade_rad is not None:
         context["grade_rad"] = grade_rad
     if known_error is not None:
-        error |= {name: max(deviation, error.get(name, 0.0)) for name, deviation in known_error.items()}
+        error |= _larger(known_error, error)
     run = Signals(
         name=recording.name,
         unit=unit,
@@ -198,13 +195,31 @@ def _with_rest(recorded_mps: Array, speed_mps: Array, slowest_mps: float) -> Arr
     return np.where(slow, creeping_mps, speed_mps)
 
 
+def _rate_of_change(values: Array, time_s: Array) -> Array:
+    """Derivative by time at each sample, shape (n,); 0 of a single one."""
+    if len(values) < 2:
+        return np.zeros(len(values))
+    return np.asarray(np.gradient(values, time_s))
+
+
 def _on_the_way(
-    base_m: Array, speed_mps: Array, slope: Array | None, time_s: Array, robot: Robot
-) -> tuple[Array, Array]:
-    """Direction, 1 on the way out and -1 on the way home, and place on the way, m, of each sample, shape (n,) each."""
+    channels: Mapping[str, Array], speed_mps: Array, slope: Array | None, robot: Robot
+) -> tuple[Array, Array | None]:
+    """Direction, 1 on the way out and -1 on the way home, and place on the way, m, of each sample, shape (n,) each.
+
+    Where the distance from base is unknown, reverse counts as the way home, and there is no place.
+    """
+    time_s = channels["time_s"]
+    if "base_distance_m" not in channels or len(time_s) < 2:
+        return np.where(speed_mps < 0.0, -1.0, 1.0), None
     driven_m = path_m(np.abs(speed_mps), time_s)
     reach_m = _REACH_S * robot.max_speed_mps
-    return along_the_way(base_m, driven_m, slope, reach_m)
+    return along_the_way(channels["base_distance_m"], driven_m, slope, reach_m)
+
+
+def _larger(by_reading: Mapping[str, float], error: Mapping[str, float]) -> dict[str, float]:
+    """The known errors of channels, or those that their noise shows where these are larger."""
+    return {name: max(deviation, error.get(name, 0.0)) for name, deviation in by_reading.items()}
 
 
 def _clear_slope(grade_rad: Array | None, error: Mapping[str, float]) -> Array | None:
