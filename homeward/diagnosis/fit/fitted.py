@@ -53,12 +53,12 @@ def excited(fit: Fitted, runs: Runs, share: float | Array = thresholds.EXCITED) 
     return np.asarray(norms > share * norm_of_record)
 
 
-def with_columns(fit: Fitted, training: Mask, observed: Array, further: Array) -> Array:
+def with_columns(fit: Fitted, training: Mask, observed: Array, regressors: Array) -> Array:
     """Prediction, (windows,), by a fit to the training windows with further, unbounded columns, (windows, columns)."""
-    columns = np.column_stack([fit.jacobian, further])
+    columns = np.column_stack([fit.jacobian, regressors])
     residual = observed - fit.predicted
     low, high = fit.freedom()
-    unbounded = np.full(further.shape[1], np.inf)
+    unbounded = np.full(regressors.shape[1], np.inf)
     training_columns = columns[training]
     weights = bounded(
         gram=training_columns.T @ training_columns,

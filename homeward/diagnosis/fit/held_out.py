@@ -161,6 +161,7 @@ def _energy_error_pct(error: Array, runs: Runs, trip: Index) -> float | None:
 def better(predicted: Array, reference: Array, observed: Array, block: Index) -> float:
     """P-value of the hypothesis that a prediction is no better than a reference: z-test of paired squared errors,
     summed over blocks."""
+    # Windows of one block are correlated, blocks are not: their sums give the variance of the total.
     difference = np.bincount(block, (reference - observed) ** 2 - (predicted - observed) ** 2)
     spread = float(np.sqrt((difference**2).sum()))
     if spread > 0.0:

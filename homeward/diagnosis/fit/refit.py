@@ -173,6 +173,7 @@ def _errors(model: Fitted, runs: Runs, block: Index, is_excited: Mask) -> Array:
     errors = np.full(len(fit.theta), np.inf)
     errors[is_excited] = of_columns[: int(is_excited.sum())]
     errors *= fit.parameters.scale
+    # A wrong gain of the power meter scales all parameters alike, which no residual shows.
     errors = np.hypot(errors, thresholds.GAIN_ERROR * np.abs(fit.theta))
     # A tilt of the slope sensor acts as rolling resistance does.
     errors[ROLLING] = np.hypot(errors[ROLLING], runs.tilt_error_rad * abs(fit.theta[MASS]))
@@ -189,8 +190,9 @@ def _estimate(fit: Refit, runs: Runs, number: int, is_excited: Mask, width: floa
     assumed = start if in_file else None
     status, mixed_with = _status(fit, number, is_excited)
     if status == "fitted":
-        rests_on = _RESTS_ON.get(group.name, "")
-        if width > max(abs(start), abs(fitted)) or reliability(rests_on, runs) < thresholds.NEARLY_ALL:
+        # A regression on a channel that is partly noise is attenuated, beyond what its interval says.
+        channel = _RESTS_ON.get(group.name, "")
+        if width > max(abs(start), abs(fitted)) or reliability(channel, runs) < thresholds.NEARLY_ALL:
             status = "too uncertain"
         elif fit.at_bound[number]:
             status = "at bound"
@@ -201,7 +203,7 @@ def _estimate(fit: Refit, runs: Runs, number: int, is_excited: Mask, width: floa
         group=group,
         assumed=assumed,
         fitted=float(fitted),
-        ci95=(max(float(fitted - width), 0.0), float(fitted + width)),
+        ci95=(max(float(fitted - width), 0.0), float(fitted + width)),  # no group is negative
         status="fitted",
         off=bool(is_off),
     )
@@ -220,6 +222,7 @@ def _status(fit: Refit, number: int, excited: Mask) -> tuple[Status, tuple[str, 
     unexplained = column - columns @ weights
     if unexplained @ unexplained >= thresholds.COLLINEAR * (column @ column):
         return "fitted", ()
+    # Of several rivals those are named that add the most to the column.
     projections = np.abs(weights) * np.linalg.norm(columns, axis=0)
     largest = rivals[projections >= thresholds.HALF * projections.max()]
     return "confounded", tuple(fit.parameters.groups[index].symbol for index in largest)

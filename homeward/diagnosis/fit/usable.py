@@ -70,8 +70,9 @@ def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Sig
         findings += findings_of_run
         if run is not None:
             runs.append(run)
-    runs, wrong_signs = _of_right_sign(runs, robot)
-    findings += wrong_signs
+    # Signs and units are judged over all runs together.
+    runs, signs = _of_right_sign(runs, robot)
+    findings += signs
     runs, current_only = _of_one_unit(runs)
     findings += current_only
     if not runs:

@@ -113,8 +113,8 @@ def _with_fresh_readings(channels: dict[str, Array], duration_s: float) -> tuple
         is_smooth = _is_smooth(readings)
         if name in _SET and not is_smooth:
             continue  # it follows a command that is held
-        # Between readings the channel is taken to walk at random. The share is that of the variance of its steps from
-        # reading to reading which is the mean squared error over time.
+        # Between readings the channel is taken to walk at random: over time its mean squared error is a share of its
+        # mean squared step from reading to reading.
         if is_smooth:
             share = 1.0 / 6.0  # a Brownian bridge
             channels[name] = np.interp(time_s, readings_s, readings)
