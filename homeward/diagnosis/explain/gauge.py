@@ -59,7 +59,7 @@ class Readings:
     voltage_v: Array  # NaN where it was not recorded
     run: Index
     stretch: Index
-    last: Index  # window that is read, the last of a bin
+    window: Index  # that is read, the last of a bin
     step: float  # of what the gauge shows
 
     @property
@@ -67,12 +67,12 @@ class Readings:
         """Standard deviation of rounding."""
         return float(self.step / np.sqrt(12.0))
 
-    def only(self, chosen: Mask) -> Readings:
+    def only(self, bins: Mask) -> Readings:
         """These bins only."""
-        kept: dict[str, Any] = {
-            name: values[chosen] for name, values in vars(self).items() if isinstance(values, np.ndarray)
+        arrays: dict[str, Any] = {
+            name: values[bins] for name, values in vars(self).items() if isinstance(values, np.ndarray)
         }
-        return dataclasses.replace(self, **kept)
+        return dataclasses.replace(self, **arrays)
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Counter:
     """A counter's states of charge and how far they are out of the bounds of the readings, (bins,) each; its jumps."""
 
     fitted: Array
-    left: Array
+    beyond: Array
     jumps: tuple[Jump, ...]
 
 
@@ -109,25 +109,13 @@ def weigh_gauge(runs: Runs, robot: Robot) -> tuple[Runs, Gauge | None]:
         return runs, None
     drawn_j = float(runs.observed @ runs.duration_s)
     counter = as_counter(readings)
-    by_voltage = evidence_for_voltage(readings)
-    by_load, per_w = evidence_for_load(readings, counter.jumps)
-    follows: Followed = "charge"
-    gained = max(by_voltage, by_load)
-    if gained >= thresholds.STRONG_BIC + _RARE_BIC and by_voltage > 0.0:
-        follows = "voltage"
-        reason = f"follows the voltage under load, not the charge drawn (BIC lower by {gained:.0f})"
-    elif gained >= thresholds.STRONG_BIC + _RARE_BIC:
-        follows = "load"
-        reason = (
-            f"falls with the load, by {1e4 * per_w:.2g} % for 100 W, and recovers at rest, as a map of the voltage "
-            f"does and no count of charge (BIC lower by {gained:.0f})"
-        )
+    follows, reason = _followed(readings, counter)
     if follows != "charge":
-        others = {name: values for name, values in runs.context.items() if name != "soc"}
+        context = {name: values for name, values in runs.context.items() if name != "soc"}
         says = f"the state of charge {reason}: it is left out, and no capacity is drawn from it"
-        return dataclasses.replace(runs, context=others), Gauge(follows, says, drawn_j, None)
+        return dataclasses.replace(runs, context=context), Gauge(follows, says, drawn_j, None)
     runs, notes = _mended(runs, readings, counter)
-    runs, of_power = _settled(runs, robot)
+    runs, note_on_power = _settled(runs, robot)
     low, high = covered(runs.context["soc"], runs.run)
     if high - low < thresholds.HALF:
         notes.append(
@@ -135,44 +123,65 @@ def weigh_gauge(runs: Runs, robot: Robot) -> tuple[Runs, Gauge | None]:
             "capacity is drawn from it"
         )
     says = "; it ".join(["the state of charge follows the charge drawn", *notes])
-    return runs, Gauge(follows, "; ".join(filter(None, (says, of_power))), drawn_j, high - low)
+    return runs, Gauge(follows, "; ".join(filter(None, (says, note_on_power))), drawn_j, high - low)
+
+
+def _followed(readings: Readings, counter: Counter) -> tuple[Followed, str]:
+    """What the readings follow, and where that is not the charge, the evidence in words."""
+    by_voltage = evidence_for_voltage(readings)
+    by_load, fall_per_w = evidence_for_load(readings, counter.jumps)
+    gained = max(by_voltage, by_load)
+    is_map = gained >= thresholds.STRONG_BIC + _RARE_BIC
+    if is_map and by_voltage > 0.0:
+        return "voltage", f"follows the voltage under load, not the charge drawn (BIC lower by {gained:.0f})"
+    if is_map:
+        return "load", (
+            f"falls with the load, by {1e4 * fall_per_w:.2g} % for 100 W, and recovers at rest, as a map of the "
+            f"voltage does and no count of charge (BIC lower by {gained:.0f})"
+        )
+    return "charge", ""
 
 
 def capacity_question(capacity: Capacity | None, robot: Robot) -> str | None:
     """What is asked about a capacity above that of a new battery, as a counter shows it; None of others."""
     if capacity is None or not capacity.asked:
         return None
-    low, high = (_energy(end) for end in capacity.ci95)
+    low_j, high_j = capacity.ci95
     return (
-        f"the charge falls as in a battery of {_energy(capacity.fitted_j)} (95 %: {low} to {high}), above the "
-        f"{_energy(robot.rated_energy_j)} that it is rated at, so that corrected.toml keeps the capacity: is it "
-        "another battery, does the gauge not count, or does the meter read too much?"
+        f"the charge falls as in a battery of {_energy(capacity.fitted_j)} (95 %: {_energy(low_j)} to "
+        f"{_energy(high_j)}), above the {_energy(robot.rated_energy_j)} that it is rated at, so that corrected.toml "
+        "keeps the capacity: is it another battery, does the gauge not count, or does the meter read too much?"
     )
 
 
 def _energy(amount_j: float) -> str:
-    return f"{1e-6 * amount_j:.3g} MJ" if amount_j >= 1e6 else f"{1e-3 * amount_j:.3g} kJ"
+    if amount_j >= 1e6:
+        return f"{1e-6 * amount_j:.3g} MJ"
+    return f"{1e-3 * amount_j:.3g} kJ"
 
 
 def _mended(runs: Runs, readings: Readings, counter: Counter) -> tuple[Runs, list[str]]:
     """The runs without jumps of the gauge and without readings that stay while charge is drawn, and what was done."""
-    soc, notes = runs.context["soc"].copy(), []
+    soc = runs.context["soc"].copy()
+    notes = []
     for jump in counter.jumps:
-        since = int(readings.last[jump.bin - 1])
-        changes = np.abs(np.diff(np.nan_to_num(soc[since : readings.last[jump.bin] + 1])))
-        first = since + 1 + int(np.argmax(changes))
-        number = int(runs.run[first])
-        soc[first : int(np.searchsorted(runs.run, number, side="right"))] -= jump.size
-        where = f"{runs.time_s[first]:.0f} s of {PurePath(runs.signals[number].name).name}"
-        notes.append(f"jumps by {jump.size:+.0%} at {where}, which is taken out")
+        # The jump is between two readings: at the window where what is shown changes most.
+        before = int(readings.window[jump.bin - 1])
+        changes = np.abs(np.diff(np.nan_to_num(soc[before : readings.window[jump.bin] + 1])))
+        jump_at = before + 1 + int(np.argmax(changes))
+        run = int(runs.run[jump_at])
+        end_of_run = int(np.searchsorted(runs.run, run, side="right"))
+        soc[jump_at:end_of_run] -= jump.size
+        moment = f"{runs.time_s[jump_at]:.0f} s of {PurePath(runs.signals[run].name).name}"
+        notes.append(f"jumps by {jump.size:+.0%} at {moment}, which is taken out")
     nearest = np.clip(counter.fitted, readings.low, readings.high)
     stays = np.abs(nearest - readings.shown) > readings.step  # only one that is held, full or empty has so wide bounds
     if stays.any():
-        bin_of = np.searchsorted(readings.last, np.arange(len(soc)))
+        bin_of = np.searchsorted(readings.window, np.arange(len(soc)))
         left_out = stays[np.minimum(bin_of, len(stays) - 1)]
         soc[left_out] = np.nan
-        notes.append(f"stays for {float(runs.duration_s[left_out].sum()) / 60.0:.0f} min while charge is drawn, which "
-                     "are left out")  # fmt: skip
+        minutes = float(runs.duration_s[left_out].sum()) / 60.0
+        notes.append(f"stays for {minutes:.0f} min while charge is drawn, which are left out")
     return dataclasses.replace(runs, context={**runs.context, "soc": soc}), notes
 
 
@@ -180,159 +189,205 @@ def _settled(runs: Runs, robot: Robot) -> tuple[Runs, str]:
     """The runs with `power_w` as the charge shows it, at the terminals or with what is lost inside, and that in words;
     nothing where the file's battery loses nothing inside that matters."""
     lost_w = inside_w(robot, runs)
-    given = np.array([not run.at_terminals for run in runs.signals])[runs.run]
-    if not given.any() or not matters(lost_w * given, runs):
+    # Where power is voltage times current, it is that at the terminals; of a recorded `power_w` it is open.
+    is_open = np.array([not run.at_terminals for run in runs.signals])[runs.run]
+    if not is_open.any() or not matters(lost_w * is_open, runs):
         return runs, ""
-    soc = np.where(given, runs.context["soc"], np.nan)
-    known_runs = runs.run[np.isfinite(soc)]
-    if len(known_runs) == 0:
+    soc = np.where(is_open, runs.context["soc"], np.nan)
+    runs_with_soc = runs.run[np.isfinite(soc)]
+    if len(runs_with_soc) == 0:
         return runs, ""
     if battery.AGEING.in_file(robot)[0]:  # the file's age is that of the last run
-        soc = np.where(runs.run == known_runs[-1], soc, np.nan)
+        soc = np.where(runs.run == runs_with_soc[-1], soc, np.nan)
     channel = Reading(-energy_share(robot.curve, soc), runs, cut_blocks(runs.run))
-
-    def least(power_w: Array) -> float:
-        """Twice the negative log posterior of a capacity near that of the file, for this power."""
-        fallen = channel.summed(power_w / robot.usable_energy_j)
-
-        def objective(rate: float) -> float:
-            left = channel.target - rate * fallen
-            independent = independent_windows(left, channel.run)
-            return float(
-                independent * np.log(max(float(left @ left), TINY)) + ((rate - 1.0) / thresholds.CAPACITY_SD) ** 2
-            )
-
-        return float(minimize_scalar(objective, bounds=(thresholds.HALF, 1.0 / thresholds.HALF), method="bounded").fun)
-
-    gained = least(runs.observed) - least(runs.observed + lost_w)  # by a power at the terminals
-    share = float((lost_w * given) @ runs.duration_s) / float(runs.observed @ runs.duration_s)
+    as_counted = _misfit(channel, runs.observed / robot.usable_energy_j)
+    as_at_terminals = _misfit(channel, (runs.observed + lost_w) / robot.usable_energy_j)
+    gained_by_terminals = as_counted - as_at_terminals
+    share = float((lost_w * is_open) @ runs.duration_s) / float(runs.observed @ runs.duration_s)
     losses = f"what the file's battery loses inside, {share:.0%} of the energy"
-    if gained >= thresholds.STRONG_BIC:
+    if gained_by_terminals >= thresholds.STRONG_BIC:
         signals = [dataclasses.replace(run, at_terminals=True) for run in runs.signals]
         return dataclasses.replace(runs, signals=signals), f"by it, power_w is without {losses}"
-    if gained <= -thresholds.STRONG_BIC:
+    if gained_by_terminals <= -thresholds.STRONG_BIC:
         return runs, f"by it, power_w counts {losses}"
     return runs, f"whether power_w counts {losses}, is undecided: it is taken to"
 
 
+def _misfit(channel: Reading, drawn_per_s: Array) -> float:
+    """Twice the negative log posterior of a capacity near that of the file, where charge is drawn at these rates,
+    over that of a full battery, shape (windows,)."""
+    drawn = channel.summed(drawn_per_s)
+
+    def objective(rate: float) -> float:
+        """For a battery whose charge falls `rate` times as fast as that of the file."""
+        residual = channel.target - rate * drawn
+        independent = independent_windows(residual, channel.run)
+        squared = max(float(residual @ residual), TINY)
+        return float(independent * np.log(squared) + ((rate - 1.0) / thresholds.CAPACITY_SD) ** 2)
+
+    return float(minimize_scalar(objective, bounds=(thresholds.HALF, 1.0 / thresholds.HALF), method="bounded").fun)
+
+
 def read_gauge(runs: Runs, robot: Robot) -> Readings:
     """The state of charge of all runs at the end of each bin, beside the charge drawn until then."""
-    soc, curve = runs.context["soc"], robot.curve
-    known = np.isfinite(soc)
+    soc = runs.context["soc"]
+    is_shown = np.isfinite(soc)
     voltage_v = runs.context.get("voltage_v", np.full(len(soc), np.nan))
     voltage_v = np.where(voltage_v > 0.0, voltage_v, np.nan)
-    filled = np.interp(np.arange(len(soc)), np.flatnonzero(known), soc[known])
-    relative_v = open_circuit_v(curve, filled) / curve.mean_v if curve.mean_v > 0.0 else np.ones(len(soc))
+    # A count of charge integrates the current: power over voltage.
+    rate = runs.observed / (_relative_v(soc, voltage_v, robot) * robot.usable_energy_j)
+    apart_s = np.diff(runs.time_s)
+    no_gap = apart_s <= np.maximum(_BIN_S, thresholds.HALF_AGAIN * runs.duration_s[1:])
+    follows = (np.diff(runs.run) == 0) & no_gap
+    stretch = np.concatenate([[0], np.cumsum(~follows)])
+    bin_of = _bin_of(stretch, runs.time_s)
+    drawn_between = np.where(follows, 0.5 * (rate[1:] + rate[:-1]) * apart_s, 0.0)  # by the trapezoidal rule
+    drawn = np.concatenate([[0.0], np.cumsum(drawn_between)])
+    # What is read is that of one moment: a mean of readings that change would be none of them.
+    shown_in, place_from_end = np.unique(bin_of[is_shown][::-1], return_index=True)
+    window = np.flatnonzero(is_shown)[::-1][place_from_end]
+    recorded = pd.DataFrame({"power_w": runs.observed, "voltage_v": voltage_v})
+    mean_of_bin = recorded.groupby(bin_of).mean().iloc[shown_in]
+    step = max(_step(runs), thresholds.GAUGE_STEP)
+    low, high = _bounds(soc[window], stretch[window], step)
+    return Readings(
+        shown=soc[window],
+        low=low,
+        high=high,
+        drawn=drawn[window],
+        power_w=mean_of_bin["power_w"].to_numpy(),
+        voltage_v=mean_of_bin["voltage_v"].to_numpy(),
+        run=runs.run[window],
+        stretch=stretch[window],
+        window=window,
+        step=step,
+    )
+
+
+def _relative_v(soc: Array, voltage_v: Array, robot: Robot) -> Array:
+    """Voltage over its mean, shape (windows,): the recorded one, else the file's open-circuit curve, else constant."""
+    relative_v = np.ones(len(soc))
+    curve = robot.curve
+    if curve.mean_v > 0.0:
+        is_shown = np.isfinite(soc)
+        filled = np.interp(np.arange(len(soc)), np.flatnonzero(is_shown), soc[is_shown])
+        relative_v = open_circuit_v(curve, filled) / curve.mean_v
     if np.isfinite(voltage_v).any():
         relative_v = np.where(np.isfinite(voltage_v), voltage_v / np.nanmean(voltage_v), relative_v)
-    rate = runs.observed / (relative_v * robot.usable_energy_j)
-    apart_s = np.diff(runs.time_s)
-    follows = (np.diff(runs.run) == 0) & (apart_s <= np.maximum(_BIN_S, thresholds.HALF_AGAIN * runs.duration_s[1:]))
-    stretch = np.concatenate([[0], np.cumsum(~follows)])
-    began_s = runs.time_s[np.searchsorted(stretch, stretch)]
-    within = np.floor((runs.time_s - began_s) / _BIN_S).astype(np.intp)
-    bin_of = np.concatenate([[0], np.cumsum((np.diff(stretch) != 0) | (np.diff(within) != 0))])
-    drawn = np.concatenate([[0.0], np.cumsum(np.where(follows, 0.5 * (rate[1:] + rate[:-1]) * apart_s, 0.0))])
-    # What is read is that of one moment: a mean of readings that change would be none of them.
-    shown_in, end = np.unique(bin_of[known][::-1], return_index=True)
-    last = np.flatnonzero(known)[::-1][end]
-    of_bin = pd.DataFrame({"power_w": runs.observed, "voltage_v": voltage_v}).groupby(bin_of).mean().iloc[shown_in]
-    step = max(_step(runs), thresholds.GAUGE_STEP)
-    low, high = _bounds(soc[last], stretch[last], step)
-    power_w, volts = of_bin["power_w"].to_numpy(), of_bin["voltage_v"].to_numpy()
-    return Readings(soc[last], low, high, drawn[last], power_w, volts, runs.run[last], stretch[last], last, step)
+    return relative_v
+
+
+def _bin_of(stretch: Index, time_s: Array) -> Index:
+    """Number of the bin of each window, shape (windows,): bins of `_BIN_S` that begin anew with each stretch."""
+    began_s = time_s[np.searchsorted(stretch, stretch)]
+    number_in_stretch = np.floor((time_s - began_s) / _BIN_S).astype(np.intp)
+    begins = (np.diff(stretch) != 0) | (np.diff(number_in_stretch) != 0)
+    return np.concatenate([[0], np.cumsum(begins)])
 
 
 def _step(runs: Runs) -> float:
     """Least change between values that the gauge holds; 0 where it holds none."""
-    least = [0.0]
+    steps: list[float] = []
     for run in runs.signals:
         soc = run.context.get("soc", np.empty(0))
         soc = soc[np.isfinite(soc)]
-        held = np.flatnonzero(np.diff(soc) == 0.0)
-        if len(held) < thresholds.HALF * len(soc):
+        repeated = np.flatnonzero(np.diff(soc) == 0.0)
+        if len(repeated) < thresholds.HALF * len(soc):
             continue
-        changes = np.abs(np.diff(soc[held]))
-        least += changes[changes > 1e-9].tolist()
-    return min(least[1:], default=0.0)
+        changes = np.abs(np.diff(soc[repeated]))
+        steps += changes[changes > 1e-9].tolist()
+    return min(steps, default=0.0)
 
 
 def _bounds(shown: Array, stretch: Index, step: float) -> tuple[Array, Array]:
     """Bounds of the state of charge: within half a step, and from one that is held down to the next; open at full and
     empty, and downwards where it is held to the end of its stretch."""
-    begins = np.flatnonzero(np.concatenate([[True], (np.diff(shown) != 0.0) | (np.diff(stretch) != 0)]))
-    value, of_stretch, length = shown[begins], stretch[begins], np.diff(np.append(begins, len(shown)))
-    following = np.where(np.append(np.diff(of_stretch) == 0, False), np.append(value[1:], 0.0), -np.inf)
-    least = np.where(length > 1, np.minimum(value, following), value)
-    low, high = np.repeat(least, length) - 0.5 * step, shown + 0.5 * step
-    return np.where(shown <= 0.5 * step, -np.inf, low), np.where(shown >= 1.0 - 0.5 * step, np.inf, high)
+    changes = (np.diff(shown) != 0.0) | (np.diff(stretch) != 0)
+    # A level lasts for the bins of one stretch that show the same.
+    begins = np.flatnonzero(np.concatenate([[True], changes]))
+    level = shown[begins]
+    length = np.diff(np.append(begins, len(shown)))
+    has_next = np.append(np.diff(stretch[begins]) == 0, False)
+    next_level = np.where(has_next, np.append(level[1:], 0.0), -np.inf)
+    lowest = np.where(length > 1, np.minimum(level, next_level), level)
+    half_step = 0.5 * step
+    low = np.repeat(lowest, length) - half_step
+    high = shown + half_step
+    is_empty = shown <= half_step
+    is_full = shown >= 1.0 - half_step
+    return np.where(is_empty, -np.inf, low), np.where(is_full, np.inf, high)
 
 
-def _within_bounds(columns: Array, readings: Readings, least: float = -np.inf) -> tuple[Array, Array, Array]:
+def _within_bounds(columns: Array, readings: Readings, lowest: float = -np.inf) -> tuple[Array, Array, Array]:
     """Weights of columns, shape (bins, columns), that come nearest to the bounds of the readings, with the states of
-    charge that they make and how far these are out of the bounds, (bins,) each; no weight is below the `least`."""
+    charge that they make and how far these are out of the bounds, (bins,) each; no weight is below the `lowest`."""
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     unit = columns / scale
 
-    def out_of_bounds(weights: Array) -> tuple[float, Array]:
-        fitted = unit @ weights
-        beyond = fitted - np.clip(fitted, readings.low, readings.high)
+    def beyond_bounds(fitted: Array) -> Array:
+        return np.asarray(fitted - np.clip(fitted, readings.low, readings.high))
+
+    def half_square_and_gradient(weights: Array) -> tuple[float, Array]:
+        beyond = beyond_bounds(unit @ weights)
         return 0.5 * float(beyond @ beyond), unit.T @ beyond
 
-    start = np.maximum(np.linalg.lstsq(unit, readings.shown, rcond=None)[0], least)
+    start = np.maximum(np.linalg.lstsq(unit, readings.shown, rcond=None)[0], lowest)
     nearest = minimize(
-        out_of_bounds, start, jac=True, method="L-BFGS-B", bounds=Bounds(least, np.inf),
+        half_square_and_gradient, start, jac=True, method="L-BFGS-B", bounds=Bounds(lowest, np.inf),
         options={"maxiter": 300, "ftol": 1e-12, "gtol": 1e-9},  # more change no digit that is shown
     )  # fmt: skip
     fitted = unit @ nearest.x
-    return nearest.x / scale, fitted, fitted - np.clip(fitted, readings.low, readings.high)
+    return nearest.x / scale, fitted, beyond_bounds(fitted)
 
 
-def _bic_gain(before: Array, after: Array, readings: Readings, freedom: float) -> float:
+def _bic_gain(residual: Array, residual_with: Array, readings: Readings, freedom: float) -> float:
     """Reduction of BIC from one residual beyond rounding to another, (bins,) each, by `freedom` more parameters."""
-    rounding = len(after) * readings.error**2
-    independent = min(independent_windows(after, readings.stretch), float(len(after)))
-    ratio = (float(before @ before) + rounding) / (float(after @ after) + rounding)
-    return float(independent * np.log(ratio) - freedom * np.log(independent))
+    rounding = len(residual_with) * readings.error**2
+    independent = min(independent_windows(residual_with, readings.stretch), float(len(residual_with)))
+    squared = float(residual @ residual) + rounding
+    squared_with = float(residual_with @ residual_with) + rounding
+    return float(independent * np.log(squared / squared_with) - freedom * np.log(independent))
 
 
-def _own(stretch: Index, column: Array) -> Array:
+def _per_stretch(stretch: Index, column: Array) -> Array:
     """A column of its own for each stretch, shape (bins, stretches)."""
     return np.asarray(column[:, None] * (stretch[:, None] == np.unique(stretch)))
 
 
-def _set_anew(readings: Readings, at: int) -> Array:
+def _set_anew(readings: Readings, from_bin: int) -> Array:
     """A column that begins with a bin and lasts to the end of its stretch, shape (bins, 1)."""
-    after = (np.arange(len(readings.shown)) >= at) & (readings.stretch == readings.stretch[at])
-    return np.asarray(after[:, None], np.float64)
+    is_later = np.arange(len(readings.shown)) >= from_bin
+    in_stretch = readings.stretch == readings.stretch[from_bin]
+    return np.asarray((is_later & in_stretch)[:, None], np.float64)
 
 
 def _counter_columns(readings: Readings) -> Array:
     """A start for each stretch, and a charge of a full battery for each run: it depends on cold and age."""
-    starts = _own(readings.stretch, np.ones(len(readings.shown)))
-    return np.column_stack([starts, _own(readings.run, readings.drawn)])
+    starts = _per_stretch(readings.stretch, np.ones(len(readings.shown)))
+    return np.column_stack([starts, _per_stretch(readings.run, readings.drawn)])
 
 
 def as_counter(readings: Readings) -> Counter:
     """The counter that comes nearest to the readings, set anew where that explains more than chance."""
     columns = _counter_columns(readings)
-    weights, fitted, plain = _within_bounds(columns, readings)
-    moved = np.where(np.diff(readings.stretch) == 0, np.abs(np.diff(readings.shown - fitted)), 0.0)
+    weights, fitted, beyond_without = _within_bounds(columns, readings)
+    in_stretch = np.diff(readings.stretch) == 0
+    moved = np.where(in_stretch, np.abs(np.diff(readings.shown - fitted)), 0.0)
     largest = np.argsort(-moved, kind="stable")[:_MOST_JUMPS]
     # More than a reading that is one step off.
     candidates = (largest[moved[largest] > 1.5 * readings.step] + 1).tolist()
-    likeliest = Counter(fitted, plain, ())
-    most = thresholds.STRONG_BIC
-    starts = columns.shape[1]
-    for count, at in enumerate(candidates, start=1):
-        columns = np.column_stack([columns, _set_anew(readings, at)])
-        weights, fitted, left = _within_bounds(columns, readings)
-        gained = _bic_gain(plain, left, readings, thresholds.COST_OF_A_CHANGE * count)
-        if gained >= most:
-            sizes = weights[starts:].tolist()
+    likeliest = Counter(fitted, beyond_without, ())
+    gained_by_likeliest = thresholds.STRONG_BIC
+    first_jump = columns.shape[1]  # among the weights
+    for count, from_bin in enumerate(candidates, start=1):
+        columns = np.column_stack([columns, _set_anew(readings, from_bin)])
+        weights, fitted, beyond = _within_bounds(columns, readings)
+        gained = _bic_gain(beyond_without, beyond, readings, thresholds.COST_OF_A_CHANGE * count)
+        if gained >= gained_by_likeliest:
+            sizes = weights[first_jump:].tolist()
             jumps = tuple(Jump(*jump) for jump in zip(candidates[:count], sizes, strict=True))
-            likeliest = Counter(fitted, left, jumps)
-            most = gained
+            likeliest = Counter(fitted, beyond, jumps)
+            gained_by_likeliest = gained
     return likeliest
 
 
@@ -348,43 +403,58 @@ def evidence_for_voltage(readings: Readings) -> float:
     if len(readings.shown) < 2 * _CORNERS:
         return -np.inf
     counter = as_counter(readings)
-    # One start and one charge count, however many runs there are: a counter does not lose to a map by their number.
-    left, of_counter = counter.left, 2 + thresholds.COST_OF_A_CHANGE * len(counter.jumps)
-    of_map: Array | None = None
+    by_maps = []
     for bins in _AVERAGED_BINS:
         volts = _averaged(readings.voltage_v, readings.stretch, bins)
-        corners = np.unique(np.quantile(volts, np.linspace(0.0, 1.0, _CORNERS)))
-        hats = np.column_stack([np.interp(volts, corners, at_corner) for at_corner in np.eye(len(corners))])
-        rises = np.cumsum(hats[:, ::-1], axis=1)[:, ::-1]  # each column rises from 0 to 1 between two corners
-        design = np.column_stack([rises, -rises[:, 0]])  # the level of the lowest corner has any sign
-        *_, left_so = _within_bounds(design, readings, least=0.0)
-        if of_map is None or left_so @ left_so < of_map @ of_map:
-            of_map = left_so
-    assert of_map is not None
-    freedom = _CORNERS + 1 - of_counter  # its corners and the time over which it averages
-    if float(of_map @ of_map) < float(left @ left):
-        return _bic_gain(left, of_map, readings, freedom)
-    return -_bic_gain(of_map, left, readings, -freedom)
+        *_, beyond = _within_bounds(_rising_with(volts), readings, lowest=0.0)
+        by_maps.append(beyond)
+    by_map = min(by_maps, key=lambda beyond: float(beyond @ beyond))
+    by_counter = counter.beyond
+    # One start and one charge count, however many runs there are: a counter does not lose to a map by their number.
+    freedom_of_counter = 2 + thresholds.COST_OF_A_CHANGE * len(counter.jumps)
+    freedom_of_map = _CORNERS + 1  # its corners and the time over which it averages
+    more_freedom = freedom_of_map - freedom_of_counter
+    if float(by_map @ by_map) < float(by_counter @ by_counter):
+        return _bic_gain(by_counter, by_map, readings, more_freedom)
+    return -_bic_gain(by_map, by_counter, readings, -more_freedom)
+
+
+def _rising_with(volts: Array) -> Array:
+    """Columns of which a sum with weights from 0 up rises with the voltage in straight pieces, (bins, corners + 1)."""
+    corners = np.unique(np.quantile(volts, np.linspace(0.0, 1.0, _CORNERS)))
+    hats = np.column_stack([np.interp(volts, corners, at_corner) for at_corner in np.eye(len(corners))])
+    rises = np.cumsum(hats[:, ::-1], axis=1)[:, ::-1]  # each column rises from 0 to 1 between two corners
+    return np.column_stack([rises, -rises[:, 0]])  # the level of the lowest corner has any sign
 
 
 def evidence_for_load(readings: Readings, jumps: Sequence[Jump]) -> tuple[float, float]:
     """Reduction of BIC by a fall with the power drawn, beside a counter that is straight over some minutes, and that
     fall for a watt."""
-    began = np.searchsorted(readings.stretch, readings.stretch)
-    piece = (np.arange(len(began)) - began) // _PIECE_BINS
-    _, piece = np.unique(np.column_stack([readings.stretch, piece]), axis=0, return_inverse=True)
-    straight = np.column_stack([_own(piece, np.ones(len(piece))), _own(piece, readings.drawn)])
+    piece = _pieces(readings.stretch)
+    straight = np.column_stack([_per_stretch(piece, np.ones(len(piece))), _per_stretch(piece, readings.drawn)])
     steps = [_set_anew(readings, jump.bin) * (piece == piece[jump.bin])[:, None] for jump in jumps]
-    *_, left = _within_bounds(np.column_stack([straight, *steps]), readings)
-    best, fall = -np.inf, 0.0
-    # What looks like jumps of a counter may be all loads of a map.
-    for beside in [[], steps] if steps else [[]]:
+    *_, beyond_without = _within_bounds(np.column_stack([straight, *steps]), readings)
+    step_sets: list[list[Array]] = [[]]  # what looks like jumps of a counter may be all loads of a map
+    if steps:
+        step_sets.append(steps)
+    most_gained = -np.inf
+    fall_per_w = 0.0
+    for with_steps in step_sets:
         # Its size, and the time over which it averages.
-        freedom = 2.0 + thresholds.COST_OF_A_CHANGE * (len(beside) - len(steps))
+        freedom = 2.0 + thresholds.COST_OF_A_CHANGE * (len(with_steps) - len(steps))
         for bins in _AVERAGED_BINS:
             load = -_averaged(readings.power_w, readings.stretch, bins)
-            weights, _, left_so = _within_bounds(np.column_stack([straight, *beside, load]), readings)
-            gained = _bic_gain(left, left_so, readings, freedom)
-            if weights[-1] > 0.0 and gained > best:
-                best, fall = gained, float(weights[-1])
-    return best, fall
+            weights, _, beyond = _within_bounds(np.column_stack([straight, *with_steps, load]), readings)
+            gained = _bic_gain(beyond_without, beyond, readings, freedom)
+            if weights[-1] > 0.0 and gained > most_gained:
+                most_gained = gained
+                fall_per_w = float(weights[-1])
+    return most_gained, fall_per_w
+
+
+def _pieces(stretch: Index) -> Index:
+    """Number of the piece of each bin, shape (bins,): up to `_PIECE_BINS` of one stretch."""
+    began = np.searchsorted(stretch, stretch)
+    number_in_stretch = (np.arange(len(began)) - began) // _PIECE_BINS
+    pieces = np.column_stack([stretch, number_in_stretch])
+    return np.asarray(np.unique(pieces, axis=0, return_inverse=True)[1])
