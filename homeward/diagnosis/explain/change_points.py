@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import ruptures
@@ -55,8 +55,8 @@ class Schedule:
 
     def from_the_first(self) -> Schedule:
         """The same with levels counted from that of the first window."""
-        first = int(self.level[0])
-        return replace(self, level=np.where(self.level == first, 0, self.level + (self.level < first)))
+        reference = int(self.level[0])
+        return replace(self, level=_counted_from(reference, self.level))
 
 
 def clearly_apart(schedule: Schedule | None) -> bool:
@@ -70,39 +70,49 @@ def profiles(runs: Runs) -> list[Array]:
     if place_m is None:
         return []
     passed = (place_m - place_m.min())[:, None] / float(np.ptp(place_m))
-    return [np.maximum(1.0 - np.abs(passed * (knots - 1) - np.arange(knots)), 0.0) for knots in _KNOTS]
+    bases = []
+    for knots in _KNOTS:
+        from_knot = np.abs(passed * (knots - 1) - np.arange(knots))  # in distances between knots
+        bases.append(np.maximum(1.0 - from_knot, 0.0))
+    return bases
 
 
 def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     """Whether a schedule changes in the way that is typical for an effect."""
     if how == "in the cold":
         return may_change("repeatedly", schedule, runs) or _is_colder(schedule.level > 0, runs)
-    step, run = np.diff(schedule.level), runs.run
-    changes = np.flatnonzero((step != 0) & (np.diff(run) == 0))  # within runs
-    most_in_a_run = int(np.bincount(run[changes], minlength=1).max())
+    step = np.diff(schedule.level)
+    within_run = np.diff(runs.run) == 0
+    changes = np.flatnonzero((step != 0) & within_run)
+    most_in_a_run = int(np.bincount(runs.run[changes], minlength=1).max())
     if how == "between runs":
         return most_in_a_run == 0
     if how == "once":
         return most_in_a_run <= 1
     if how == "repeatedly":
-        runs_with_switch = len(np.unique(run[changes[step[changes] > 0]]))
+        switched_on = changes[step[changes] > 0]
+        runs_with_switch = len(np.unique(runs.run[switched_on]))
         often = runs_with_switch >= thresholds.FEWEST_RUNS or len(changes) >= thresholds.FEWEST_SWITCHES
         return most_in_a_run > 1 and often
     stops = np.abs(runs.context["speed_mps"]) < thresholds.STOPS_MPS
-    at_standstill = []
-    for change in changes:
-        near = np.abs(runs.time_s - runs.time_s[change]) <= _AROUND * WINDOW_S
-        at_standstill.append(bool(stops[near & (run == run[change])].any()))
+    at_standstill = [_is_at_a_stop(int(change), stops, runs) for change in changes]
     if how == "standing":
         return all(at_standstill)
     return not at_standstill or not all(at_standstill)
 
 
+def _is_at_a_stop(change: int, stops: Mask, runs: Runs) -> bool:
+    """Whether the robot stops in its run as close to a window as a change is found."""
+    near = np.abs(runs.time_s - runs.time_s[change]) <= _AROUND * WINDOW_S
+    return bool(stops[near & (runs.run == runs.run[change])].any())
+
+
 def _is_colder(on: Mask, runs: Runs) -> bool:
     """Whether the air is colder in windows where a load is on, shape (windows,), than in most others."""
     temperature_c = runs.context["temperature_c"]
-    ranks = mannwhitneyu(temperature_c[~on], temperature_c[on], nan_policy="omit").statistic
-    return bool(ranks >= thresholds.NEARLY_ALL * np.count_nonzero(on) * np.count_nonzero(~on))
+    # The Mann-Whitney statistic counts the pairs of which the window without the load is warmer.
+    pairs_colder = mannwhitneyu(temperature_c[~on], temperature_c[on], nan_policy="omit").statistic
+    return bool(pairs_colder >= thresholds.NEARLY_ALL * np.count_nonzero(on) * np.count_nonzero(~on))
 
 
 def place_of(runs: Runs) -> Array | None:
@@ -112,7 +122,8 @@ def place_of(runs: Runs) -> Array | None:
         return None
     driven_m = float(np.abs(runs.context["speed_mps"] * runs.duration_s).sum())
     extent_m = float(np.ptp(place_m))
-    return place_m if extent_m > 0.0 and driven_m >= thresholds.REVISITED * extent_m else None
+    is_revisited = extent_m > 0.0 and driven_m >= thresholds.REVISITED * extent_m
+    return place_m if is_revisited else None
 
 
 def search(
@@ -126,45 +137,23 @@ def search(
     Unless `signed`, the lowest size counts as none. By place nothing is found where no place is revisited. Of `several`
     loads that are each on or off, each schedule of more levels is followed by those that one of them may have.
     """
-    if axis == "time":
-        parts = [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
-        blocks = min(len(residual) // thresholds.SHORTEST_LEVEL, _MOST_BLOCKS)
-    else:
-        place_m = place_of(runs)
-        parts = [] if place_m is None else [np.argsort(place_m, kind="stable")]
-        blocks = _PLACES
-    square, weight = float(residual @ residual), float(shape @ shape)
-    if square == 0.0 or weight == 0.0:
+    square = float(residual @ residual)
+    parts = _parts(axis, runs)
+    if not parts or square == 0.0 or float(shape @ shape) == 0.0:
         return []
-    cuts = []
-    for part in parts:
-        share_of_weight = float(shape[part] @ shape[part]) / weight
-        cuts.append(_blocks(shape[part], max(1, round(blocks * share_of_weight))))
-    if sum(len(cut) for cut in cuts) < thresholds.FEWEST_VALUES:
+    blocks = _cut(parts, shape, residual, _most_blocks(axis, len(residual)))
+    if len(blocks.lengths) < thresholds.FEWEST_VALUES:
         return []
-    order = np.concatenate(parts)
-    ends = np.cumsum([len(cut) for cut in cuts])[:-1]  # of the parts, among all blocks
-    lengths = np.concatenate([np.diff(cut, append=len(part)) for part, cut in zip(parts, cuts, strict=True)])
-    starts = np.cumsum(lengths) - lengths
-    # Of each block: sums of shape times residual and of shape squared; their ratio is its best size.
-    moment = np.add.reduceat((shape * residual)[order], starts)
-    mass = np.maximum(np.add.reduceat((shape * shape)[order], starts), 1e-300)
     schedules: list[Schedule] = []
     for share in shares:
-        penalty = share * square
-        sizes = [
-            _sizes(of_part, its_mass, penalty)
-            for of_part, its_mass in zip(np.split(moment, ends), np.split(mass, ends), strict=True)
-        ]
-        level_of_block, levels = _cluster(np.concatenate(sizes), mass, penalty, signed)
+        level, levels = _levels(blocks, share * square, signed)
         if levels < 2:
             continue
-        level = np.zeros(len(residual), dtype=np.intp)
-        level[order] = np.repeat(level_of_block, lengths)
         exact = _refined(level, shape, residual, parts)
-        same = next((index for index, schedule in enumerate(schedules) if _is_same(schedule, exact, levels)), None)
-        if same is not None:
-            schedules[same] = replace(schedules[same], found_by=(*schedules[same].found_by, share))
+        same = [index for index, schedule in enumerate(schedules) if _is_same(schedule, exact, levels)]
+        if same:
+            schedule = schedules[same[0]]
+            schedules[same[0]] = replace(schedule, found_by=(*schedule.found_by, share))
             continue
         schedules.append(
             Schedule(
@@ -181,6 +170,64 @@ def search(
     return list(chain.from_iterable(_of_one_load(schedule, parts) for schedule in schedules))
 
 
+def _parts(axis: Axis, runs: Runs) -> list[Index]:
+    """Windows in the order of each run's time, or all in the order of places; none where no place is revisited."""
+    if axis == "time":
+        return [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
+    place_m = place_of(runs)
+    if place_m is None:
+        return []
+    return [np.argsort(place_m, kind="stable")]
+
+
+def _most_blocks(axis: Axis, windows: int) -> int:
+    if axis == "place":
+        return _PLACES
+    return min(windows // thresholds.SHORTEST_LEVEL, _MOST_BLOCKS)
+
+
+class _Blocks(NamedTuple):
+    """Blocks of windows between which the size may change, part after part."""
+
+    order: Index  # windows, in the order of the parts
+    lengths: Index  # (blocks,), windows of each
+    part_begins: Index  # block with which each part begins but the first
+    moment: Array  # (blocks,), sum of shape times residual
+    mass: Array  # (blocks,), sum of the squared shape; moment over mass is the best size
+
+
+def _cut(parts: Sequence[Index], shape: Array, residual: Array, most_blocks: int) -> _Blocks:
+    """Cut the parts into about so many blocks that hold equal sums of the squared shape."""
+    weight = float(shape @ shape)
+    lengths_of_parts = []
+    for part in parts:
+        share_of_weight = float(shape[part] @ shape[part]) / weight
+        first_windows = _first_windows(shape[part], max(1, round(most_blocks * share_of_weight)))
+        lengths_of_parts.append(np.diff(first_windows, append=len(part)))
+    order = np.concatenate(parts)
+    lengths = np.concatenate(lengths_of_parts)
+    first_window = np.cumsum(lengths) - lengths
+    mass = np.add.reduceat((shape * shape)[order], first_window)
+    return _Blocks(
+        order=order,
+        lengths=lengths,
+        part_begins=np.cumsum([len(of_part) for of_part in lengths_of_parts])[:-1],
+        moment=np.add.reduceat((shape * residual)[order], first_window),
+        mass=np.maximum(mass, 1e-300),
+    )
+
+
+def _levels(blocks: _Blocks, penalty: float, signed: bool) -> tuple[Index, int]:
+    """Level of each window and the number of levels, by a search in the blocks."""
+    moments = np.split(blocks.moment, blocks.part_begins)
+    masses = np.split(blocks.mass, blocks.part_begins)
+    sizes = [_sizes(moment, mass, penalty) for moment, mass in zip(moments, masses, strict=True)]
+    level_of_block, levels = _cluster(np.concatenate(sizes), blocks.mass, penalty, signed)
+    level = np.zeros(len(blocks.order), dtype=np.intp)
+    level[blocks.order] = np.repeat(level_of_block, blocks.lengths)
+    return level, levels
+
+
 def _is_same(schedule: Schedule, level: Index, levels: int) -> bool:
     """Whether a schedule has about these levels: a switch more may be of a few windows of the rarest."""
     rarest = np.bincount(schedule.level).min()
@@ -188,39 +235,47 @@ def _is_same(schedule: Schedule, level: Index, levels: int) -> bool:
     return schedule.levels == levels and bool(differ <= thresholds.SAME_SCHEDULE * rarest)
 
 
-def _of_one_load(whole: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
+def _of_one_load(schedule: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
     """A schedule and, of more than two levels, those of a load that is on in some of its higher levels."""
-    yield whole
-    higher = range(1, whole.levels)
-    for chosen in chain.from_iterable(combinations(higher, count) for count in higher if whole.levels > 2):
-        on = np.isin(whole.level, chosen).astype(np.intp)
-        yield replace(whole, level=on, levels=2, changes=_changes(on, parts), of_several=True)
+    yield schedule
+    if schedule.levels == 2:
+        return
+    higher = range(1, schedule.levels)
+    for count in higher:
+        for levels_on in combinations(higher, count):
+            on = np.isin(schedule.level, levels_on).astype(np.intp)
+            yield replace(schedule, level=on, levels=2, changes=_changes(on, parts), of_several=True)
 
 
 def _changes(level: Index, parts: Sequence[Index]) -> int:
     """Changes of a level within the parts, and parts that begin neither at the reference nor as the last ended."""
-    changes, last = 0, 0
+    changes = 0
+    end_of_last = 0
     for part in parts:
-        changes += int(level[part[0]]) not in (0, last)
-        changes += int(np.count_nonzero(np.diff(level[part])))
-        last = int(level[part[-1]])
+        level_in_part = level[part]
+        if int(level_in_part[0]) not in (0, end_of_last):
+            changes += 1
+        changes += int(np.count_nonzero(np.diff(level_in_part)))
+        end_of_last = int(level_in_part[-1])
     return changes
 
 
-def _blocks(shape: Array, count: int) -> Index:
+def _first_windows(shape: Array, count: int) -> Index:
     """First window of each of `count` blocks (or fewer) that hold equal parts of the squared shape."""
     reached = np.cumsum(shape * shape)
     if reached[-1] == 0.0:
         return np.zeros(1, dtype=np.intp)
-    number = np.minimum((reached / reached[-1] * count).astype(np.intp), count - 1)
-    return np.flatnonzero(np.diff(number, prepend=-1))
+    block = (reached / reached[-1] * count).astype(np.intp)
+    block = np.minimum(block, count - 1)
+    return np.flatnonzero(np.diff(block, prepend=-1))
 
 
 def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
     """Size of each block, constant over stretches that reduce the squared error by more than their penalty."""
     ends = [len(moment)]
     if len(moment) > 1:  # the search takes no single block
-        search = ruptures.KernelCPD(kernel="linear", min_size=1).fit((moment / np.sqrt(weight))[:, None])
+        whitened = moment / np.sqrt(weight)  # its squared error is that of the residual
+        search = ruptures.KernelCPD(kernel="linear", min_size=1).fit(whitened[:, None])
         ends = search.predict(pen=max(penalty, 1e-300))
     size = np.empty(len(moment))
     for start, end in pairwise([0, *ends]):
@@ -233,20 +288,29 @@ def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[
     distinct, which, times = np.unique(size, return_inverse=True, return_counts=True)
     mean = float(np.average(size, weights=weight))
     total = float((weight * (size - mean) ** 2).sum())
-    level, levels = np.zeros(len(size), dtype=np.intp), 1
+    level = np.zeros(len(size), dtype=np.intp)
+    levels = 1
     explained = 0.0
-    for count, groups in enumerate(_groups(distinct, times, min(thresholds.MOST_LEVELS, len(distinct))), start=2):
+    most_levels = min(thresholds.MOST_LEVELS, len(distinct))
+    for count, groups in enumerate(_groups(distinct, times, most_levels), start=2):
         number = groups[which]
         centre = np.bincount(number, weight * size) / np.bincount(number, weight)
         remaining = float((weight * (size - centre[number]) ** 2).sum())
         gain = total - remaining - explained
         if gain <= penalty or gain < thresholds.SMALLEST_GAIN_TO_NAME * explained:
             break
-        level, levels, explained = number, count, explained + gain
+        level = number
+        levels = count
+        explained += gain
     if signed and levels > 1:  # the most frequent level is the reference
         reference = int(np.argmax(np.bincount(level, weight, minlength=levels)))
-        level = np.where(level == reference, 0, np.where(level < reference, level + 1, level))
+        level = _counted_from(reference, level)
     return level, levels
+
+
+def _counted_from(reference: int, level: Index) -> Index:
+    """Levels with the reference as 0 and the others in their order."""
+    return np.where(level == reference, 0, np.where(level < reference, level + 1, level))
 
 
 def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
@@ -255,18 +319,22 @@ def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
     Exact, by dynamic programming over the ends of groups; `times`, shape (n,), is how often each value occurs.
     """
     centred = value - np.average(value, weights=times)
-    number, first, second = (np.append(0.0, np.cumsum(times * centred**power)) for power in range(3))
-    # From which value (rows) to before which (columns).
-    many = np.maximum(number - number[:, None], 1.0)
-    distance = second - second[:, None] - (first - first[:, None]) ** 2 / many
-    distance[np.tril_indices(len(number))] = np.inf
-    least, starts = distance[0], []
+    # Sums over the values before each.
+    count = np.append(0.0, np.cumsum(times))
+    total = np.append(0.0, np.cumsum(times * centred))
+    square = np.append(0.0, np.cumsum(times * centred**2))
+    # Squared distance to their mean of the values from one (rows) to before another (columns).
+    count_between = np.maximum(count - count[:, None], 1.0)
+    distance = square - square[:, None] - (total - total[:, None]) ** 2 / count_between
+    distance[np.tril_indices(len(count))] = np.inf
+    least_distance = distance[0]  # of all values before each, in so many groups
+    starts_of_last = []  # of the last group, for each number of groups
     for _ in range(2, most + 1):
-        total = least[:, None] + distance
-        starts.append(total.argmin(axis=0))
-        least = total.min(axis=0)
+        with_one_more = least_distance[:, None] + distance
+        starts_of_last.append(with_one_more.argmin(axis=0))
+        least_distance = with_one_more.min(axis=0)
         ends = [len(value)]
-        for start in reversed(starts):
+        for start in reversed(starts_of_last):
             ends.append(int(start[ends[-1]]))
         yield np.searchsorted(ends[:0:-1], np.arange(len(value)), side="right")
 
@@ -291,10 +359,12 @@ def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]
         changes = 1 + np.flatnonzero(np.diff(level[part]))
         if len(changes) == 0:
             continue
-        limits = np.concatenate(([0], (changes[1:] + changes[:-1]) // 2, [len(part)]))
-        for change, first, last in zip(changes, limits[:-1], limits[1:], strict=True):
-            around = part[max(first, change - _AROUND) : min(last, change + _AROUND)]
-            level_before, level_after = level[part[change - 1]], level[part[change]]
+        half_way = (changes[1:] + changes[:-1]) // 2
+        limits = np.concatenate(([0], half_way, [len(part)]))
+        for change, from_limit, to_limit in zip(changes, limits[:-1], limits[1:], strict=True):
+            around = part[max(from_limit, change - _AROUND) : min(to_limit, change + _AROUND)]
+            level_before = level[part[change - 1]]
+            level_after = level[part[change]]
             error_before = (residual[around] - size[level_before] * shape[around]) ** 2
             error_after = (residual[around] - size[level_after] * shape[around]) ** 2
             # Error of a change at each of these windows, less that of a change at the first.

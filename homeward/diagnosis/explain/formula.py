@@ -34,7 +34,10 @@ _MOST_SEARCHED = 20_000  # windows; chosen: bounds the time, of more the search 
 _MOST_ALTERNATIVES = 3  # expressions listed beside a term; chosen: to be read at a glance
 _RIDGE = 1e-8  # of columns of norm 1; chosen: makes collinear ones invertible and changes nothing else
 _MILD_C = 20.0  # zero and unit of the temperature in formulas; chosen: room temperature
-_PLAIN, _SQUARED, _ROOT_TOO = (1.0,), (1.0, 2.0), (0.5, 1.0, 2.0)  # powers of a group
+# Powers of a group.
+_PLAIN = (1.0,)
+_SQUARED = (1.0, 2.0)
+_ROOT_TOO = (0.5, 1.0, 2.0)
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,10 @@ class Empirical:
             unit = "" if term.unit == "1" else f" {term.unit}"
             sign = "-" if term.coefficient < 0.0 else "+"
             parts.append(f"{sign} {abs(term.coefficient):.3g}{unit} {term.text}".rstrip())
-        formula = " ".join(parts)
-        return f"{self.symbol} = {formula.removeprefix('+ ') if formula[0] == '+' else formula.replace('- ', '-', 1)}"
+        formula = " ".join(parts).removeprefix("+ ")
+        if formula.startswith("- "):
+            formula = formula.replace("- ", "-", 1)
+        return f"{self.symbol} = {formula}"
 
 
 def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.Generator) -> Empirical | None:
@@ -81,37 +86,38 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.G
     """
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
-    chosen: list[int] = []
-    p_value = total_bic_gain = 0.0
-    while len(chosen) < _MOST_TERMS:
-        scores = search.scores(library.parts, chosen)
-        best = int(np.argmax(scores))
-        before, after = search.held_out(chosen), search.held_out([*chosen, best])
-        bic_gain = delta_bic(runs.observed, before, after, runs.run) - float(library.cost[best])
-        gained = gain(runs.observed, before, after, block, rng)
-        if bic_gain < thresholds.STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
-            break
-        p_value_of_term = _placebo_p_value(search, chosen, float(scores[best]), rng)
-        if p_value_of_term > thresholds.SIGNIFICANT:
-            break
-        chosen = [*chosen, best]
-        total_bic_gain += bic_gain
-        p_value = max(p_value, p_value_of_term)
-    if not chosen:
+    selection = _forward_selection(search, block, rng)
+    if not selection.terms:
         return None
-    chosen, alternatives = _reconsidered(search, chosen)
-    columns = library.columns(chosen)
-    gained = gain(runs.observed, search.held_out([]), search.held_out(chosen), block, rng)
-    sizes, errors = _coefficients(fit, runs, block, columns)
-    terms = tuple(
-        EmpiricalTerm(library.texts[candidate], size, (size - error, size + error), library.units[candidate], others)
-        for candidate, size, error, others in zip(chosen, sizes.tolist(), errors.tolist(), alternatives, strict=True)
-    )
+    numbers, alternatives = _reconsidered(search, selection.terms)
+    gained = gain(runs.observed, search.held_out([]), search.held_out(numbers), block, rng)
+    columns = library.columns(numbers)
+    sizes, half_widths = _coefficients(fit, runs, block, columns)
+    terms = []
+    for index, number in enumerate(numbers):
+        size = float(sizes[index])
+        half_width = float(half_widths[index])
+        terms.append(
+            EmpiricalTerm(
+                text=library.texts[number],
+                coefficient=size,
+                ci95=(size - half_width, size + half_width),
+                unit=library.units[number],
+                alternatives=alternatives[index],
+            )
+        )
     texts = " ".join(term.text for term in terms)
     return Empirical(
-        "P" if runs.unit == "W" else "I", terms, constants(texts, fit.parameters.nominal, runs), columns,
-        columns * sizes, total_bic_gain, gained.share, gained.ci95, p_value,
-    )  # fmt: skip
+        symbol="P" if runs.unit == "W" else "I",
+        terms=tuple(terms),
+        constants=constants(texts, fit.parameters.nominal, runs),
+        columns=columns,
+        contribution=columns * sizes,
+        delta_bic=selection.delta_bic,
+        held_out_gain=gained.share,
+        gain_ci95=gained.ci95,
+        p_value=selection.p_value,
+    )
 
 
 @dataclass(frozen=True)
@@ -124,27 +130,29 @@ class Library:
     places: Index  # (candidates, 3): base and factors of each in `parts`
     cost: Array  # (candidates,): BIC penalty of the search, twice the log of the number of candidates as simple
 
-    def columns(self, chosen: Sequence[int]) -> Array:
-        """Values of some candidates, shape (windows, chosen)."""
-        return np.asarray(self.parts[:, self.places[np.array(chosen, np.intp)]].prod(axis=2))
+    def columns(self, numbers: Sequence[int]) -> Array:
+        """Values of some candidates, by their numbers, shape (windows, numbers)."""
+        return np.asarray(self.parts[:, self.places[np.array(numbers, np.intp)]].prod(axis=2))
 
-    def products(self, parts: Array, known: Array) -> tuple[Array, Array]:
-        """Squares of all candidates, shape (candidates,), and products with known columns, (candidates, columns).
+    def products(self, parts: Array, model: Array) -> tuple[Array, Array]:
+        """Squares of all candidates, shape (candidates,), and products with the columns of a model, (candidates,
+        columns).
 
         Either is a product of two factors under a weight, so that one product of matrices serves all pairs of factors.
         """
         bases = int(self.places[:, 0].max()) + 1
         factors = parts[:, bases:]
-        squares, moments = [], []
+        squares = []
+        moments = []
         for number, base in enumerate(parts.T[:bases]):
             with_this_base = self.places[:, 0] == number
-            first, second = self.places[with_this_base, 1:].T - bases
+            factor, partner = self.places[with_this_base, 1:].T - bases
             # Sums over windows for every pair of factors, of which the candidates are some.
-            weighted = factors[:, None, :] * (base[:, None] * known)[:, :, None]
+            weighted = factors[:, None, :] * (base[:, None] * model)[:, :, None]
             moment_of_pairs = np.tensordot(factors, weighted, (0, 0))
             square_of_pairs = ((factors * base[:, None]) ** 2).T @ factors**2
-            moments.append(moment_of_pairs[first, :, second])
-            squares.append(square_of_pairs[first, second])
+            moments.append(moment_of_pairs[factor, :, partner])
+            squares.append(square_of_pairs[factor, partner])
         return np.concatenate(squares), np.concatenate(moments)
 
 
@@ -165,14 +173,16 @@ class Search:
         """
         residual = self.runs.observed - self.fit.predicted
         thin = slice(None, None, math.ceil(len(residual) / _MOST_SEARCHED))
-        beside = np.column_stack([self.fit.jacobian, self.library.columns(present)])[thin]
-        norms = np.linalg.norm(beside, axis=0)
-        known = np.column_stack([beside[:, norms > 0.0] / norms[norms > 0.0], residual[thin]])
+        design = np.column_stack([self.fit.jacobian, self.library.columns(present)])[thin]
+        norms = np.linalg.norm(design, axis=0)
+        is_used = norms > 0.0
+        model = np.column_stack([design[:, is_used] / norms[is_used], residual[thin]])
         products = []
         for fold in np.unique(self.fold):
-            held = self.fold[thin] == fold
-            squares, moments = self.library.products(parts[thin][held], known[held])
-            products.append(_Products(known[held].T @ known[held], squares, moments))
+            in_fold = self.fold[thin] == fold
+            of_fold = model[in_fold]
+            squares, moments = self.library.products(parts[thin][in_fold], of_fold)
+            products.append(_Products(gram=of_fold.T @ of_fold, squares=squares, moments=moments))
         without, with_it = _squared_errors(products)
         correlation = self.correlation or noise_of(residual, self.runs.run).correlation
         effective = max(len(residual) / correlation, 2.0)
@@ -181,15 +191,43 @@ class Search:
     def held_out(self, present: Sequence[int]) -> Array:
         """Held-out predictions of the refit with these terms, within the bounds of what is physical."""
         columns = self.library.columns(present)
-        return held_out(lambda chosen: with_columns(self.fit, chosen, self.runs.observed, columns), self.fold)
+        return held_out(lambda training: with_columns(self.fit, training, self.runs.observed, columns), self.fold)
+
+
+class _Selection(NamedTuple):
+    terms: list[int]  # numbers of candidates
+    delta_bic: float  # of all terms together
+    p_value: float  # the largest of a term
+
+
+def _forward_selection(search: Search, block: Index, rng: np.random.Generator) -> _Selection:
+    """The likeliest term beside those selected, as long as it lowers BIC and the held-out error beyond chance."""
+    library = search.library
+    observed = search.runs.observed
+    selection = _Selection([], 0.0, 0.0)
+    while len(selection.terms) < _MOST_TERMS:
+        scores = search.scores(library.parts, selection.terms)
+        likeliest = int(np.argmax(scores))
+        terms = [*selection.terms, likeliest]
+        predicted = search.held_out(selection.terms)
+        predicted_with = search.held_out(terms)
+        bic_gain = delta_bic(observed, predicted, predicted_with, search.runs.run) - float(library.cost[likeliest])
+        gained = gain(observed, predicted, predicted_with, block, rng)
+        if bic_gain < thresholds.STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+            break
+        p_value = _placebo_p_value(search, selection.terms, float(scores[likeliest]), rng)
+        if p_value > thresholds.SIGNIFICANT:
+            break
+        selection = _Selection(terms, selection.delta_bic + bic_gain, max(selection.p_value, p_value))
+    return selection
 
 
 class _Products(NamedTuple):
     """Sums over the windows of a fold."""
 
-    gram: Array  # (known, known): products of the known columns, the target last
+    gram: Array  # (columns, columns): products of the model's columns, the target last
     squares: Array  # (candidates,): squares of the candidates
-    moments: Array  # (candidates, known): products of both
+    moments: Array  # (candidates, columns): products of both
 
 
 def _squared_errors(folds: Sequence[_Products]) -> tuple[float, Array]:
@@ -204,34 +242,39 @@ def _squared_errors(folds: Sequence[_Products]) -> tuple[float, Array]:
         gram = np.sum([fold.gram for fold in training], axis=0)
         squares = np.sum([fold.squares for fold in training], axis=0)
         moments = np.sum([fold.moments for fold in training], axis=0)
-        with_columns, with_target = moments[:, :-1], moments[:, -1]
+        times_columns = moments[:, :-1]
+        times_target = moments[:, -1]
         inverse = np.linalg.inv(gram[:-1, :-1] + _RIDGE * np.eye(len(gram) - 1))
         weights = inverse @ gram[:-1, -1]
-        spanned = with_columns @ inverse  # weights of the columns that describe each candidate best
-        own_square = squares - (spanned * with_columns).sum(axis=1)
-        is_new = own_square > 1e-6 * np.maximum(squares, 1e-300)  # else it is collinear with the model
-        size = np.where(is_new, (with_target - with_columns @ weights) / np.where(is_new, own_square, 1.0), 0.0)
-        # The residual as a combination of the known columns, without a candidate and, less `size` times it, with each.
+        spanned = times_columns @ inverse  # weights of the columns that describe each candidate best
+        orthogonal_square = squares - (spanned * times_columns).sum(axis=1)
+        is_new = orthogonal_square > 1e-6 * np.maximum(squares, 1e-300)  # else it is collinear with the model
+        times_residual = times_target - times_columns @ weights
+        size = np.where(is_new, times_residual / np.where(is_new, orthogonal_square, 1.0), 0.0)
+        # The residual as a combination of the model's columns: without a candidate, and with each, of which then
+        # `size` times it is taken away.
         residual = np.append(-weights, 1.0)
         residuals = residual + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))
         error_without += max(float(residual @ test.gram @ residual), 0.0)
-        of_columns = ((residuals @ test.gram) * residuals).sum(axis=1)
-        of_both = (test.moments * residuals).sum(axis=1)
-        error_with += np.maximum(of_columns - 2.0 * size * of_both + size**2 * test.squares, 0.0)
+        square_of_columns = ((residuals @ test.gram) * residuals).sum(axis=1)
+        times_candidate = (test.moments * residuals).sum(axis=1)
+        error_with += np.maximum(square_of_columns - 2.0 * size * times_candidate + size**2 * test.squares, 0.0)
     return max(error_without, 1e-300), np.maximum(error_with, 1e-300)
 
 
-def _reconsidered(search: Search, chosen: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
+def _reconsidered(search: Search, terms: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
     """Each term chosen anew beside the others, as the first was chosen without the second; and its equivalents."""
-    residual = search.runs.observed - search.held_out(chosen)
+    residual = search.runs.observed - search.held_out(terms)
     judge = replace(search, correlation=correlation_windows(residual, search.runs.run))
-    final, alternatives = list(chosen), []
+    final = list(terms)
+    alternatives = []
     for index in range(len(final)):
-        scores = judge.scores(search.library.parts, final[:index] + final[index + 1 :])
-        best_first = np.argsort(-scores, kind="stable").tolist()
-        final[index] = best_first[0]
-        least = scores[final[index]] - thresholds.STRONG_BIC
-        as_good = [candidate for candidate in best_first[1:] if scores[candidate] > least]
+        present = final[:index] + final[index + 1 :]
+        scores = judge.scores(search.library.parts, present)
+        highest_first = np.argsort(-scores, kind="stable").tolist()
+        final[index] = highest_first[0]
+        limit = scores[final[index]] - thresholds.STRONG_BIC
+        as_good = [candidate for candidate in highest_first[1:] if scores[candidate] > limit]
         alternatives.append(tuple(search.library.texts[candidate] for candidate in as_good[:_MOST_ALTERNATIVES]))
     return final, alternatives
 
@@ -246,11 +289,16 @@ def _placebo_p_value(search: Search, present: Sequence[int], score: float, rng: 
 
 def _coefficients(fit: Fitted, runs: Runs, block: Index, columns: Array) -> tuple[Array, Array]:
     """Coefficient of each term fitted together with the groups, and half its interval clustered by block."""
-    predicted = with_columns(fit, np.ones(len(runs.observed), np.bool_), runs.observed, columns)
+    all_windows = np.ones(len(runs.observed), np.bool_)
+    predicted = with_columns(fit, all_windows, runs.observed, columns)
     design = np.column_stack([fit.jacobian[:, excited(fit, runs)], columns])
-    sizes = np.asarray(np.linalg.lstsq(design, predicted - fit.predicted, rcond=None)[0][-columns.shape[1] :])
-    errors = standard_errors(design, runs.observed - predicted, block)[-columns.shape[1] :]
-    return sizes, float(student.ppf(0.975, max(int(block.max()) + 1 - design.shape[1], 1))) * errors
+    weights = np.linalg.lstsq(design, predicted - fit.predicted, rcond=None)[0]
+    errors = standard_errors(design, runs.observed - predicted, block)
+    terms = slice(-columns.shape[1], None)  # they follow the groups
+    blocks = int(block.max()) + 1
+    degrees_of_freedom = max(blocks - design.shape[1], 1)
+    half_widths = float(student.ppf(0.975, degrees_of_freedom)) * errors[terms]
+    return np.asarray(weights[terms]), half_widths
 
 
 class _Base(NamedTuple):
@@ -268,49 +316,56 @@ class _Factor(NamedTuple):
 
 def candidates(fit: Fitted, runs: Runs) -> Library:
     """Every candidate that the channels of these runs allow."""
-    robot, ones = fit.parameters.nominal, np.ones(len(runs.observed))
-    if runs.unit == "A":
-        # Current is a force: the load is the current above that at rest.
-        load = np.maximum(fit.predicted - fit.theta[AT_REST], 0.0)
-        bases = [_Base("", "A", ones, frozenset()), _Base("I_drive", "1", load)]
-    else:
-        weight_w = robot.mass_kg * GRAVITY_MPS2 * np.abs(runs.context["speed_mps"])
-        load = np.maximum(fit.predicted - ancillary_power(fit.groups.robot, runs.sensing_hz), 0.0)
-        bases = [
-            # A constant times a power of v is a load.
-            _Base("", "W", ones, frozenset({"(v / v_max)", "(v / v_max)^2"})),
-            _Base("m g v", "1", weight_w),
-            _Base("P_drive", "1", load),
-        ]
-    factors = [_Factor("", "1", ones), *_factors(runs, robot)]
+    bases = _bases(fit, runs)
+    factors = [_Factor("", "1", np.ones(len(runs.observed))), *_factors(runs, fit.parameters.nominal)]
     pairs = [(0, 0)]  # the base alone; a factor alone is paired with the first, which is 1
-    for first in range(len(factors)):
-        for second in range(first + 1, len(factors)):
-            if factors[first].family != factors[second].family:
-                pairs.append((first, second))
-    indices, texts, units = [], [], []
-    for number, base in enumerate(bases):
-        for first, second in pairs:
-            symbols = (factors[first].text, factors[second].text)
+    for number, factor in enumerate(factors):
+        for partner_number, partner in enumerate(factors[number + 1 :], start=number + 1):
+            if factor.family != partner.family:
+                pairs.append((number, partner_number))
+    places = []
+    texts = []
+    units = []
+    for base_number, base in enumerate(bases):
+        for number, partner_number in pairs:
+            symbols = (factors[number].text, factors[partner_number].text)
             if base.excluded.isdisjoint(symbols):
-                indices.append((number, first, second))
+                places.append((base_number, len(bases) + number, len(bases) + partner_number))
                 texts.append(" ".join(filter(None, (base.text, *symbols))))
                 units.append(base.unit)
-    places = np.array(indices)
-    factors_of = (places[:, 1:] > 0).sum(axis=1)
-    as_simple = np.cumsum(np.bincount(factors_of, minlength=3))
+    place_array = np.array(places)
+    factors_of = (place_array[:, 1:] > len(bases)).sum(axis=1)  # beside those that are 1
+    as_simple = np.cumsum(np.bincount(factors_of, minlength=3))  # candidates of at most so many factors
     return Library(
         texts=tuple(texts),
         units=tuple(units),
         parts=np.column_stack([*(base.values for base in bases), *(factor.values for factor in factors)]),
-        places=places + np.array([0, len(bases), len(bases)]),
+        places=place_array,
         cost=2.0 * np.log(as_simple[factors_of]),
     )
 
 
+def _bases(fit: Fitted, runs: Runs) -> list[_Base]:
+    """What candidates are proportional to: one, the weight's power, and the load of the drive."""
+    ones = np.ones(len(runs.observed))
+    if runs.unit == "A":
+        # Current is a force: the load is the current above that at rest.
+        load_a = np.maximum(fit.predicted - fit.theta[AT_REST], 0.0)
+        return [_Base("", "A", ones, frozenset()), _Base("I_drive", "1", load_a)]
+    robot = fit.parameters.nominal
+    weight_w = robot.mass_kg * GRAVITY_MPS2 * np.abs(runs.context["speed_mps"])
+    load_w = np.maximum(fit.predicted - ancillary_power(fit.groups.robot, runs.sensing_hz), 0.0)
+    return [
+        # A constant times a power of v is a load.
+        _Base("", "W", ones, frozenset({"(v / v_max)", "(v / v_max)^2"})),
+        _Base("m g v", "1", weight_w),
+        _Base("P_drive", "1", load_w),
+    ]
+
+
 def constants(text: str, robot: Robot, runs: Runs) -> dict[str, str]:
     """Symbols of a formula that are the same for all windows, with value and unit."""
-    known = {
+    meanings = {
         "m ": f"m = {robot.mass_kg:.4g} kg",
         "v_max": f"v_max = {robot.max_speed_mps:.4g} m/s",
         " B": f"B = {robot.track_m:.4g} m",
@@ -320,18 +375,21 @@ def constants(text: str, robot: Robot, runs: Runs) -> dict[str, str]:
         "P_drive": "P_drive = the drive's power by the refit",
         "I_drive": "I_drive = the drive's current by the refit",
     }
-    return {symbol.strip(): meaning for symbol, meaning in known.items() if symbol in text}
+    return {symbol.strip(): meaning for symbol, meaning in meanings.items() if symbol in text}
 
 
 def _factors(runs: Runs, robot: Robot) -> list[_Factor]:
     """Each group of the channels that these runs have and that change, to each of its powers."""
     factors = []
     for family, text, values, powers in _groups(runs, robot):
-        symbol = text if text.startswith(("[", "cos")) else f"({text})"
+        symbol = f"({text})"
+        if text.startswith(("[", "cos")):
+            symbol = text
         for power in powers:
             raised = values**power
             if np.isfinite(raised).all() and float(np.ptp(raised)) > 1e-9:
-                factors.append(_Factor(symbol if power == 1.0 else f"{symbol}^{power:g}", family, raised))
+                raised_symbol = symbol if power == 1.0 else f"{symbol}^{power:g}"
+                factors.append(_Factor(raised_symbol, family, raised))
     return factors
 
 
@@ -342,22 +400,34 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     """Dimensionless groups, NaN where the channel is missing."""
     missing = np.full(len(runs.observed), np.nan)
     channel = defaultdict(lambda: missing, runs.context)
-    speed, turning, accel = np.abs(channel["speed_mps"]), channel["yaw_rate_radps"], channel["accel_mps2"]
-    wheels = missing if "yaw_rate_radps" in runs.context else np.abs(channel["wheel_difference_mps"])
-    per, scale_s = "v_max / g", robot.max_speed_mps / GRAVITY_MPS2
+    moves = np.abs(channel["speed_mps"]) > logs_thresholds.STANDSTILL_MPS
+    speed = np.abs(channel["speed_mps"]) / robot.max_speed_mps
+    # A difference of wheel speeds is a turning rate; where a gyroscope measured that, it is not needed.
+    wheels = missing
+    if "yaw_rate_radps" not in runs.context:
+        wheels = np.abs(channel["wheel_difference_mps"])
+    per = "v_max / g"
+    scale_s = robot.max_speed_mps / GRAVITY_MPS2
     if robot.track_m > 0.0:
-        per, scale_s = "B / v_max", robot.track_m / robot.max_speed_mps
-    sine, warmth = np.sin(channel["grade_rad"]), (channel["temperature_c"] - _MILD_C) / _MILD_C
-    far_m, time_s = np.abs(channel["base_distance_m"]), runs.elapsed_s
+        per = "B / v_max"
+        scale_s = robot.track_m / robot.max_speed_mps
+    turning = channel["yaw_rate_radps"]
+    accel = channel["accel_mps2"] / GRAVITY_MPS2
+    sine = np.sin(channel["grade_rad"])
+    warmth = (channel["temperature_c"] - _MILD_C) / _MILD_C
+    away_m = np.abs(channel["base_distance_m"])
+    payload = np.abs(channel["payload_kg"]) / robot.mass_kg
+    emptied = np.clip(1.0 - channel["soc"], 0.0, 1.0)
+    passed = runs.elapsed_s / max(float(runs.elapsed_s.max()), 1e-9)
     return [
-        ("speed", "[v > 0]", (speed > logs_thresholds.STANDSTILL_MPS).astype(np.float64), _PLAIN),
-        ("speed", "v / v_max", speed / robot.max_speed_mps, _ROOT_TOO),
+        ("speed", "[v > 0]", moves.astype(np.float64), _PLAIN),
+        ("speed", "v / v_max", speed, _ROOT_TOO),
         ("turning rate", f"|w| {per}", np.abs(turning) * scale_s, _ROOT_TOO),
         ("turning rate", f"w+ {per}", np.maximum(turning, 0.0) * scale_s, _PLAIN),
         ("turning rate", "|v_r - v_l| / v_max", wheels / robot.max_speed_mps, _ROOT_TOO),
-        ("acceleration", "|a| / g", np.abs(accel / GRAVITY_MPS2), _SQUARED),
-        ("acceleration", "a+ / g", np.maximum(accel / GRAVITY_MPS2, 0.0), _SQUARED),
-        ("acceleration", "a- / g", np.maximum(-accel / GRAVITY_MPS2, 0.0), _PLAIN),
+        ("acceleration", "|a| / g", np.abs(accel), _SQUARED),
+        ("acceleration", "a+ / g", np.maximum(accel, 0.0), _SQUARED),
+        ("acceleration", "a- / g", np.maximum(-accel, 0.0), _PLAIN),
         ("grade", "|sin(grade)|", np.abs(sine), _SQUARED),
         ("grade", "sin(grade)+", np.maximum(sine, 0.0), _SQUARED),
         ("grade", "sin(grade)-", np.maximum(-sine, 0.0), _SQUARED),
@@ -366,10 +436,10 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
         ("temperature", "(T - 20 C)+ / 20 K", np.maximum(warmth, 0.0), _PLAIN),
         ("temperature", "(20 C - T)+ / 20 K", np.maximum(-warmth, 0.0), _SQUARED),
         *_sectors(channel["heading_rad"]),
-        ("distance", "r / r_max", far_m / max(_largest(far_m), 1e-9), _ROOT_TOO),
-        ("payload mass", "payload / m", np.abs(channel["payload_kg"]) / robot.mass_kg, _ROOT_TOO),
-        ("charge", "1 - soc", np.clip(1.0 - channel["soc"], 0.0, 1.0), _ROOT_TOO),
-        ("time", "t / t_max", time_s / max(float(time_s.max()), 1e-9), _ROOT_TOO),
+        ("distance", "r / r_max", away_m / max(_largest(away_m), 1e-9), _ROOT_TOO),
+        ("payload mass", "payload / m", payload, _ROOT_TOO),
+        ("charge", "1 - soc", emptied, _ROOT_TOO),
+        ("time", "t / t_max", passed, _ROOT_TOO),
     ]
 
 
@@ -377,9 +447,10 @@ def _sectors(heading_rad: Array) -> Iterator[_Dimensionless]:
     """Functions of the heading; heading 0 is east, as in ENU frames."""
     for degrees in range(0, 360, 45):
         along = np.cos(heading_rad - np.deg2rad(degrees))
-        if degrees < 180:
+        if degrees < 180:  # of the opposite heading they are these times -1, or 1 less these
+            forwards = (along > 0.0).astype(np.float64)
             yield "heading", f"cos(heading - {degrees} deg)", along, _PLAIN
-            yield "heading", f"[heading within 90 deg of {degrees} deg]", (along > 0.0).astype(np.float64), _PLAIN
+            yield "heading", f"[heading within 90 deg of {degrees} deg]", forwards, _PLAIN
         within = (along > np.sqrt(0.5)).astype(np.float64)
         yield "heading", f"cos(heading - {degrees} deg)+", np.maximum(along, 0.0), _PLAIN
         yield "heading", f"[heading within 45 deg of {degrees} deg]", within, _PLAIN
