@@ -129,41 +129,63 @@ class Setting:
     @classmethod
     def of(cls, fit: Refit, runs: Runs, residual: Array | None = None) -> Setting:
         """Setting of a refit with its own residual or another, shape (windows,)."""
-        residual = runs.observed - fit.predicted if residual is None else residual
-        return cls(runs, fit.parameters, fit.theta, WithEffects(), fit.predicted, residual)
+        if residual is None:
+            residual = runs.observed - fit.predicted
+        return cls(
+            runs=runs,
+            parameters=fit.parameters,
+            theta=fit.theta,
+            present=WithEffects(),
+            predicted=fit.predicted,
+            residual=residual,
+        )
 
     @property
     def rolling_kg(self) -> float:
         """C_rr m, of the robot file where a fit without rough ground estimates it near zero."""
-        fitted, assumed = float(self.theta[ROLLING]), float(self.parameters.start[ROLLING])
-        return fitted if fitted > thresholds.MATERIAL_SHARE * assumed else assumed
+        fitted_kg = float(self.theta[ROLLING])
+        assumed_kg = float(self.parameters.start[ROLLING])
+        is_material = fitted_kg > thresholds.MATERIAL_SHARE * assumed_kg
+        return fitted_kg if is_material else assumed_kg
 
     def response(self, hypothesis: Hypothesis, size: float, shape: Numbers) -> Array:
         """Contribution of an effect of this size beyond the robot file's, per unit of size, shape (windows,)."""
         in_model = {**self.parameters.nominal.effects, **self.present.effects}
         lacking = {name: numbers for name, numbers in hypothesis.beside.items() if name not in in_model}
-        start, without = self.present, self.predicted
-        if lacking:
-            start = replace(start, effects={**start.effects, **lacking})
-            without = self.parameters.predict(self.runs, self.theta, start)
-        given, others = hypothesis.in_file(self.parameters.nominal)
-        if given + size > hypothesis.entry.switch.high:
+        base = self.present
+        predicted = self.predicted
+        if lacking:  # what the effect requires is no part of its contribution
+            base = replace(base, effects={**base.effects, **lacking})
+            predicted = self.parameters.predict(self.runs, self.theta, base)
+        switch = hypothesis.entry.switch
+        size_in_file, numbers_in_file = hypothesis.in_file(self.parameters.nominal)
+        if size_in_file + size > switch.high:
             size = -size
-        numbers = {**shape, **others, hypothesis.entry.switch.name: given + size}
-        added = replace(start, effects={**start.effects, hypothesis.id: numbers})
-        return (self.parameters.predict(self.runs, self.theta, added) - without) / size
+        numbers = {**shape, **numbers_in_file, switch.name: size_in_file + size}
+        with_effect = replace(base, effects={**base.effects, hypothesis.id: numbers})
+        return (self.parameters.predict(self.runs, self.theta, with_effect) - predicted) / size
 
 
 def responses(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Forms of one constant size, at each of a few values of its other parameters, or at the robot file's."""
     switch = hypothesis.entry.switch
-    given, others = hypothesis.in_file(setting.parameters.nominal)
-    shapes = [others] if given else list(hypothesis.shapes(setting))
+    size_in_file, numbers_in_file = hypothesis.in_file(setting.parameters.nominal)
+    shapes = [numbers_in_file]
+    if not size_in_file:
+        shapes = list(hypothesis.shapes(setting))
     low, high = hypothesis.limits(1)
+    tiny = TINY * max(abs(switch.low), switch.high)
     for shape in shapes:
-        column = setting.response(hypothesis, TINY * max(abs(switch.low), switch.high), shape)
+        column = setting.response(hypothesis, tiny, shape)
         searched = len(shapes) > 1 and bool(shape)
-        yield Term(hypothesis, column[:, None], low=low - given, high=high - given, hidden=int(searched), shape=shape)
+        yield Term(
+            hypothesis,
+            column[:, None],
+            low=low - size_in_file,
+            high=high - size_in_file,
+            hidden=int(searched),
+            shape=shape,
+        )
 
 
 def rising(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
@@ -179,52 +201,76 @@ def rising(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     if len(distinct) < 3:
         return  # two values determine no form
     edges = np.unique(np.quantile(distinct, np.linspace(0.0, 1.0, _PIECES + 1)))
-    steps = np.clip((values[:, None] - edges[:-1]) / np.diff(edges), 0.0, 1.0)
-    per_unit = setting.predicted[:, None] if hypothesis.entry.kind == "battery" else 1.0
-    most = np.full(steps.shape[1], float(np.max(np.abs(setting.runs.observed))))
-    yield Term(hypothesis, per_unit * steps, np.zeros(len(most)), most, fixed=True, flexible=True)
+    # Each piece rises from 0 to 1 between two edges: with sizes from 0 up, their sum never falls.
+    pieces = np.clip((values[:, None] - edges[:-1]) / np.diff(edges), 0.0, 1.0)
+    columns = pieces
+    if hypothesis.entry.kind == "battery":  # a share of the power drawn
+        columns = setting.predicted[:, None] * pieces
+    largest = float(np.max(np.abs(setting.runs.observed)))
+    sizes = columns.shape[1]
+    yield Term(hypothesis, columns, low=np.zeros(sizes), high=np.full(sizes, largest), fixed=True, flexible=True)
 
 
 def levels(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Forms whose size has change points, in time or place, found from the residual, or a smooth profile by place."""
-    load = None if hypothesis.changes is None else hypothesis.load(hypothesis, setting)
-    if hypothesis.changes is None or load is None:
+    if hypothesis.changes is None:
         return
-    runs = setting.runs
+    load = hypothesis.load(hypothesis, setting)
+    if load is None:
+        return
     rolling_kg = setting.rolling_kg if hypothesis.of_rolling else None
-    axes: tuple[Axis, ...] = ("time", "place") if hypothesis.by_place else ("time",)
-    met_again = change_points.place_of(runs) is not None
+    yield from _changing(hypothesis, hypothesis.changes, setting, load, "time", rolling_kg)
+    if hypothesis.by_place:
+        yield from _changing(hypothesis, hypothesis.changes, setting, load, "place", rolling_kg)
+        yield from _profiled(hypothesis, setting, load, rolling_kg)
+
+
+def _changing(
+    hypothesis: Hypothesis, how: Changes, setting: Setting, load: Array, axis: Axis, rolling_kg: float | None
+) -> Iterator[Term]:
+    """Forms whose size has change points along one axis."""
+    runs = setting.runs
     all_windows = np.ones(len(load), np.bool_)
-    for axis in axes:
-        for schedule in hypothesis.search(axis, load, setting.residual, runs, all_windows, change_points.SHARES):
-            if hypothesis.is_switched and schedule.levels > 2:
-                continue  # a switched load is on or off: more levels would fit a drift
-            if axis == "time" and hypothesis.by_place and met_again and schedule.changes > hypothesis.most_changes:
-                continue  # the ground of a place does not change
-            typical = axis == "place" or change_points.may_change(hypothesis.changes, schedule, runs)
-            if not typical and (hypothesis.changes not in _PREFERENCES or schedule.changes > thresholds.RARE_CHANGES):
-                continue
-            typical = typical and not hypothesis.seldom
-            rhythm, spread = hypothesis.rhythm(schedule, runs)
-            cost = 1 if change_points.clearly_apart(schedule) else thresholds.COST_OF_A_CHANGE
-            at_work = schedule.at_work()
-            low, high = hypothesis.limits(schedule.levels - 1, hypothesis.signed)
-            yield Term(
-                hypothesis,
-                load[:, None] * at_work,
-                low=low,
-                high=high,
-                hidden=cost * schedule.changes + int(not typical),
-                shape=rhythm,
-                axis=axis,
-                schedule=schedule,
-                spread=spread,
-                typical=typical,
-                of_rolling_kg=rolling_kg,
-                load=load,
-                at_work=at_work,
-            )
-    for hats in change_points.profiles(runs) if hypothesis.by_place else []:
+    for schedule in hypothesis.search(axis, load, setting.residual, runs, all_windows, change_points.SHARES):
+        if _cannot_be(hypothesis, schedule, runs):
+            continue
+        typical = axis == "place" or change_points.may_change(how, schedule, runs)
+        if not typical and (how not in _PREFERENCES or schedule.changes > thresholds.RARE_CHANGES):
+            continue
+        typical = typical and not hypothesis.seldom
+        rhythm, spread = hypothesis.rhythm(schedule, runs)
+        cost_of_a_change = 1 if change_points.clearly_apart(schedule) else thresholds.COST_OF_A_CHANGE
+        at_work = schedule.at_work()
+        low, high = hypothesis.limits(schedule.levels - 1, hypothesis.signed)
+        yield Term(
+            hypothesis,
+            load[:, None] * at_work,
+            low=low,
+            high=high,
+            hidden=cost_of_a_change * schedule.changes + int(not typical),
+            shape=rhythm,
+            axis=axis,
+            schedule=schedule,
+            spread=spread,
+            typical=typical,
+            of_rolling_kg=rolling_kg,
+            load=load,
+            at_work=at_work,
+        )
+
+
+def _cannot_be(hypothesis: Hypothesis, schedule: Schedule, runs: Runs) -> bool:
+    """Whether the effect cannot have such a schedule, whatever its size."""
+    if hypothesis.is_switched and schedule.levels > 2:
+        return True  # a switched load is on or off: more levels would fit a drift
+    if schedule.axis == "place" or not hypothesis.by_place or schedule.changes <= hypothesis.most_changes:
+        return False
+    return change_points.place_of(runs) is not None  # where places are revisited, their ground does not change
+
+
+def _profiled(hypothesis: Hypothesis, setting: Setting, load: Array, rolling_kg: float | None) -> Iterator[Term]:
+    """Forms whose size is a smooth profile along the way from base."""
+    for hats in change_points.profiles(setting.runs):
         low, high = hypothesis.limits(hats.shape[1])
         yield Term(
             hypothesis,
@@ -243,16 +289,19 @@ def everywhere(hypothesis: Hypothesis, setting: Setting) -> Array:
     return np.ones(len(setting.runs.observed))
 
 
-def temperatures(of: Parameter) -> Callable[[Setting], Iterator[Numbers]]:
+def temperatures(parameter: Parameter) -> Callable[[Setting], Iterator[Numbers]]:
     """Values tried for a temperature: quantiles of the recorded ones, one beyond them, and 20 degC."""
 
     def shapes(setting: Setting) -> Iterator[Numbers]:
         temperature_c = setting.runs.context["temperature_c"]
-        known = temperature_c[np.isfinite(temperature_c)]
-        quantiles = np.round(np.quantile(known, [0.3, 0.5, 0.7, 0.85]), 1).tolist() if len(known) else []
-        for value in dict.fromkeys([*quantiles, float(np.max(known, initial=-100.0)) + 0.1, 20.0]):
-            if of.low <= value <= of.high:
-                yield {of.name: float(value)}
+        recorded_c = temperature_c[np.isfinite(temperature_c)]
+        tried_c: list[float] = []
+        if len(recorded_c):
+            tried_c += np.round(np.quantile(recorded_c, [0.3, 0.5, 0.7, 0.85]), 1).tolist()
+        tried_c += [float(np.max(recorded_c, initial=-100.0)) + 0.1, 20.0]
+        for value_c in dict.fromkeys(tried_c):
+            if parameter.low <= value_c <= parameter.high:
+                yield {parameter.name: float(value_c)}
 
     return shapes
 
@@ -262,7 +311,8 @@ def _response(hypothesis: Hypothesis, setting: Setting) -> Array:
 
 
 def _level_names(term: Term) -> list[tuple[str, str]]:
-    switch, sizes = term.hypothesis.entry.switch, term.columns.shape[1]
+    switch = term.hypothesis.entry.switch
+    sizes = term.columns.shape[1]
     if term.flexible and term.hypothesis.rises_with:
         unit = "1" if term.hypothesis.entry.kind == "battery" else "W"
         return [(f"step_{size + 1}", unit) for size in range(sizes)]
@@ -271,7 +321,9 @@ def _level_names(term: Term) -> list[tuple[str, str]]:
 
 def level_name(name: str, size: int, sizes: int) -> str:
     """Name of one of the sizes of a term."""
-    return name if sizes == 1 else f"{name}_level_{size + 1}"
+    if sizes == 1:
+        return name
+    return f"{name}_level_{size + 1}"
 
 
 def _as_effect(hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
@@ -280,11 +332,12 @@ def _as_effect(hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, ru
 
 def _on_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
     base = WithEffects(hypothesis.beside)
-    given, _ = hypothesis.in_file(drive.fit.parameters.nominal)
-    with_it = hypothesis.within(hypothesis, base, {**shape, hypothesis.entry.switch.name: given + size}, drive.runs)
+    size_in_file, _ = hypothesis.in_file(drive.fit.parameters.nominal)
+    numbers = {**shape, hypothesis.entry.switch.name: size_in_file + size}
+    with_effect = hypothesis.within(hypothesis, base, numbers, drive.runs)
     theta = drive.fit.theta
-    without = drive.predict(theta, base) if hypothesis.beside else drive.plain
-    return drive.there(hypothesis.lies_in) * (drive.predict(theta, with_it) - without)
+    predicted = drive.predict(theta, base) if hypothesis.beside else drive.plain
+    return drive.there(hypothesis.lies_in) * (drive.predict(theta, with_effect) - predicted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -337,8 +390,9 @@ class Hypothesis:
 
     def in_file(self, robot: Robot) -> tuple[float, Numbers]:
         """Its size and other numbers in a robot file: 0 and none if it is not there."""
-        given, switch = robot.effects.get(self.id, {}), self.entry.switch.name
-        return given.get(switch, 0.0), {name: value for name, value in given.items() if name != switch}
+        numbers = robot.effects.get(self.id, {})
+        switch = self.entry.switch.name
+        return numbers.get(switch, 0.0), {name: value for name, value in numbers.items() if name != switch}
 
     @property
     def physical(self) -> bool:
@@ -374,13 +428,17 @@ class Hypothesis:
     @property
     def channels(self) -> tuple[str, ...]:
         """Channels whose values show when it is at work, the most informative first."""
-        known = {channel.name for channel in TESTED}
-        return tuple(name for name in self.entry.needs if name in known) if self.shown_by is None else self.shown_by
+        if self.shown_by is not None:
+            return self.shown_by
+        tested = {channel.name for channel in TESTED}
+        return tuple(name for name in self.entry.needs if name in tested)
 
     def limits(self, sizes: int, signed: bool = True) -> tuple[Array, Array]:
         """Least and largest value of each of its sizes."""
         low, high = self.bounds or (self.entry.switch.low, self.entry.switch.high)
-        return np.full(sizes, low if signed else 0.0), np.full(sizes, high)
+        if not signed:
+            low = 0.0
+        return np.full(sizes, low), np.full(sizes, high)
 
     def forms(self, setting: Setting, varying: bool) -> Iterator[Term]:
         """Every form that these runs allow, those whose size changes for no recorded reason only if `varying`."""
@@ -391,14 +449,15 @@ class Hypothesis:
             yield from self.varying(self, setting)
 
     def search(
-        self, axis: Axis, load: Array, residual: Array, runs: Runs, chosen: Mask, shares: Sequence[float]
+        self, axis: Axis, load: Array, residual: Array, runs: Runs, windows: Mask, shares: Sequence[float]
     ) -> list[Schedule]:
-        """Schedules found by a search in the `chosen` windows, shape (windows,), of few changes to many.
+        """Schedules found by a search in these `windows`, shape (windows,), of few changes to many.
 
         Other windows have the level of those before them. A unit of size adds `load`, shape (windows,), where the
         effect is at work, and a change must explain such `shares` of the squared residual, the largest first.
         """
-        load, residual = load * chosen, residual * chosen
+        load = load * windows
+        residual = residual * windows
         schedules = change_points.search(axis, load, residual, runs, self.signed, shares, several=self.is_sudden)
         # An effect that begins once was absent before, however long it lasts.
         if self.changes == "once" and self.signed:
@@ -407,14 +466,17 @@ class Hypothesis:
 
     def missing(self, runs: Runs) -> tuple[str, ...]:
         """Channels that it needs and that no run has."""
-        given = {*runs.context, *_ALWAYS_GIVEN}
+        recorded = {*runs.context, *_ALWAYS_GIVEN}
         if runs.unit == "W":
-            given |= {"voltage_v", "current_a"}
-        if "wheel_difference_mps" in given:
-            given.add("yaw_rate_radps")
-        return tuple(name for name in (self.entry.needs if self.needs is None else self.needs) if name not in given)
+            recorded |= {"voltage_v", "current_a"}
+        if "wheel_difference_mps" in recorded:
+            recorded.add("yaw_rate_radps")
+        needs = self.entry.needs if self.needs is None else self.needs
+        return tuple(name for name in needs if name not in recorded)
 
-    def looks_like(self, other: Hypothesis, runs: Runs) -> bool:
+    def looks_like(self, rival: Hypothesis, runs: Runs) -> bool:
         """Whether the two are known to be confounded and no channel of these runs separates them."""
-        known = other.id in self.entry.confused_with or self.id in other.entry.confused_with
-        return known and bool({*self.entry.needs, *other.entry.needs} - {*runs.context, *_ALWAYS_GIVEN})
+        confused = rival.id in self.entry.confused_with or self.id in rival.entry.confused_with
+        separating = {*self.entry.needs, *rival.entry.needs}
+        not_recorded = separating - {*runs.context, *_ALWAYS_GIVEN}
+        return confused and bool(not_recorded)

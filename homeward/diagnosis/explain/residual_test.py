@@ -21,7 +21,7 @@ from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, per_block
 from homeward.diagnosis.fit.held_out import held_out
 from homeward.diagnosis.fit.replay import Runs
-from homeward.logs.channels import Array, Index
+from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import ancillary_power
 
 _DRAWS = 8000  # chosen: a p-value of 0.01 then has a standard error of 0.001
@@ -79,8 +79,10 @@ class Dependence:
     @property
     def found(self) -> bool:
         """Whether the dependence is significant and its gain large enough."""
-        least = thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE if self.channel is _TIME else thresholds.SMALLEST_GAIN
-        return self.p_value <= thresholds.FALSE_ALARM_RATE and self.held_out_gain >= least
+        smallest_gain = thresholds.SMALLEST_GAIN
+        if self.channel is _TIME:
+            smallest_gain = thresholds.SMALLEST_GAIN_OF_THE_FLEXIBLE
+        return self.p_value <= thresholds.FALSE_ALARM_RATE and self.held_out_gain >= smallest_gain
 
 
 class _TestStatistic(NamedTuple):
@@ -115,13 +117,14 @@ def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
     level that changes from run to run is autocorrelation in tests of channels, and the alternative in tests of time.
     """
     residual = runs.observed - fit.predicted
-    design = np.column_stack([fit.jacobian, *(_indicators(number) for _, _, number in _binned(runs))])
+    by_channels = [_indicators(number) for _, _, number in _binned(runs)]
+    design = np.column_stack([fit.jacobian, *by_channels])
     unexplained = residual - design @ _least_squares(design, residual)
-    of_time = _by_time(fit, runs, unexplained, cut_blocks(runs.run))
-    changes = (_indicators(test.bin, test.weight) for test in of_time)
-    design = np.column_stack([design, *changes])
+    tests_of_time = _by_time(fit, runs, unexplained, cut_blocks(runs.run))
+    by_changes = [_indicators(test.bin, test.weight) for test in tests_of_time]
+    design = np.column_stack([design, *by_changes])
     steady = residual - design @ _least_squares(design, residual)
-    return Blocks(cut_blocks(runs.run, unexplained), cut_blocks(runs.run, steady))
+    return Blocks(channels=cut_blocks(runs.run, unexplained), time=cut_blocks(runs.run, steady))
 
 
 def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Generator) -> list[Dependence]:
@@ -129,19 +132,19 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Genera
     residual = runs.observed - fit.predicted
     # Two families of tests, each with half of the false alarm rate. A change in one run does not predict another:
     # for time hold out stretches.
-    of_channels = list(_by_channel(fit, runs, residual, block.channels))
-    of_time = list(_by_time(fit, runs, residual, block.time))
+    tests_of_channels = list(_by_channel(fit, runs, residual, block.channels))
+    tests_of_time = list(_by_time(fit, runs, residual, block.time))
     tested = [
-        *_tested(fit, runs, of_channels, block.channels, fold, rng),
-        *_tested(fit, runs, of_time, block.time, block.time % FOLDS, rng),
+        *_tested(fit, runs, tests_of_channels, block.channels, fold, rng),
+        *_tested(fit, runs, tests_of_time, block.time, block.time % FOLDS, rng),
     ]
     gains_by_channel = [result.held_out_gain for result in tested if result.found and result.channel is not _TIME]
-    best_by_channel = max(gains_by_channel, default=0.0)
+    largest_by_channel = max(gains_by_channel, default=0.0)
 
     def rank(result: Dependence) -> tuple[bool, bool, float]:
         # Every intermittent cause also depends on time, and a level per stretch is more flexible.
-        behind = result.channel is _TIME and result.held_out_gain < thresholds.TWICE * best_by_channel
-        return not result.found, behind, -result.held_out_gain
+        is_flexible = result.channel is _TIME and result.held_out_gain < thresholds.TWICE * largest_by_channel
+        return not result.found, is_flexible, -result.held_out_gain
 
     return sorted(tested, key=rank)
 
@@ -152,24 +155,28 @@ def _tested(
     """One family of tests, with the share of the held-out squared error that a step per bin explains."""
     residual = runs.observed - fit.predicted
     total = max(float(residual @ residual), 1e-300)
-    least = meter_error(runs)
-    folds = bool(np.ptp(fold))
-    before = residual
-    if folds:
-        before = runs.observed - held_out(lambda chosen: fit.fitted_to(chosen, runs.observed).predicted, fold)
+    error_of_meter = meter_error(runs)
+    has_folds = bool(np.ptp(fold))
+    refit_residual = residual  # held out
+    if has_folds:
+        refitted = held_out(lambda training: fit.fitted_to(training, runs.observed).predicted, fold)
+        refit_residual = runs.observed - refitted
     p_values = _family_p_values(fit, residual, block, tests, rng)
-    for test, p_value in zip(tests, p_values.tolist(), strict=True):
+    for test, p_value_in_family in zip(tests, p_values.tolist(), strict=True):
         design = np.column_stack([fit.jacobian, _indicators(test.bin, test.weight)])
         gain = 0.0
-        if folds and before.any():
-            after = residual - _held_out_steps(design, residual, fold)
-            gain = 1.0 - float(after @ after) / float(before @ before)
-        beyond_instruments = gain * total > max(least, channel_error(fit, runs, test.channel.name))
+        if has_folds and refit_residual.any():
+            steps_residual = residual - _held_out_steps(design, residual, fold)
+            gain = 1.0 - float(steps_residual @ steps_residual) / float(refit_residual @ refit_residual)
+        error_of_instruments = max(error_of_meter, channel_error(fit, runs, test.channel.name))
+        p_value = 1.0
+        if gain * total > error_of_instruments:
+            p_value = min(1.0, 2.0 * p_value_in_family)  # of two families
         effect = _least_squares(design, residual)[fit.jacobian.shape[1] :]
         yield Dependence(
             channel=test.channel,
             scaled=test.scaled,
-            p_value=min(1.0, 2.0 * p_value) if beyond_instruments else 1.0,
+            p_value=p_value,
             held_out_gain=gain,
             bin=test.bin,
             centre=np.array([np.mean(test.values[test.bin == number]) for number in range(len(effect))]),
@@ -185,13 +192,15 @@ def _held_out_steps(design: Array, residual: Array, fold: Index) -> Array:
 
 def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
     """Weights of an additive excess and, where the robot file has a load of the drive, of one proportional to it."""
-    problem, even = fit.parameters, np.ones(len(runs.observed))
-    standing = ancillary_power(problem.nominal, runs.sensing_hz) if runs.unit == "W" else 0.0
-    load = np.nan_to_num(np.maximum(problem.predict(runs, problem.start) - standing, 0.0))
-    mean = float(load.mean())
-    weights = [(False, even)]
-    if float(load.std()) > thresholds.HARDLY_CHANGES * mean > 0.0:
-        weights.append((True, load / mean))
+    problem = fit.parameters
+    weights = [(False, np.ones(len(runs.observed)))]
+    ancillary_w = 0.0
+    if runs.unit == "W":
+        ancillary_w = ancillary_power(problem.nominal, runs.sensing_hz)
+    load = np.nan_to_num(np.maximum(problem.predict(runs, problem.start) - ancillary_w, 0.0))
+    mean_load = float(load.mean())
+    if float(load.std()) > thresholds.HARDLY_CHANGES * mean_load > 0.0:
+        weights.append((True, load / mean_load))
     return weights
 
 
@@ -199,53 +208,78 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
     """Bins that cover enough blocks, and a trend over the channel's centred rank: most effects are monotone."""
     weights = _weights(fit, runs)
     for channel, values, number in _binned(runs):
-        known = np.isfinite(values)
+        is_known = np.isfinite(values)
         rank = np.zeros(len(values))
-        rank[known] = rankdata(values[known]) / known.sum() - 0.5
-        for scaled, weight in weights if channel.scales else weights[:1]:
-            inside = known & (weight != 0.0)
-            reached = np.unique(np.column_stack([number, block])[inside], axis=0)[:, 0]
-            covered = np.bincount(reached, minlength=int(number.max()) + 1) >= thresholds.FEWEST_BLOCKS_A_BIN
-            bins = _indicators(number, weight)[:, covered]
+        rank[is_known] = rankdata(values[is_known]) / is_known.sum() - 0.5
+        for scaled, weight in weights:
+            if scaled and not channel.scales:
+                continue
+            bins = _indicators(number, weight)[:, _covered(number, block, is_known & (weight != 0.0))]
             slope = (weight * rank)[:, None]
             # Only the part that the refit cannot absorb is tested.
             slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
-            statistics = (
-                _TestStatistic(
-                    sums=per_block(columns * residual[:, None], block),
-                    columns=columns.T @ fit.jacobian,
-                    family=np.arange(columns.shape[1]),
-                )
-                for columns in (bins, slope)
-            )
-            yield _Test(channel, scaled, weight, values, number, tuple(statistics))
+            statistics = (_statistic(bins, fit, residual, block), _statistic(slope, fit, residual, block))
+            yield _Test(channel=channel, scaled=scaled, weight=weight, values=values, bin=number, statistics=statistics)
+
+
+def _covered(number: Index, block: Index, inside: Mask) -> Mask:
+    """Whether each bin has windows inside of enough blocks, shape (bins,)."""
+    bin_and_block = np.unique(np.column_stack([number, block])[inside], axis=0)
+    blocks_of_bin = np.bincount(bin_and_block[:, 0], minlength=int(number.max()) + 1)
+    return np.asarray(blocks_of_bin >= thresholds.FEWEST_BLOCKS_A_BIN)
+
+
+def _statistic(columns: Array, fit: Fitted, residual: Array, block: Index) -> _TestStatistic:
+    """The residual weighted by each of some columns, shape (windows, columns), each a family of its own."""
+    return _TestStatistic(
+        sums=per_block(columns * residual[:, None], block),
+        columns=columns.T @ fit.jacobian,
+        family=np.arange(columns.shape[1]),
+    )
 
 
 def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
     """Sums from the start of a run to each of its blocks, and from there to its end: a CUSUM test for a change."""
     run_of_block = runs.run[np.unique(block, return_index=True)[1]]
-    sets: list[tuple[int, Index]] = []
+    sets: list[Index] = []  # of blocks
+    run_of_set: list[int] = []
     for run in np.unique(runs.run).tolist():
-        own = np.flatnonzero(run_of_block == run)
-        for cut in np.unique(np.linspace(0, len(own), min(len(own), _BINS) + 1).astype(int))[1:]:
-            sets += [(run, part) for part in (own[:cut], own[cut:]) if len(part) >= 2]
-    every = np.arange(len(run_of_block))
-    chosen = np.array([np.isin(every, part) for _, part in sets], np.float64).reshape(-1, len(every))
+        blocks = np.flatnonzero(run_of_block == run)
+        cuts = np.unique(np.linspace(0, len(blocks), min(len(blocks), _BINS) + 1).astype(int))
+        for cut in cuts[1:]:
+            for part in (blocks[:cut], blocks[cut:]):
+                if len(part) >= 2:
+                    sets.append(part)
+                    run_of_set.append(run)
+    all_blocks = np.arange(len(run_of_block))
+    in_set = np.array([np.isin(all_blocks, part) for part in sets], np.float64).reshape(-1, len(all_blocks))
     for scaled, weight in _weights(fit, runs):
-        sums = per_block((weight * residual)[:, None], block) * chosen.T
-        columns = chosen @ per_block(weight[:, None] * fit.jacobian, block)
-        statistic = _TestStatistic(sums, columns, np.array([run for run, _ in sets], dtype=np.intp))
-        yield _Test(_TIME, scaled, weight, runs.time_s, _stretches(statistic, chosen, runs.run, block), (statistic,))
+        statistic = _TestStatistic(
+            sums=per_block((weight * residual)[:, None], block) * in_set.T,
+            columns=in_set @ per_block(weight[:, None] * fit.jacobian, block),
+            family=np.array(run_of_set, dtype=np.intp),
+        )
+        yield _Test(
+            channel=_TIME,
+            scaled=scaled,
+            weight=weight,
+            values=runs.time_s,
+            bin=_stretches(statistic, in_set, runs.run, block),
+            statistics=(statistic,),
+        )
 
 
-def _stretches(statistic: _TestStatistic, chosen: Array, run: Index, block: Index) -> Index:
-    """Stretch of each window: a run is cut in two where the CUSUM departs most, if by enough."""
+def _stretches(statistic: _TestStatistic, in_set: Array, run: Index, block: Index) -> Index:
+    """Stretch of each window: a run is cut in two where the CUSUM departs most, if by enough.
+
+    `in_set`, shape (sets, blocks), is 1 for the blocks of each set of the statistic and 0 for others.
+    """
     departure = _studentised(statistic.sums.sum(axis=0)[None], statistic.sums)[0]
     cut = np.zeros(len(run), dtype=np.intp)
     for family in np.unique(statistic.family):
         largest = max(np.flatnonzero(statistic.family == family), key=lambda index: departure[index])
         if departure[largest] >= thresholds.CLEAR**2:
-            cut += (chosen[largest] > 0.0)[block]
+            cut += (in_set[largest] > 0.0)[block]
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
 
 
@@ -255,13 +289,16 @@ def _binned(runs: Runs) -> Iterator[tuple[ResidualChannel, Array, Index]]:
         values = runs.context.get(channel.name)
         if values is None or not np.isfinite(values).any():
             continue
-        known = np.isfinite(values)
-        grain = max(float(np.max(np.abs(values[known]))), 1e-300) * 1e-9  # means of equal values differ in the last bit
-        values = np.round((np.abs(values) if channel.magnitude else values) / grain) * grain
-        edges = _edges(values[known])
+        is_known = np.isfinite(values)
+        if channel.magnitude:
+            values = np.abs(values)
+        largest = max(float(np.max(np.abs(values[is_known]))), 1e-300)
+        grain = largest * 1e-9  # means of equal values differ in the last bit
+        values = np.round(values / grain) * grain
+        edges = _edges(values[is_known])
         if len(edges):
             number = np.full(len(values), -1, dtype=np.intp)
-            number[known] = np.searchsorted(edges, values[known], side="right")
+            number[is_known] = np.searchsorted(edges, values[is_known], side="right")
             yield channel, values, number
 
 
@@ -271,21 +308,28 @@ def _edges(values: Array) -> Array:
     if len(distinct) <= _BINS:
         return (distinct[1:] + distinct[:-1]) / 2.0
     common = distinct[counts > len(values) / _BINS]
-    rest = values[~np.isin(values, common)]
-    edges = np.quantile(rest, np.linspace(0.0, 1.0, _BINS + 1)) if len(rest) else values[:0]
-    edges = np.unique(np.concatenate([edges, common, np.nextafter(common, np.inf)]))
-    edges = edges[(edges > distinct[0]) & ((edges < distinct[-1]) | np.isin(edges, common))]
+    uncommon = values[~np.isin(values, common)]
+    quantiles = values[:0]
+    if len(uncommon):
+        quantiles = np.quantile(uncommon, np.linspace(0.0, 1.0, _BINS + 1))
+    edges = np.unique(np.concatenate([quantiles, common, np.nextafter(common, np.inf)]))
+    above_lowest = edges > distinct[0]
+    # At the highest value an edge is needed only where that is common.
+    below_highest = (edges < distinct[-1]) | np.isin(edges, common)
+    edges = edges[above_lowest & below_highest]
     count = np.bincount(np.searchsorted(edges, values, side="right"), minlength=len(edges) + 1)
-    kept = [0]  # a bin with too few values joins the one before it, the first the one after it
-    for k in range(1, len(count)):
-        if count[k] >= thresholds.FEWEST_VALUES and count[kept[-1] : k].sum() >= thresholds.FEWEST_VALUES:
-            kept.append(k)
-    return np.asarray(edges[np.array(kept[1:], np.intp) - 1])
+    begins = [0]  # a bin with too few values joins the one before it, the first the one after it
+    for number in range(1, len(count)):
+        enough_before = count[begins[-1] : number].sum() >= thresholds.FEWEST_VALUES
+        if count[number] >= thresholds.FEWEST_VALUES and enough_before:
+            begins.append(number)
+    return np.asarray(edges[np.array(begins[1:], np.intp) - 1])
 
 
 def _indicators(number: Index, weight: Array | float = 1.0) -> Array:
     """A column for each number, the weight where it is met, shape (windows, numbers)."""
-    return np.asarray((number[:, None] == np.arange(number.max() + 1)) * np.reshape(weight, (-1, 1)), np.float64)
+    is_met = number[:, None] == np.arange(number.max() + 1)
+    return np.asarray(is_met * np.reshape(weight, (-1, 1)), np.float64)
 
 
 def _studentised(draws: Array, sums: Array) -> Array:
@@ -301,11 +345,13 @@ def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence
     bread = np.linalg.pinv(fit.jacobian.T @ fit.jacobian, rcond=1e-12)
     scores = per_block(fit.jacobian * residual[:, None], block)
     refitted = (signs @ scores) @ bread  # (draws, groups): what the refit would absorb of each draw
-    single = np.array([
-        np.min([_p_values(signs, refitted, statistic) for statistic in test.statistics], axis=0) for test in tests
-    ]).reshape(-1, _DRAWS)  # fmt: skip
-    smallest = single.min(axis=0, initial=1.0)
-    return np.array([(smallest <= p[0]).mean() for p in single])
+    p_values_of_tests = []  # each of shape (draws,)
+    for test in tests:
+        of_statistics = [_p_values(signs, refitted, statistic) for statistic in test.statistics]
+        p_values_of_tests.append(np.min(of_statistics, axis=0))
+    p_values = np.array(p_values_of_tests).reshape(-1, _DRAWS)
+    smallest = p_values.min(axis=0, initial=1.0)
+    return np.array([(smallest <= recorded).mean() for recorded in p_values[:, 0]])
 
 
 def _p_values(signs: Array, refitted: Array, statistic: _TestStatistic) -> Array:
@@ -319,7 +365,9 @@ def _p_values(signs: Array, refitted: Array, statistic: _TestStatistic) -> Array
 
 def _least_squares(design: Array, target: Array) -> Array:
     norms = np.linalg.norm(design, axis=0)
-    scaled = design / np.where(norms > 0.0, norms, 1.0)
+    scale = np.where(norms > 0.0, norms, 1.0)
+    scaled = design / scale
     gram = scaled.T @ scaled
-    weights = np.linalg.lstsq(gram + 1e-6 * np.eye(len(gram)), scaled.T @ target, rcond=None)[0]
-    return np.asarray((weights.T / np.where(norms > 0.0, norms, 1.0)).T)
+    ridge = 1e-6 * np.eye(len(gram))  # of columns of norm 1: collinear ones share a weight
+    weights = np.linalg.lstsq(gram + ridge, scaled.T @ target, rcond=None)[0]
+    return np.asarray((weights.T / scale).T)
