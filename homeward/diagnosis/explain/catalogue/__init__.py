@@ -12,11 +12,12 @@ from homeward.diagnosis.explain.catalogue import ancillaries, battery, drivetrai
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Setting, Term
 from homeward.physics.effects import EFFECTS
 
-_OF_EFFECTS = {one.id: one for kind in (forces, drivetrain, ancillaries, battery) for one in kind.HYPOTHESES}
+_HYPOTHESES = (*forces.HYPOTHESES, *drivetrain.HYPOTHESES, *ancillaries.HYPOTHESES, *battery.HYPOTHESES)
+_OF_EFFECTS = {hypothesis.id: hypothesis for hypothesis in _HYPOTHESES}
 
 CATALOGUE: Mapping[str, Hypothesis] = {
     **{effect.id: _OF_EFFECTS.get(effect.id, Hypothesis(effect)) for effect in EFFECTS},
-    **{one.id: one for one in instruments.HYPOTHESES},
+    **{hypothesis.id: hypothesis for hypothesis in instruments.HYPOTHESES},
 }
 """Every hypothesis, by id."""
 
@@ -26,9 +27,12 @@ def terms(setting: Setting, leave_out: tuple[str, ...] = (), varying: bool = Tru
 
     Those whose size changes for no recorded reason are included only if `varying`.
     """
-    found: list[Term] = []
-    for effect, one in CATALOGUE.items():
-        if effect not in leave_out and (setting.runs.unit == "W" or one.of_current):
-            forms = one.forms(setting, varying)
-            found += [term for term in forms if np.isfinite(term.columns).all() and term.columns.any()]
-    return found
+    allowed: list[Term] = []
+    for effect, hypothesis in CATALOGUE.items():
+        shows = setting.runs.unit == "W" or hypothesis.of_current
+        if effect in leave_out or not shows:
+            continue
+        for term in hypothesis.forms(setting, varying):
+            if np.isfinite(term.columns).all() and term.columns.any():
+                allowed.append(term)
+    return allowed

@@ -1,5 +1,6 @@
 """Loads beside the drive: standby, computing, radio, heater, and intermittent devices."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -20,29 +21,38 @@ def _while_cold(hypothesis: Hypothesis, setting: Setting) -> Array | None:
     temperature_c = setting.runs.context.get("temperature_c")
     if temperature_c is None or not (temperature_c < _OFF_ABOVE_C).any():
         return None
-    cold = temperature_c < _OFF_ABOVE_C
-    return np.asarray(cold * float(np.mean(_OFF_ABOVE_C - temperature_c[cold])))
+    is_cold = temperature_c < _OFF_ABOVE_C
+    mean_below_c = float(np.mean(_OFF_ABOVE_C - temperature_c[is_cold]))
+    return np.asarray(is_cold * mean_below_c)
 
 
 def _rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
     """Mean period and duty cycle of an intermittent load, and their intervals over the cycles."""
     on = schedule.level > 0
-    starts = np.flatnonzero((np.diff(on.astype(int)) > 0) & (np.diff(runs.run) == 0)) + 1
-    cycles = [(a, b) for a, b in pairwise(starts) if runs.run[a] == runs.run[b]]
-    periods = [float(runs.time_s[b] - runs.time_s[a]) for a, b in cycles]
-    duties = [float(on[a:b].mean()) for a, b in cycles]
-    if not periods:
-        periods, duties = [2.0 * float(runs.duration_s.sum()) / max(schedule.changes, 1)], [float(on.mean())]
-    found, spread = {}, {}
+    switches_on = (np.diff(on.astype(int)) > 0) & (np.diff(runs.run) == 0)
+    starts = np.flatnonzero(switches_on) + 1
+    periods_s: list[float] = []
+    duties: list[float] = []
+    for start, end in pairwise(starts):
+        if runs.run[start] == runs.run[end]:
+            periods_s.append(float(runs.time_s[end] - runs.time_s[start]))
+            duties.append(float(on[start:end].mean()))
+    if not periods_s:  # no whole cycle: two changes make one
+        periods_s.append(2.0 * float(runs.duration_s.sum()) / max(schedule.changes, 1))
+        duties.append(float(on.mean()))
     window_s = float(np.median(runs.duration_s))  # resolution of a moment
-    for name, values, sure, low, high in (
-        ("period_s", periods, window_s, 1.0, 1e5),
-        ("duty", duties, window_s / float(np.mean(periods)), 0.01, 0.99),
-    ):
-        mean, wide = float(np.mean(values)), 2.0 * float(np.hypot(np.std(values), sure) / np.sqrt(len(values)))
-        found[name] = float(np.clip(mean, low, high))
-        spread[name] = (max(mean - wide, low), min(mean + wide, high))
-    return found, spread
+    period_s, period_interval = _mean_within(periods_s, window_s, 1.0, 1e5)
+    duty, duty_interval = _mean_within(duties, window_s / float(np.mean(periods_s)), 0.01, 0.99)
+    return {"period_s": period_s, "duty": duty}, {"period_s": period_interval, "duty": duty_interval}
+
+
+def _mean_within(
+    values: Sequence[float], resolution: float, low: float, high: float
+) -> tuple[float, tuple[float, float]]:
+    """Mean of the cycles and its interval, within the bounds of the parameter."""
+    mean = float(np.mean(values))
+    half_width = 2.0 * float(np.hypot(np.std(values), resolution) / np.sqrt(len(values)))
+    return float(np.clip(mean, low, high)), (max(mean - half_width, low), min(mean + half_width, high))
 
 
 HYPOTHESES = (

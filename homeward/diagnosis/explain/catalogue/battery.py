@@ -9,7 +9,8 @@ from homeward.diagnosis.explain.menu import Drive
 from homeward.logs.channels import Array
 from homeward.physics.effects import ageing, breakaway, cold_battery, internal_resistance, rate_capacity
 
-CONFOUNDED_WITH_LOAD, CONFOUNDED_WITH_COLD = rate_capacity.EFFECT.id, cold_battery.EFFECT.id
+CONFOUNDED_WITH_LOAD = rate_capacity.EFFECT.id
+CONFOUNDED_WITH_COLD = cold_battery.EFFECT.id
 """Effects confounded with ageing where the load rises or the air gets colder from run to run."""
 
 WARM_C, COLD_W = cold_battery.EFFECT.parameters[1:]
@@ -19,23 +20,27 @@ _SECONDS = (0.3, 1.0, 3.0)  # at top speed, over which a start is tried; chosen:
 
 def _references(setting: Setting) -> Iterator[Numbers]:
     """Reference powers that are tried: a low and the median quantile of the power drawn."""
-    drawn = setting.runs.observed[setting.runs.observed > 0.0]
-    for value in np.unique(np.quantile(drawn, [0.02, 0.5])) if len(drawn) else []:
-        yield {"reference_w": float(value)}
+    drawn_w = setting.runs.observed[setting.runs.observed > 0.0]
+    if len(drawn_w) == 0:
+        return
+    for reference_w in np.unique(np.quantile(drawn_w, [0.02, 0.5])):
+        yield {"reference_w": float(reference_w)}
 
 
 def _colds(setting: Setting) -> Iterator[Numbers]:
     """Capacity lost below a temperature, and a resistance that grows below it: a share at the median power drawn."""
-    powers = list(_references(setting))[-1:]
+    median_power = list(_references(setting))[-1:]  # none where nothing is drawn
     for shape in temperatures(WARM_C)(setting):
         yield shape
-        yield from ({**shape, **power} for power in powers)
+        for power in median_power:
+            yield {**shape, **power}
 
 
 def _ways(setting: Setting) -> Iterator[Numbers]:
     """Ways over which the energy of a start is spent: at once, and what the robot drives in some seconds."""
     yield {}
-    yield from ({_OVER_M.name: one * setting.parameters.nominal.max_speed_mps} for one in _SECONDS)
+    for seconds in _SECONDS:
+        yield {_OVER_M.name: seconds * setting.parameters.nominal.max_speed_mps}
 
 
 def share_of_the_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
@@ -57,7 +62,7 @@ AGEING = Hypothesis(  # between runs: in power, and in a recorded state of charg
     needs=(),
     steady=None,
     changes="between runs",
-    load=lambda one, setting: np.maximum(setting.predicted, 0.0),
+    load=lambda hypothesis, setting: np.maximum(setting.predicted, 0.0),
     shown_by=(),
     check="discharge the battery from full to empty at its typical load and at room temperature, and measure "
     "the energy: the loss is then due to age",

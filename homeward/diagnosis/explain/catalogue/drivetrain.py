@@ -8,9 +8,9 @@ from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Set
 from homeward.physics.effects import Parameter, copper_loss, inertia, motor_heating, regeneration, turning
 
 _TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)  # tried where a file has no track; chosen: by factors of two, refined afterwards
-_CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)  # tried; chosen: a minute to half an hour, about threefold each
+_TIME_CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)  # tried; chosen: a minute to half an hour, about threefold each
 _TYPICAL_RISE_K = 40.0  # of a winding at mean load; chosen: only its product with per_k is estimated
-_LIMITS = (0.25, 0.5, 0.75)  # quantiles of the braking power, tried as its largest; chosen: refined afterwards
+_LIMIT_QUANTILES = (0.25, 0.5, 0.75)  # of the braking power, tried as its largest; chosen: refined afterwards
 _UP_TO_W = regeneration.EFFECT.parameters[1]
 _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
 
@@ -18,23 +18,26 @@ _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.para
 def _also_at_a_slip_angle(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Cornering drag of steered wheels, F_y^2 / C_alpha (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6), W."""
     yield from responses(hypothesis, setting)
-    speed, rate = (setting.runs.context.get(name) for name in ("speed_mps", "yaw_rate_radps"))
-    if speed is not None and rate is not None:
-        drag_w = np.abs(speed) * (speed * rate) ** 2
-        most_w = float(np.max(np.abs(setting.runs.observed)))
-        column = drag_w[:, None] / max(float(np.max(drag_w)), 1e-300)
-        yield Term(hypothesis, column, np.zeros(1), np.array([most_w]), fixed=True, flexible=True)
+    speed_mps = setting.runs.context.get("speed_mps")
+    rate_radps = setting.runs.context.get("yaw_rate_radps")
+    if speed_mps is None or rate_radps is None:
+        return
+    drag = np.abs(speed_mps) * (speed_mps * rate_radps) ** 2  # W but for a factor: the lateral force is m v w
+    column = drag[:, None] / max(float(np.max(drag)), 1e-300)
+    largest_w = float(np.max(np.abs(setting.runs.observed)))
+    yield Term(hypothesis, column, low=np.zeros(1), high=np.array([largest_w]), fixed=True, flexible=True)
 
 
 def _time_constants(setting: Setting) -> Iterator[Numbers]:
-    work_w = float(np.mean(np.maximum(setting.runs.observed, 0.0)))
-    if work_w <= _TYPICAL_RISE_K / _HEATING["rise_k_per_w"].high:
+    """Time constants of the motors' warmth that the runs are long enough to show."""
+    load_w = float(np.mean(np.maximum(setting.runs.observed, 0.0)))
+    if load_w <= _TYPICAL_RISE_K / _HEATING["rise_k_per_w"].high:
         return  # hardly any power: wrong signs, or a robot at rest
     longest_s = max(float(np.ptp(run.time_s)) for run in setting.runs.signals)
-    for constant_s in _CONSTANTS_S:
-        if constant_s <= 2.0 * longest_s:
+    for time_constant_s in _TIME_CONSTANTS_S:
+        if time_constant_s <= 2.0 * longest_s:
             # Rise and change per kelvin enter as a product, so that one of them can be fixed.
-            yield {"time_constant_s": constant_s, "rise_k_per_w": _TYPICAL_RISE_K / work_w}
+            yield {"time_constant_s": time_constant_s, "rise_k_per_w": _TYPICAL_RISE_K / load_w}
 
 
 def _limits(setting: Setting) -> Iterator[Numbers]:
@@ -42,8 +45,19 @@ def _limits(setting: Setting) -> Iterator[Numbers]:
     yield {}
     braking_w = -setting.response(REGENERATION, TINY, {})
     braking_w = braking_w[braking_w > TINY * np.max(braking_w)]
-    for value in np.unique(np.quantile(braking_w, _LIMITS)) if len(braking_w) else []:
-        yield {_UP_TO_W.name: float(np.clip(value, _UP_TO_W.low, _UP_TO_W.high))}
+    if len(braking_w) == 0:
+        return
+    for limit_w in np.unique(np.quantile(braking_w, _LIMIT_QUANTILES)):
+        yield {_UP_TO_W.name: float(np.clip(limit_w, _UP_TO_W.low, _UP_TO_W.high))}
+
+
+def _tracks(setting: Setting) -> Iterator[Numbers]:
+    """Track widths that are tried: only its own where the robot file has one."""
+    if setting.parameters.nominal.track_m > 0.0:
+        yield {}
+        return
+    for track_m in _TRACKS_M:
+        yield {"track_m": track_m}
 
 
 # On the level only inertia gives braking energy: without it nothing is regenerated.
@@ -59,9 +73,7 @@ REGENERATION = Hypothesis(
 HYPOTHESES = (
     Hypothesis(
         turning.EFFECT,
-        shapes=lambda setting: iter(
-            [{}] if setting.parameters.nominal.track_m > 0.0 else [{"track_m": one} for one in _TRACKS_M]
-        ),
+        shapes=_tracks,
         steady=_also_at_a_slip_angle,
         rises_with="yaw_rate_radps",
         searched=(Parameter("track_m", "m", 0.02, 5.0, "distance between left and right wheels"),),

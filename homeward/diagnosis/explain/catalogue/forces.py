@@ -31,9 +31,13 @@ def _rougher_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Num
 
 def _from_one_direction(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """A steady wind, from ahead and from the left."""
-    if headings := _headings(setting.runs):
-        parts = [_blowing(setting, [part(heading) for heading in headings]) for part in (np.cos, np.sin)]
-        yield Term(hypothesis, np.column_stack(parts), *hypothesis.limits(2))
+    headings = _headings(setting.runs)
+    if not headings:
+        return
+    from_ahead = _blowing(setting, [np.cos(heading) for heading in headings])
+    from_left = _blowing(setting, [np.sin(heading) for heading in headings])
+    low, high = hypothesis.limits(2)
+    yield Term(hypothesis, np.column_stack([from_ahead, from_left]), low=low, high=high)
 
 
 def _against_the_way(hypothesis: Hypothesis, setting: Setting) -> Array | None:
@@ -47,18 +51,19 @@ def _against_the_way(hypothesis: Hypothesis, setting: Setting) -> Array | None:
 def _headings(runs: Runs) -> list[Array]:
     """Heading of each run, rad; none where one lacks it, in part or altogether."""
     headings = [run.context["heading_rad"] for run in runs.signals if "heading_rad" in run.context]
-    whole = len(headings) == len(runs.signals) and all(np.isfinite(heading).all() for heading in headings)
-    return headings if whole else []
+    is_complete = len(headings) == len(runs.signals) and all(np.isfinite(heading).all() for heading in headings)
+    return headings if is_complete else []
 
 
 def _blowing(setting: Setting, along: Sequence[Array]) -> Array:
     """Contribution of a headwind of 1 m/s times its component `along` the way, an array per run."""
-    theta, present, predict = setting.theta.copy(), setting.present, setting.parameters.predict
+    theta = setting.theta.copy()
     theta[DRAG] = max(theta[DRAG], setting.parameters.start[DRAG])  # a refit without wind may underestimate it
-    speed_mps = 1e-3
-    windy = _blown(present, [speed_mps * one for one in along])
-    change = predict(setting.runs, theta, windy) - predict(setting.runs, theta, present)
-    return np.asarray(change / speed_mps)
+    wind_mps = 1e-3  # small: the contribution is linear in it
+    windy = _blown(setting.present, [wind_mps * component for component in along])
+    predicted = setting.parameters.predict(setting.runs, theta, windy)
+    predicted_calm = setting.parameters.predict(setting.runs, theta, setting.present)
+    return np.asarray((predicted - predicted_calm) / wind_mps)
 
 
 def _blown(so_far: WithEffects, headwind_mps: Sequence[Array]) -> WithEffects:
@@ -73,14 +78,18 @@ def _wind_names(term: Term) -> list[tuple[str, str]]:
 
 
 def _in_the_wind(hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
-    ahead, left = numbers.values()
-    return _blown(so_far, [ahead * np.cos(heading) + left * np.sin(heading) for heading in _headings(runs)])
+    ahead_mps, left_mps = numbers.values()
+    headwind_mps = []
+    for heading in _headings(runs):
+        headwind_mps.append(ahead_mps * np.cos(heading) + left_mps * np.sin(heading))
+    return _blown(so_far, headwind_mps)
 
 
 def _windy_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
     exposed = drive.fit.theta.copy()
     exposed[DRAG] = max(exposed[DRAG], drive.fit.parameters.start[DRAG])
-    windy = _blown(WithEffects(), [size * np.cos(drive.runs.signals[0].context["heading_rad"])])
+    (run,) = drive.runs.signals
+    windy = _blown(WithEffects(), [size * np.cos(run.context["heading_rad"])])
     return drive.predict(exposed, windy) - drive.predict(exposed)
 
 

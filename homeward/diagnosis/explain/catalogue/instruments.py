@@ -7,8 +7,18 @@ import numpy as np
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue.battery import share_of_the_drive
-from homeward.diagnosis.explain.hypothesis import Hypothesis, Instrument, Setting, Term, everywhere, levels
+from homeward.diagnosis.explain.hypothesis import (
+    Hypothesis,
+    Instrument,
+    Numbers,
+    Setting,
+    Term,
+    everywhere,
+    levels,
+)
+from homeward.diagnosis.explain.menu import Drive
 from homeward.diagnosis.fit.replay import Runs, WithEffects
+from homeward.logs.channels import Array
 from homeward.logs.times import median_step_s
 from homeward.physics.effects import Parameter
 
@@ -20,18 +30,26 @@ _FIX_S = 5.0  # between the positions compared; chosen: so much is driven meanwh
 def _also_creeping(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """Also a linear drift through all runs in their order, per unit of its final value."""
     yield from levels(hypothesis, setting)
-    passed = np.cumsum(setting.runs.duration_s)
-    yield Term(hypothesis, (passed / passed[-1])[:, None], *hypothesis.limits(1), axis="time")
+    passed_s = np.cumsum(setting.runs.duration_s)
+    drift = passed_s / passed_s[-1]
+    low, high = hypothesis.limits(1)
+    yield Term(hypothesis, drift[:, None], low=low, high=high, axis="time")
 
 
 def _lags(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     """A constant delay of the power reading, linearised at each of several lags."""
-    for lag_s in (sign * lag for lag in _LAGS_S for sign in (1.0, -1.0)):
-        shape = {"lag_s": lag_s}
-        late = hypothesis.within(hypothesis, setting.present, shape, setting.runs)
-        change = setting.parameters.predict(setting.runs, setting.theta, late) - setting.predicted
-        low, high = np.clip(sorted((0.5 * lag_s, 1.5 * lag_s)), *_LAG_BOUNDS_S)
-        yield Term(hypothesis, change[:, None] / lag_s, np.array([low]), np.array([high]), 1, shape)
+    for size_s in _LAGS_S:
+        for lag_s in (size_s, -size_s):
+            yield _late(hypothesis, setting, lag_s)
+
+
+def _late(hypothesis: Hypothesis, setting: Setting, lag_s: float) -> Term:
+    shape = {"lag_s": lag_s}
+    late = hypothesis.within(hypothesis, setting.present, shape, setting.runs)
+    change = setting.parameters.predict(setting.runs, setting.theta, late) - setting.predicted
+    low, high = np.clip(sorted((0.5 * lag_s, 1.5 * lag_s)), *_LAG_BOUNDS_S)
+    column = change[:, None] / lag_s
+    return Term(hypothesis, column, low=np.array([low]), high=np.array([high]), hidden=1, shape=shape)
 
 
 def _by_run(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
@@ -39,15 +57,17 @@ def _by_run(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     ratios = _ratios(setting.runs)
     if min(ratios) <= 0.0:
         return  # the fix moves while the odometer does not
-    scale = np.array(ratios) / min(ratios, key=lambda ratio: abs(ratio - 1.0)) - 1.0
+    closest_to_one = min(ratios, key=lambda ratio: abs(ratio - 1.0))  # that odometer is taken to be right
+    scale = np.array(ratios) / closest_to_one - 1.0
     scale[np.abs(scale) < thresholds.SAME_ODOMETER] = 0.0
     if not scale.any() or (scale <= -1.0).any():
         return
-    off = replace(setting.present, speed_factors=(1.0 / (1.0 + scale)).tolist())
-    change = setting.parameters.predict(setting.runs, setting.theta, off) - setting.predicted
-    typical = float(np.mean(scale[scale != 0.0]))
-    low, high = sorted((0.7 * typical, 1.3 * typical))
-    yield Term(hypothesis, change[:, None] / typical, np.array([low]), np.array([high]), fixed=True)
+    corrected = replace(setting.present, speed_factors=(1.0 / (1.0 + scale)).tolist())
+    change = setting.parameters.predict(setting.runs, setting.theta, corrected) - setting.predicted
+    mean_scale = float(np.mean(scale[scale != 0.0]))
+    low, high = sorted((0.7 * mean_scale, 1.3 * mean_scale))
+    column = change[:, None] / mean_scale
+    yield Term(hypothesis, column, low=np.array([low]), high=np.array([high]), fixed=True)
 
 
 def _ratios(runs: Runs) -> list[float]:
@@ -56,14 +76,27 @@ def _ratios(runs: Runs) -> list[float]:
     for run in runs.signals:
         # Over some seconds: the noise of a position would add to the path.
         every = max(1, round(_FIX_S / median_step_s(run.time_s)))
-        path_m = np.concatenate(([0.0], np.cumsum(np.abs(run.speed_mps[:-1]) * np.diff(run.time_s))))[::every]
-        straight = np.abs(np.diff(run.base_distance_m[::every]))
-        away = straight > thresholds.HALF * np.diff(
-            path_m
-        )  # not in a turn, where the path exceeds the change of distance
-        covered_m = float(straight[away].sum())
-        ratios.append(float(np.diff(path_m)[away].sum()) / covered_m if covered_m > 0.0 else 1.0)
+        step_m = np.abs(run.speed_mps[:-1]) * np.diff(run.time_s)
+        path_m = np.concatenate(([0.0], np.cumsum(step_m)))
+        by_odometer_m = np.diff(path_m[::every])
+        by_fix_m = np.abs(np.diff(run.base_distance_m[::every]))
+        # Not in a turn, where the path exceeds the change of distance.
+        straight = by_fix_m > thresholds.HALF * by_odometer_m
+        total_by_fix_m = float(by_fix_m[straight].sum())
+        ratio = 1.0
+        if total_by_fix_m > 0.0:
+            ratio = float(by_odometer_m[straight].sum()) / total_by_fix_m
+        ratios.append(ratio)
     return ratios
+
+
+def _on_scaled_speed(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
+    corrected = WithEffects(speed_factors=[1.0 / (1.0 + size)])
+    return drive.predict(drive.fit.theta, corrected) - drive.plain
+
+
+def _on_offset(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
+    return np.full(len(drive.plain), size)  # also when everything is off
 
 
 ODOMETRY_SCALE = Hypothesis(
@@ -79,9 +112,7 @@ ODOMETRY_SCALE = Hypothesis(
     steady=_by_run,
     shown_by=(),
     check="drive along a tape measure and compare the distance with the log",
-    on_drive=lambda one, drive, size, shape: (
-        drive.predict(drive.fit.theta, WithEffects(speed_factors=[1.0 / (1.0 + size)])) - drive.plain
-    ),
+    on_drive=_on_scaled_speed,
 )
 
 HYPOTHESES = (
@@ -101,7 +132,7 @@ HYPOTHESES = (
         load=everywhere,
         varying=_also_creeping,
         check="read a clamp meter on the battery lead with the robot switched off: the log must show the same",
-        on_drive=lambda one, drive, size, shape: np.full(len(drive.plain), size),  # also when everything is off
+        on_drive=_on_offset,
     ),
     Hypothesis(
         Instrument(
@@ -116,7 +147,7 @@ HYPOTHESES = (
         steady=None,
         changes="once",
         signed=True,
-        load=lambda one, setting: setting.predicted,
+        load=lambda hypothesis, setting: setting.predicted,
         check="read a clamp meter on the battery lead, standing and at top speed, beside the log",
         on_drive=share_of_the_drive,
     ),
@@ -131,7 +162,7 @@ HYPOTHESES = (
             ("inertia",),
         ),
         steady=_lags,
-        within=lambda one, so_far, numbers, runs: replace(so_far, lag_s=numbers["lag_s"]),
+        within=lambda hypothesis, so_far, numbers, runs: replace(so_far, lag_s=numbers["lag_s"]),
         otherwise="wherever the power changes",
         check="start sharply a few times and compare when wheels and power move in the logs with one clock for both",
         at_wheels=True,
