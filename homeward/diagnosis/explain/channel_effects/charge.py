@@ -28,27 +28,27 @@ def state_of_charge(
 
     The capacity is one for all runs, of an aged battery that of the last; the effect is not that of the voltage's sag.
     """
-    robot, soc = fit.parameters.nominal, runs.context.get("soc")
-    if soc is None or runs.unit != "W":
-        return None, None
-    of_run = pd.Series(soc).groupby(runs.run)  # NaN of a run that lacks it
-    if float((of_run.max() - of_run.min()).sum()) < thresholds.LEAST_FALL:
+    robot = fit.parameters.nominal
+    soc = runs.context.get("soc")
+    if soc is None or runs.unit != "W" or _fall(soc, runs.run) < thresholds.LEAST_FALL:
         return None, None
     channel = Reading(-energy_share(robot.curve, soc), runs, block)
     drawn = channel.summed((runs.observed + lost_w) / robot.usable_energy_j)[:, None]
     is_aged = bool(battery.AGEING.in_file(robot)[0])
     rates, errors = channel.fit(channel.per_run(drawn) if is_aged else drawn)
-    rate, error = float(rates[-1]), float(errors[-1])
+    rate = float(rates[-1])
     if rate <= 0.0:
         return None, None
-    capacity = capacity_of(robot, rate, error, covered(soc, runs.run))
-    unexplained = None if capacity is None else dataclasses.replace(capacity, off=False)
+    capacity = capacity_of(robot, rate, float(errors[-1]), covered(soc, runs.run))
+    # Where an effect changes the fall of the charge, a capacity that is off explains nothing more.
+    unexplained = None
+    if capacity is not None:
+        unexplained = dataclasses.replace(capacity, off=False)
     fault = misread(fit, runs, channel, drawn, block, rng)
     if fault is not None:
         return unexplained, fault
     losses = Losses(fit, runs, channel, drawn, sag)
-    effects = [losses.proven(rng), fading(channel, runs, robot, drawn, rng)]
-    shown = sorted((effect for effect in effects if effect is not None), key=lambda effect: -effect.gained)
+    shown = _shown(losses, rng)
     if shown:
         return unexplained, _with_rivals(shown)
     if capacity is None or not capacity.off:
@@ -56,23 +56,44 @@ def state_of_charge(
     return dataclasses.replace(capacity, rivals=losses.instead(rate)), None
 
 
+def _fall(soc: Array, run: Index) -> float:
+    """By how much the state of charge, (windows,), changes in all runs together; a run that lacks it adds nothing."""
+    soc_of_run = pd.Series(soc).groupby(run)
+    return float((soc_of_run.max() - soc_of_run.min()).sum())
+
+
+def _shown(losses: Losses, rng: Generator) -> list[ChannelEffect]:
+    """Effects that the fall of the charge shows: a loss inside or a battery that fades, what explains more first."""
+    effects = [
+        losses.proven(rng),
+        fading(losses.channel, losses.runs, losses.robot, losses.drawn, rng),
+    ]
+    shown = [effect for effect in effects if effect is not None]
+    return sorted(shown, key=lambda effect: -effect.gained)
+
+
 def _with_rivals(shown: list[ChannelEffect]) -> ChannelEffect:
     """The first of some effects, with those as rivals that explain as much."""
-    best = shown[0]
-    alike = [other.hypothesis.id for other in shown[1:] if other.gained > thresholds.RIVAL_SHARE * best.gained]
-    return dataclasses.replace(best, rivals=tuple(dict.fromkeys([*best.rivals, *alike])))
+    likeliest = shown[0]
+    rivals = list(likeliest.rivals)
+    for effect in shown[1:]:
+        if effect.gained > thresholds.RIVAL_SHARE * likeliest.gained:
+            rivals.append(effect.hypothesis.id)
+    return dataclasses.replace(likeliest, rivals=tuple(dict.fromkeys(rivals)))
 
 
 def covered(soc: Array, run: Index) -> tuple[float, float]:
     """Lowest and highest state of charge, (windows,), of the widest part of a battery that runs cover together."""
-    known = np.isfinite(soc)
-    of_run = pd.Series(soc[known]).clip(0.0, 1.0).groupby(run[known])
-    widest = low, high = 0.0, 0.0
-    for least, most in sorted(zip(of_run.min(), of_run.max(), strict=True)):
-        if least <= high:
-            high = max(high, most)
-        else:
-            low, high = least, most
+    is_known = np.isfinite(soc)
+    soc_of_run = pd.Series(soc[is_known]).clip(0.0, 1.0).groupby(run[is_known])
+    low = 0.0
+    high = 0.0
+    widest = (low, high)
+    for lowest, highest in sorted(zip(soc_of_run.min(), soc_of_run.max(), strict=True)):
+        if lowest > high:  # a part that no run before reaches
+            low = lowest
+            high = highest
+        high = max(high, highest)
         widest = max(widest, (low, high), key=lambda part: part[1] - part[0])
     return widest
 
@@ -82,14 +103,20 @@ def capacity_of(robot: Robot, rate: float, error: float, part: tuple[float, floa
     regression, from a part of its charge; None from less than half."""
     if part[1] - part[0] < thresholds.HALF:
         return None
-    of_instruments = rate * np.hypot(thresholds.GAUGE_GAIN_SD, _curve_error(robot, part))
-    total = float(np.hypot(error, of_instruments))
-    off = abs(rate - 1.0) > float(norm.ppf(1.0 - thresholds.FALSE_ALARM_RATE / 2.0)) * total
-    low_j = robot.usable_energy_j / max(rate + thresholds.NORMAL_95 * total, 1e-9)
-    high_j = robot.usable_energy_j / max(rate - thresholds.NORMAL_95 * total, 1e-9)
-    fitted_j = robot.usable_energy_j / rate
-    above_rated = fitted_j > robot.rated_energy_j
-    return Capacity(robot.usable_energy_j, fitted_j, (low_j, high_j), off, above_rated=above_rated)
+    error_of_instruments = rate * np.hypot(thresholds.GAUGE_GAIN_SD, _curve_error(robot, part))
+    total_error = float(np.hypot(error, error_of_instruments))
+    normal_quantile = float(norm.ppf(1.0 - thresholds.FALSE_ALARM_RATE / 2.0))
+    assumed_j = robot.usable_energy_j
+    fitted_j = assumed_j / rate
+    low_j = assumed_j / max(rate + thresholds.NORMAL_95 * total_error, 1e-9)
+    high_j = assumed_j / max(rate - thresholds.NORMAL_95 * total_error, 1e-9)
+    return Capacity(
+        assumed_j=assumed_j,
+        fitted_j=fitted_j,
+        ci95=(low_j, high_j),
+        off=abs(rate - 1.0) > normal_quantile * total_error,
+        above_rated=fitted_j > robot.rated_energy_j,
+    )
 
 
 def _curve_error(robot: Robot, part: tuple[float, float]) -> float:
@@ -98,6 +125,9 @@ def _curve_error(robot: Robot, part: tuple[float, float]) -> float:
     low, high = part
     if robot.curve.mean_v > 0.0:
         return thresholds.CURVE_SD * (1.0 - (high - low))
-    curves = [curve_of(points) for points in CHEMISTRIES.values()]
-    energies = [float(energy_share(curve, high) - energy_share(curve, low)) for curve in curves]
-    return max(abs(energy / (high - low) - 1.0) for energy in energies) / thresholds.NORMAL_95
+    errors = []
+    for points in CHEMISTRIES.values():
+        curve = curve_of(points)
+        energy = float(energy_share(curve, high) - energy_share(curve, low))
+        errors.append(abs(energy / (high - low) - 1.0))
+    return max(errors) / thresholds.NORMAL_95  # the largest counts as the end of a 95 % interval

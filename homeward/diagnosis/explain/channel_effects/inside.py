@@ -17,7 +17,9 @@ _MILD_C = 20.0  # air where it is unknown; chosen: room temperature, as in the r
 
 def matters(lost_w: Array, runs: Runs) -> bool:
     """Whether a loss exceeds `MATERIAL_SHARE` of the energy drawn."""
-    return float(lost_w @ runs.duration_s) >= thresholds.MATERIAL_SHARE * float(runs.observed @ runs.duration_s)
+    lost_j = float(lost_w @ runs.duration_s)
+    drawn_j = float(runs.observed @ runs.duration_s)
+    return lost_j >= thresholds.MATERIAL_SHARE * drawn_j
 
 
 def inside_w(robot: Robot, runs: Runs) -> Array:

@@ -21,16 +21,20 @@ def odometer(fit: Refit, runs: Runs) -> ChannelEffect | None:
     p_value = float(binom.sf(len(disagreeing) - 1, len(scales), 2.0 ** (1 - thresholds.FEWEST_BLOCKS)))
     if p_value > thresholds.FALSE_ALARM_RATE:
         return None
-    off = WithEffects(speed_factors=(1.0 + scales).tolist())
-    added_w = fit.parameters.predict(runs, fit.theta, off) - fit.parameters.predict(runs, fit.theta)
+    as_recorded = WithEffects(speed_factors=(1.0 + scales).tolist())
+    added_w = fit.parameters.predict(runs, fit.theta, as_recorded) - fit.parameters.predict(runs, fit.theta)
     switch = instruments.ODOMETRY_SCALE.entry.switch
-    size = Value(float(np.mean(disagreeing)), (float(disagreeing.min()), float(disagreeing.max())), switch.unit)
-    many = "all runs" if scales.all() else f"{len(disagreeing)} of {len(scales)} runs"
+    interval = (float(disagreeing.min()), float(disagreeing.max()))
+    size = Value(float(np.mean(disagreeing)), interval, switch.unit)
+    in_runs = f"{len(disagreeing)} of {len(scales)} runs"
+    if scales.all():
+        in_runs = "all runs"
     return ChannelEffect(
-        instruments.ODOMETRY_SCALE,
-        {switch.name: size},
-        added_w,
-        Proof(None, None, p_value),
-        (),
-        f"In {many} the speed adds up to {1.0 + size.value:.3g} times the recorded distance: it is set right by that.",
+        hypothesis=instruments.ODOMETRY_SCALE,
+        parameters={switch.name: size},
+        contribution=added_w,
+        proof=Proof(None, None, p_value),
+        rivals=(),
+        sentence=f"In {in_runs} the speed adds up to {1.0 + size.value:.3g} times the recorded distance: it is set "
+        "right by that.",
     )

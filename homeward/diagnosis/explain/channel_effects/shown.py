@@ -25,8 +25,9 @@ class ChannelEffect:
     @property
     def in_file(self) -> Mapping[str, Numbers]:
         """Its entry in a robot file; empty for a fault of an instrument."""
-        numbers = {name: value.value for name, value in self.parameters.items()}
-        return {self.hypothesis.id: numbers} if self.hypothesis.physical else {}
+        if not self.hypothesis.physical:
+            return {}
+        return {self.hypothesis.id: {name: value.value for name, value in self.parameters.items()}}
 
     @property
     def gained(self) -> float:
@@ -59,5 +60,6 @@ class Capacity:
 def values_of(hypothesis: Hypothesis, size: float, ci95: tuple[float, float], shape: Numbers) -> dict[str, Value]:
     """The parameters of an effect: its fitted size, and the others of its form."""
     units = {parameter.name: parameter.unit for parameter in hypothesis.entry.parameters}
-    others = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
-    return {hypothesis.entry.switch.name: Value(size, ci95, hypothesis.entry.switch.unit), **others}
+    switch = hypothesis.entry.switch
+    of_shape = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
+    return {switch.name: Value(size, ci95, switch.unit), **of_shape}

@@ -21,36 +21,40 @@ from homeward.physics import Robot
 def sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffect | None:
     """Resistance by the voltage, beside the file's, where it loses a material share of the energy."""
     voltage_v = runs.context.get("voltage_v", np.zeros(1))
-    known = voltage_v > 0.0
-    if runs.unit != "W" or not known.any():
+    is_known = voltage_v > 0.0
+    if runs.unit != "W" or not is_known.any():
         return None
-    resistance, cold = battery.INTERNAL_RESISTANCE, battery.COLD_BATTERY.id
-    given_ohm = resistance.in_file(robot)[0]
-    current_a = np.where(known, runs.observed / np.where(known, voltage_v, 1.0), 0.0)
-    in_file_v = given_ohm * current_a + _cold_in_file_v(robot, runs, current_a)
-    channel = Reading(np.where(known, voltage_v + in_file_v, np.nan), runs, block)
+    resistance = battery.INTERNAL_RESISTANCE
+    in_file_ohm = resistance.in_file(robot)[0]
+    current_a = np.where(is_known, runs.observed / np.where(is_known, voltage_v, 1.0), 0.0)
+    in_file_v = in_file_ohm * current_a + _cold_in_file_v(robot, runs, current_a)
+    channel = Reading(np.where(is_known, voltage_v + in_file_v, np.nan), runs, block)
     # Open-circuit voltage falls with the charge drawn, and the terminals' with the current.
-    base, drawn = channel.summed(current_a)[:, None], -channel.within(current_a)[:, None]
+    base = channel.summed(current_a)[:, None]
+    drawn = -channel.within(current_a)[:, None]
     coefficients, errors = channel.fit(np.hstack([base, drawn]))
-    ohm, wide = float(coefficients[-1]), thresholds.NORMAL_95 * float(errors[-1])
-    lost_w = max(ohm, 0.0) * current_a**2
-    proof = channel.proof(base, drawn, rng) if matters(lost_w, runs) else None
-    total_ohm = given_ohm + ohm
+    added_ohm = float(coefficients[-1])
+    half_width = thresholds.NORMAL_95 * float(errors[-1])
+    lost_w = max(added_ohm, 0.0) * current_a**2
+    if not matters(lost_w, runs):
+        return None
+    proof = channel.proof(base, drawn, rng)
+    total_ohm = in_file_ohm + added_ohm
     if proof is None or total_ohm > resistance.entry.switch.high:
         return None
     by_warmth = _Warmth.of(channel, base, drawn, current_a, runs)
-    shown = None if by_warmth is None else by_warmth.effect(robot, rng)
-    if shown is not None:
-        return shown
+    cold_battery = None if by_warmth is None else by_warmth.effect(robot, rng)
+    if cold_battery is not None:
+        return cold_battery
     air_c = runs.context.get("temperature_c")
     may_be_cold = air_c is None or float(np.nanmean(air_c)) < thresholds.COLD_C
     return ChannelEffect(
-        resistance,
-        values_of(resistance, total_ohm, (total_ohm - wide, total_ohm + wide), {}),
-        lost_w,
-        proof,
-        (cold,) if may_be_cold else (),
-        f"The voltage sags by {total_ohm:.3g} ohm times the current.",
+        hypothesis=resistance,
+        parameters=values_of(resistance, total_ohm, (total_ohm - half_width, total_ohm + half_width), {}),
+        contribution=lost_w,
+        proof=proof,
+        rivals=(battery.COLD_BATTERY.id,) if may_be_cold else (),
+        sentence=f"The voltage sags by {total_ohm:.3g} ohm times the current.",
     )
 
 
@@ -84,7 +88,15 @@ class _Warmth:
             return None
         warmth_k = air_c - np.mean(air_c)
         warmer = channel.within(current_a * warmth_k)[:, None]
-        return cls(channel, runs, current_a, warmth_k, base, drawn, warmer)
+        return cls(
+            channel=channel,
+            runs=runs,
+            current_a=current_a,
+            warmth_k=warmth_k,
+            base=base,
+            drawn=drawn,
+            warmer=warmer,
+        )
 
     @property
     def by_warmth(self) -> Array:
@@ -100,45 +112,60 @@ class _Warmth:
     @property
     def rivals(self) -> tuple[Array, Array]:
         """A resistance that differs from run to run, and one that changes as the battery empties."""
-        emptied = pd.Series(self.current_a * self.runs.duration_s).groupby(self.runs.run).cumsum().to_numpy()
-        later = self.channel.within(self.current_a * emptied)[:, None]
-        return np.hstack([self.base, self.channel.per_run(self.drawn)]), np.hstack([self.base, self.drawn, later])
+        drawn_as = pd.Series(self.current_a * self.runs.duration_s)
+        emptied_as = drawn_as.groupby(self.runs.run).cumsum().to_numpy()
+        later = self.channel.within(self.current_a * emptied_as)[:, None]
+        by_run = np.hstack([self.base, self.channel.per_run(self.drawn)])
+        by_charge = np.hstack([self.base, self.drawn, later])
+        return by_run, by_charge
+
+    @property
+    def gained_by_a_rival(self) -> float:
+        """Reduction of BIC by the better rival, over the better form of warmth."""
+        gains = []
+        for rival in self.rivals:
+            over_forms = [self.channel.delta_bic(design, rival) for design in (self.by_warmth, self.bent)]
+            gains.append(min(over_forms))
+        return max(gains)
 
     def effect(self, robot: Robot, rng: Generator) -> ChannelEffect | None:
         """A cold battery, where the resistance falls with warmth, and explains the voltage no worse than its rivals.
 
         The resistance is named as a rival where it explains the voltage no better than one of these.
         """
-        cold, channel = battery.COLD_BATTERY, self.channel
+        cold = battery.COLD_BATTERY
+        channel = self.channel
         if cold.in_file(robot)[0]:
             return None
         coefficients, errors = channel.fit(self.by_warmth)
-        ohm, per_k = float(coefficients[-2]), float(coefficients[-1])
+        ohm = float(coefficients[-2])
+        ohm_per_k = float(coefficients[-1])
         mean_c = float(np.mean(self.runs.context["temperature_c"]))
-        warm_c = mean_c + ohm / max(per_k, TINY)
+        warm_c = mean_c + ohm / max(ohm_per_k, TINY)  # where the resistance would reach zero
+        # At a reference power P, an ohm more loses (P / V)^2, a share of the P + R (P / V)^2 that the cells give.
         reference_w = float(np.median(self.runs.observed[self.runs.observed > 0.0]))
         voltage_v = self.runs.context["voltage_v"]
-        share_per_ohm = reference_w / float(np.mean(voltage_v[voltage_v > 0.0]) ** 2 + ohm * reference_w)
-        size, wide = share_per_ohm * per_k, share_per_ohm * thresholds.NORMAL_95 * float(errors[-1])
+        mean_v = np.mean(voltage_v[voltage_v > 0.0])
+        share_per_ohm = reference_w / float(mean_v**2 + ohm * reference_w)
+        size = share_per_ohm * ohm_per_k
+        half_width = share_per_ohm * thresholds.NORMAL_95 * float(errors[-1])
         if size > cold.entry.switch.high or not battery.WARM_C.low <= warm_c <= battery.WARM_C.high:
             return None
-        rivals, own = self.rivals, (self.by_warmth, self.bent)
-        better = max(min(channel.delta_bic(design, rival) for design in own) for rival in rivals)
-        if better >= thresholds.STRONG_BIC:
+        if self.gained_by_a_rival >= thresholds.STRONG_BIC:
             return None
         if channel.proof(np.hstack([self.base, self.drawn]), self.warmer, rng) is None:
             return None
         proof = channel.proof(self.base, np.hstack([self.drawn, self.warmer]), rng)
         if proof is None:
             return None
-        clear = all(channel.delta_bic(rival, self.by_warmth) >= thresholds.STRONG_BIC for rival in rivals)
+        is_clear = all(channel.delta_bic(rival, self.by_warmth) >= thresholds.STRONG_BIC for rival in self.rivals)
         shape = {battery.WARM_C.name: warm_c, battery.COLD_W.name: reference_w}
         return ChannelEffect(
-            cold,
-            values_of(cold, size, (size - wide, size + wide), shape),
-            np.maximum(ohm - per_k * self.warmth_k, 0.0) * self.current_a**2,
-            proof,
-            () if clear else (battery.INTERNAL_RESISTANCE.id,),
-            f"The voltage sags by {ohm:.3g} ohm times the current, and by {per_k:.2g} ohm less for each kelvin of "
-            "warmth.",
+            hypothesis=cold,
+            parameters=values_of(cold, size, (size - half_width, size + half_width), shape),
+            contribution=np.maximum(ohm - ohm_per_k * self.warmth_k, 0.0) * self.current_a**2,
+            proof=proof,
+            rivals=() if is_clear else (battery.INTERNAL_RESISTANCE.id,),
+            sentence=f"The voltage sags by {ohm:.3g} ohm times the current, and by {ohm_per_k:.2g} ohm less for each "
+            "kelvin of warmth.",
         )
