@@ -107,8 +107,9 @@ def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.G
             )
         )
     texts = " ".join(term.text for term in terms)
+    symbol = "P" if runs.unit == "W" else "I"
     return Empirical(
-        symbol="P" if runs.unit == "W" else "I",
+        symbol=symbol,
         terms=tuple(terms),
         constants=constants(texts, fit.parameters.nominal, runs),
         columns=columns,
@@ -183,10 +184,11 @@ class Search:
             of_fold = model[in_fold]
             squares, moments = self.library.products(parts[thin][in_fold], of_fold)
             products.append(_Products(gram=of_fold.T @ of_fold, squares=squares, moments=moments))
-        without, with_it = _squared_errors(products)
+        error, error_with = _squared_errors(products)
+        # Autocorrelated windows count as fewer.
         correlation = self.correlation or noise_of(residual, self.runs.run).correlation
-        effective = max(len(residual) / correlation, 2.0)
-        return np.asarray(effective * np.log(without / with_it) - np.log(effective) - self.library.cost)
+        independent = max(len(residual) / correlation, 2.0)
+        return np.asarray(independent * np.log(error / error_with) - np.log(independent) - self.library.cost)
 
     def held_out(self, present: Sequence[int]) -> Array:
         """Held-out predictions of the refit with these terms, within the bounds of what is physical."""
@@ -250,7 +252,8 @@ def _squared_errors(folds: Sequence[_Products]) -> tuple[float, Array]:
         orthogonal_square = squares - (spanned * times_columns).sum(axis=1)
         is_new = orthogonal_square > 1e-6 * np.maximum(squares, 1e-300)  # else it is collinear with the model
         times_residual = times_target - times_columns @ weights
-        size = np.where(is_new, times_residual / np.where(is_new, orthogonal_square, 1.0), 0.0)
+        divisor = np.where(is_new, orthogonal_square, 1.0)
+        size = np.where(is_new, times_residual / divisor, 0.0)
         # The residual as a combination of the model's columns: without a candidate, and with each, of which then
         # `size` times it is taken away.
         residual = np.append(-weights, 1.0)
@@ -258,7 +261,8 @@ def _squared_errors(folds: Sequence[_Products]) -> tuple[float, Array]:
         error_without += max(float(residual @ test.gram @ residual), 0.0)
         square_of_columns = ((residuals @ test.gram) * residuals).sum(axis=1)
         times_candidate = (test.moments * residuals).sum(axis=1)
-        error_with += np.maximum(square_of_columns - 2.0 * size * times_candidate + size**2 * test.squares, 0.0)
+        square = square_of_columns - 2.0 * size * times_candidate + size**2 * test.squares
+        error_with += np.maximum(square, 0.0)
     return max(error_without, 1e-300), np.maximum(error_with, 1e-300)
 
 

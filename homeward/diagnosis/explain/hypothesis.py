@@ -121,7 +121,7 @@ class Setting:
 
     runs: Runs
     parameters: Parameters
-    theta: Array
+    theta: Array  # (groups,)
     present: WithEffects  # effects that are already in the model
     predicted: Array  # (windows,)
     residual: Array  # (windows,)
@@ -240,6 +240,9 @@ def _changing(
         typical = typical and not hypothesis.seldom
         rhythm, spread = hypothesis.rhythm(schedule, runs)
         cost_of_a_change = 1 if change_points.clearly_apart(schedule) else thresholds.COST_OF_A_CHANGE
+        hidden = cost_of_a_change * schedule.changes
+        if not typical:
+            hidden += 1  # of two effects with the same schedule, the one that it is typical of has the lower BIC
         at_work = schedule.at_work()
         low, high = hypothesis.limits(schedule.levels - 1, hypothesis.signed)
         yield Term(
@@ -247,7 +250,7 @@ def _changing(
             load[:, None] * at_work,
             low=low,
             high=high,
-            hidden=cost_of_a_change * schedule.changes + int(not typical),
+            hidden=hidden,
             shape=rhythm,
             axis=axis,
             schedule=schedule,
@@ -306,6 +309,18 @@ def temperatures(parameter: Parameter) -> Callable[[Setting], Iterator[Numbers]]
     return shapes
 
 
+def _defaults(setting: Setting) -> Iterator[Numbers]:
+    yield {}
+
+
+def _no_rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
+    return {}, {}
+
+
+def _no_reach(runs: Runs) -> Numbers:
+    return {}
+
+
 def _response(hypothesis: Hypothesis, setting: Setting) -> Array:
     return setting.response(hypothesis, TINY * hypothesis.entry.switch.high, {})
 
@@ -348,7 +363,7 @@ class Hypothesis:
 
     needs: tuple[str, ...] | None = None  # channels that show when it is at work, all needed; None: those of `entry`
     beside: Mapping[str, Numbers] = field(default_factory=dict)  # effects that it requires
-    shapes: Callable[[Setting], Iterator[Numbers]] = lambda setting: iter([{}])  # values of its other parameters
+    shapes: Callable[[Setting], Iterator[Numbers]] = _defaults  # values of its other parameters
     rises_with: str = ""  # channel that its power rises with in any form; with a minus, falls with
     steady: Forms | None = responses  # forms of one size; None if no channel shows it
 
@@ -359,14 +374,14 @@ class Hypothesis:
     most_changes: int = thresholds.RARE_CHANGES  # changes in time that it may have in places that are revisited
     of_rolling: bool = False  # whether it is a share of the rolling resistance, in a file as rough ground
     load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None if a channel shows it
-    rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = lambda schedule, runs: ({}, {})  # from a schedule
+    rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _no_rhythm  # numbers that a schedule shows
     varying: Forms = levels  # forms whose size changes for no recorded reason
 
     bounds: tuple[float, float] | None = None  # of its size, where they are not those of its first parameter
     size_names: Callable[[Term], Sequence[tuple[str, str]]] = _level_names  # name and unit of each size
     searched: tuple[Parameter, ...] = ()  # parameters that recordings may identify beside the size
     within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect  # adds it to a replay
-    reach: Callable[[Runs], Numbers] = lambda runs: {}  # numbers in its file that give the range of the recordings
+    reach: Callable[[Runs], Numbers] = _no_reach  # numbers in its file that give the range of the recordings
     is_weather: bool = False  # whether it is weather, which no robot file contains
 
     map_channel: str = ""  # without it the effect may be that channel's influence

@@ -42,9 +42,10 @@ class ResidualChannel:
 
 
 TESTED = (
-    ResidualChannel("yaw_rate_radps", "turning rate", "rad/s", "turning faster than", "turning slower than", True),
+    ResidualChannel("yaw_rate_radps", "turning rate", "rad/s", "turning faster than", "turning slower than",
+            magnitude=True),
     ResidualChannel("wheel_difference_mps", "wheel speed difference", "m/s", "wheel speeds further apart than",
-            "wheel speeds closer together than", True),
+            "wheel speeds closer together than", magnitude=True),
     ResidualChannel("speed_mps", "speed", "m/s", "driving faster than", "driving slower than"),
     ResidualChannel("accel_mps2", "acceleration", "m/s^2", "acceleration above", "acceleration below"),
     ResidualChannel("grade_rad", "grade", "rad", "grade above", "grade below"),
@@ -359,8 +360,9 @@ def _p_values(signs: Array, refitted: Array, statistic: _TestStatistic) -> Array
     squared = _studentised(signs @ statistic.sums - refitted @ statistic.columns.T, statistic.sums)
     families = [squared[:, statistic.family == family].max(axis=1) for family in np.unique(statistic.family)]
     total = np.sum([np.zeros(len(signs)), *families], axis=0)
-    at_least = len(signs) - np.searchsorted(np.sort(total), total * (1.0 - 1e-9))
-    return np.asarray(at_least / len(signs))
+    # Draws whose total is at least as large, itself included; the factor forgives rounding.
+    as_large = len(signs) - np.searchsorted(np.sort(total), total * (1.0 - 1e-9))
+    return np.asarray(as_large / len(signs))
 
 
 def _least_squares(design: Array, target: Array) -> Array:

@@ -1,6 +1,6 @@
 """Loads beside the drive: standby, computing, radio, heater, and intermittent devices."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,7 @@ from homeward.physics.effects import compute, cooler, heater, intermittent_load,
 
 _ON_BELOW_C = heater.EFFECT.parameters[1]
 _ON_ABOVE_C = cooler.EFFECT.parameters[1]
+_UP_TO_M = radio.EFFECT.parameters[1]
 _OFF_ABOVE_C = 15.0  # thermostats of outdoor enclosures switch on at 5 and off at 15 degC (Stego KTO 011, data sheet)
 
 
@@ -24,6 +25,16 @@ def _while_cold(hypothesis: Hypothesis, setting: Setting) -> Array | None:
     is_cold = temperature_c < _OFF_ABOVE_C
     mean_below_c = float(np.mean(_OFF_ABOVE_C - temperature_c[is_cold]))
     return np.asarray(is_cold * mean_below_c)
+
+
+def _at_any_rate(setting: Setting) -> Iterator[Numbers]:
+    """All of the computer's power at any sensing rate above zero."""
+    yield {"base_share": 1.0}
+
+
+def _farthest(runs: Runs) -> Numbers:
+    """The largest recorded distance, up to which the radio's power is known."""
+    return {_UP_TO_M.name: float(np.nanmax(runs.context["base_distance_m"]))}
 
 
 def _rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
@@ -67,7 +78,7 @@ HYPOTHESES = (
     # Constant at any sensing rate above zero, proportional to the rate, or any rising function of it.
     Hypothesis(
         compute.EFFECT,
-        shapes=lambda setting: iter([{"base_share": 1.0}]),
+        shapes=_at_any_rate,
         rises_with="sensing_hz",
         check="put a clamp meter on the lead of the computer",
     ),
@@ -75,7 +86,7 @@ HYPOTHESES = (
     Hypothesis(
         radio.EFFECT,
         rises_with="base_distance_m",
-        reach=lambda runs: {radio.EFFECT.parameters[1].name: float(np.nanmax(runs.context["base_distance_m"]))},
+        reach=_farthest,
     ),
     # Proportional to the cold, any rising function of it, or switched by a thermostat while it is cold.
     Hypothesis(

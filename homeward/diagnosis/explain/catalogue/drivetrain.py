@@ -8,6 +8,7 @@ from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Set
 from homeward.physics.effects import Parameter, copper_loss, inertia, motor_heating, regeneration, turning
 
 _TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)  # tried where a file has no track; chosen: by factors of two, refined afterwards
+_TRACK = Parameter(name="track_m", unit="m", low=0.02, high=5.0, meaning="distance between left and right wheels")
 _TIME_CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)  # tried; chosen: a minute to half an hour, about threefold each
 _TYPICAL_RISE_K = 40.0  # of a winding at mean load; chosen: only its product with per_k is estimated
 _LIMIT_QUANTILES = (0.25, 0.5, 0.75)  # of the braking power, tried as its largest; chosen: refined afterwards
@@ -57,7 +58,7 @@ def _tracks(setting: Setting) -> Iterator[Numbers]:
         yield {}
         return
     for track_m in _TRACKS_M:
-        yield {"track_m": track_m}
+        yield {_TRACK.name: track_m}
 
 
 # On the level only inertia gives braking energy: without it nothing is regenerated.
@@ -76,7 +77,7 @@ HYPOTHESES = (
         shapes=_tracks,
         steady=_also_at_a_slip_angle,
         rises_with="yaw_rate_radps",
-        searched=(Parameter("track_m", "m", 0.02, 5.0, "distance between left and right wheels"),),
+        searched=(_TRACK,),
         shown_by=("yaw_rate_radps", "wheel_difference_mps"),
         otherwise="in turns",
         check="tow the robot sideways with a spring balance",

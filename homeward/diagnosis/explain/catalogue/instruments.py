@@ -23,8 +23,15 @@ from homeward.logs.times import median_step_s
 from homeward.physics.effects import Parameter
 
 _LAGS_S = 0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0  # tried, with both signs; chosen: finest where typical
-_LAG_BOUNDS_S = (-5.0, 5.0)  # of a lag that is fitted; chosen: beyond the longest that is tried
+_LONGEST_LAG_S = 5.0  # that is fitted; chosen: beyond the longest that is tried
 _FIX_S = 5.0  # between the positions compared; chosen: so much is driven meanwhile that their noise adds little
+
+_SCALE = Parameter(name="scale", unit="1", low=-0.5, high=1.0, meaning="relative error of the speed reading")
+_OFFSET = Parameter(name="offset", unit="W", low=-10000.0, high=10000.0, meaning="added to every reading")
+_GAIN = Parameter(name="gain", unit="1", low=-0.9, high=10.0, meaning="relative error of every reading")
+_LAG = Parameter(
+    name="lag_s", unit="s", low=-_LONGEST_LAG_S, high=_LONGEST_LAG_S, meaning="time by which the power reading is late"
+)
 
 
 def _also_creeping(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
@@ -47,7 +54,7 @@ def _late(hypothesis: Hypothesis, setting: Setting, lag_s: float) -> Term:
     shape = {"lag_s": lag_s}
     late = hypothesis.within(hypothesis, setting.present, shape, setting.runs)
     change = setting.parameters.predict(setting.runs, setting.theta, late) - setting.predicted
-    low, high = np.clip(sorted((0.5 * lag_s, 1.5 * lag_s)), *_LAG_BOUNDS_S)
+    low, high = np.clip(sorted((0.5 * lag_s, 1.5 * lag_s)), _LAG.low, _LAG.high)
     column = change[:, None] / lag_s
     return Term(hypothesis, column, low=np.array([low]), high=np.array([high]), hidden=1, shape=shape)
 
@@ -101,13 +108,13 @@ def _on_offset(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers
 
 ODOMETRY_SCALE = Hypothesis(
     Instrument(
-        "odometry_scale",
-        (Parameter("scale", "1", -0.5, 1.0, "relative error of the speed reading"),),
-        "The odometer reads too much or too little: a fault of an instrument, not physics.",
-        "speed reading = (1 + scale) speed",
-        "worn or swapped wheels",
-        ("speed_mps", "base_distance_m"),
-        ("viscous",),
+        id="odometry_scale",
+        parameters=(_SCALE,),
+        sentence="The odometer reads too much or too little: a fault of an instrument, not physics.",
+        equation="speed reading = (1 + scale) speed",
+        source="worn or swapped wheels",
+        needs=("speed_mps", "base_distance_m"),
+        confused_with=("viscous",),
     ),
     steady=_by_run,
     shown_by=(),
@@ -118,13 +125,14 @@ ODOMETRY_SCALE = Hypothesis(
 HYPOTHESES = (
     Hypothesis(
         Instrument(
-            "sensor_offset",
-            (Parameter("offset", "W", -10000.0, 10000.0, "added to every reading"),),
-            "The power reading is shifted by a constant from some moment on: a fault of an instrument, not physics.",
-            "reading = power + offset",
-            "zero drift of a current sensor",
-            ("power_w",),
-            ("standby", "intermittent_load"),
+            id="sensor_offset",
+            parameters=(_OFFSET,),
+            sentence="The power reading is shifted by a constant from some moment on: a fault of an instrument, "
+            "not physics.",
+            equation="reading = power + offset",
+            source="zero drift of a current sensor",
+            needs=("power_w",),
+            confused_with=("standby", "intermittent_load"),
         ),
         steady=None,
         changes="once",
@@ -136,13 +144,14 @@ HYPOTHESES = (
     ),
     Hypothesis(
         Instrument(
-            "sensor_gain",
-            (Parameter("gain", "1", -0.9, 10.0, "relative error of every reading"),),
-            "The power reading is scaled by a factor from some moment on: a fault of an instrument, not physics.",
-            "reading = (1 + gain) power",
-            "scale error of a current or voltage sensor",
-            ("power_w",),
-            ("ageing",),
+            id="sensor_gain",
+            parameters=(_GAIN,),
+            sentence="The power reading is scaled by a factor from some moment on: a fault of an instrument, "
+            "not physics.",
+            equation="reading = (1 + gain) power",
+            source="scale error of a current or voltage sensor",
+            needs=("power_w",),
+            confused_with=("ageing",),
         ),
         steady=None,
         changes="once",
@@ -153,13 +162,13 @@ HYPOTHESES = (
     ),
     Hypothesis(
         Instrument(
-            "clock_lag",
-            (Parameter("lag_s", "s", *_LAG_BOUNDS_S, "time by which the power reading is late"),),
-            "The clocks of power and motion disagree: a fault of an instrument, not physics.",
-            "reading(t) = power(t - lag)",
-            "unsynchronised loggers",
-            ("time_s",),
-            ("inertia",),
+            id="clock_lag",
+            parameters=(_LAG,),
+            sentence="The clocks of power and motion disagree: a fault of an instrument, not physics.",
+            equation="reading(t) = power(t - lag)",
+            source="unsynchronised loggers",
+            needs=("time_s",),
+            confused_with=("inertia",),
         ),
         steady=_lags,
         within=lambda hypothesis, so_far, numbers, runs: replace(so_far, lag_s=numbers["lag_s"]),

@@ -29,6 +29,7 @@ def fading(channel: Reading, runs: Runs, robot: Robot, drawn: Array, rng: Genera
     proof = channel.proof(drawn, per_run[:, 1:], rng)
     if proof is None:
         return None
+    # A charge that falls so many times as fast is that of a battery with one over so much of its energy.
     lost_by_run = np.zeros(len(runs.signals))
     lost_by_run[numbers] = np.clip(1.0 - 1.0 / np.maximum(rate, 1e-9), 0.0, None)
     lost_now = _lost_in_last(robot, float(rate[-1]), thresholds.NORMAL_95 * float(errors[-1]))

@@ -34,8 +34,10 @@ def state_of_charge(
         return None, None
     channel = Reading(-energy_share(robot.curve, soc), runs, block)
     drawn = channel.summed((runs.observed + lost_w) / robot.usable_energy_j)[:, None]
-    is_aged = bool(battery.AGEING.in_file(robot)[0])
-    rates, errors = channel.fit(channel.per_run(drawn) if is_aged else drawn)
+    design = drawn
+    if battery.AGEING.in_file(robot)[0]:  # the file's age is that of the last run
+        design = channel.per_run(drawn)
+    rates, errors = channel.fit(design)
     rate = float(rates[-1])
     if rate <= 0.0:
         return None, None
@@ -86,6 +88,7 @@ def covered(soc: Array, run: Index) -> tuple[float, float]:
     """Lowest and highest state of charge, (windows,), of the widest part of a battery that runs cover together."""
     is_known = np.isfinite(soc)
     soc_of_run = pd.Series(soc[is_known]).clip(0.0, 1.0).groupby(run[is_known])
+    # From the emptiest on: runs whose parts overlap cover one part together.
     low = 0.0
     high = 0.0
     widest = (low, high)

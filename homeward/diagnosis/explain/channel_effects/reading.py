@@ -55,8 +55,8 @@ class Reading:
 
     def delta_bic(self, design: Array, rival: Array) -> float:
         """Reduction of BIC by the second of two designs."""
-        predicted = design @ least_squares(design, self.target)
-        predicted_by_rival = rival @ least_squares(rival, self.target)
+        predicted = _projected(self.target, design)
+        predicted_by_rival = _projected(self.target, rival)
         more_columns = rival.shape[1] - design.shape[1]
         return delta_bic(self.target, predicted, predicted_by_rival, self.run, more_columns)
 
@@ -84,8 +84,9 @@ class Reading:
 
     def _p_value(self, base: Array, added: Array, searched: Array, rng: Generator) -> float:
         """P-value: how often, on random signs of blocks, some column searched explains as much as the best added."""
-        residual = self.target - base @ least_squares(base, self.target)
-        beside_base = searched - base @ least_squares(base, searched)
+        residual = self.target - _projected(self.target, base)
+        beside_base = searched - _projected(searched, base)
+        # If the base is all there is, the sign of each block's sum is random (wild cluster bootstrap).
         sums = per_block(beside_base * residual[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
         is_used = spread > 0.0
@@ -95,6 +96,11 @@ class Reading:
         by_chance = np.abs(signs @ sums).max(axis=1, initial=0.0)
         as_large = np.sum(by_chance >= recorded)
         return float((1 + as_large) / (DRAWS + 1))
+
+
+def _projected(target: Array, design: Array) -> Array:
+    """Least-squares prediction of a target, or of several as columns, by a design, of the target's shape."""
+    return np.asarray(design @ least_squares(design, target))
 
 
 def least_squares(design: Array, target: Array) -> Array:

@@ -47,13 +47,15 @@ def sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffect
     if cold_battery is not None:
         return cold_battery
     air_c = runs.context.get("temperature_c")
-    may_be_cold = air_c is None or float(np.nanmean(air_c)) < thresholds.COLD_C
+    rivals: tuple[str, ...] = ()
+    if air_c is None or float(np.nanmean(air_c)) < thresholds.COLD_C:
+        rivals = (battery.COLD_BATTERY.id,)
     return ChannelEffect(
         hypothesis=resistance,
         parameters=values_of(resistance, total_ohm, (total_ohm - half_width, total_ohm + half_width), {}),
         contribution=lost_w,
         proof=proof,
-        rivals=(battery.COLD_BATTERY.id,) if may_be_cold else (),
+        rivals=rivals,
         sentence=f"The voltage sags by {total_ohm:.3g} ohm times the current.",
     )
 
@@ -159,13 +161,14 @@ class _Warmth:
         if proof is None:
             return None
         is_clear = all(channel.delta_bic(rival, self.by_warmth) >= thresholds.STRONG_BIC for rival in self.rivals)
+        rivals = () if is_clear else (battery.INTERNAL_RESISTANCE.id,)
         shape = {battery.WARM_C.name: warm_c, battery.COLD_W.name: reference_w}
         return ChannelEffect(
             hypothesis=cold,
             parameters=values_of(cold, size, (size - half_width, size + half_width), shape),
             contribution=np.maximum(ohm - ohm_per_k * self.warmth_k, 0.0) * self.current_a**2,
             proof=proof,
-            rivals=() if is_clear else (battery.INTERNAL_RESISTANCE.id,),
+            rivals=rivals,
             sentence=f"The voltage sags by {ohm:.3g} ohm times the current, and by {ohm_per_k:.2g} ohm less for each "
             "kelvin of warmth.",
         )
