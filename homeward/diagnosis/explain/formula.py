@@ -410,6 +410,7 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     wheels = missing
     if "yaw_rate_radps" not in runs.context:
         wheels = np.abs(channel["wheel_difference_mps"])
+    # A time that makes turning rates dimensionless.
     per = "v_max / g"
     scale_s = robot.max_speed_mps / GRAVITY_MPS2
     if robot.track_m > 0.0:

@@ -371,11 +371,12 @@ def as_counter(readings: Readings) -> Counter:
     """The counter that comes nearest to the readings, set anew where that explains more than chance."""
     columns = _counter_columns(readings)
     weights, fitted, beyond_without = _within_bounds(columns, readings)
+    # It may have been set anew where readings move most against the counter.
     in_stretch = np.diff(readings.stretch) == 0
     moved = np.where(in_stretch, np.abs(np.diff(readings.shown - fitted)), 0.0)
     largest = np.argsort(-moved, kind="stable")[:_MOST_JUMPS]
-    # More than a reading that is one step off.
-    candidates = (largest[moved[largest] > 1.5 * readings.step] + 1).tolist()
+    is_jump = moved[largest] > 1.5 * readings.step  # more than a reading that is one step off
+    candidates = (largest[is_jump] + 1).tolist()
     likeliest = Counter(fitted, beyond_without, ())
     gained_by_likeliest = thresholds.STRONG_BIC
     first_jump = columns.shape[1]  # among the weights

@@ -159,7 +159,7 @@ class Setting:
             predicted = self.parameters.predict(self.runs, self.theta, base)
         switch = hypothesis.entry.switch
         size_in_file, numbers_in_file = hypothesis.in_file(self.parameters.nominal)
-        if size_in_file + size > switch.high:
+        if size_in_file + size > switch.high:  # at the bound, the response from below
             size = -size
         numbers = {**shape, **numbers_in_file, switch.name: size_in_file + size}
         with_effect = replace(base, effects={**base.effects, hypothesis.id: numbers})

@@ -166,7 +166,7 @@ class _Loss:
         linear_size = per_size / max(float(rate), 1e-9)
         size = self.closest_size(linear_size, among.residual_beside_capacity)
         step = SMALL_STEP * max(size, TINY)
-        if (1.0 + SMALL_STEP) * size > self.largest_size:
+        if (1.0 + SMALL_STEP) * size > self.largest_size:  # at the bound, the derivative from below
             step = -step
         fallen = self.fallen(size)
         derivative = (self.fallen(size + step) - fallen) / step
