@@ -235,7 +235,7 @@ def read_gauge(runs: Runs, robot: Robot) -> Readings:
     voltage_v = runs.context.get("voltage_v", np.full(len(soc), np.nan))
     voltage_v = np.where(voltage_v > 0.0, voltage_v, np.nan)
     # A count of charge integrates the current: power over voltage.
-    rate = runs.observed / (_relative_v(soc, voltage_v, robot) * robot.usable_energy_j)
+    rate = runs.observed / (_relative_voltage(soc, voltage_v, robot) * robot.usable_energy_j)
     apart_s = np.diff(runs.time_s)
     no_gap = apart_s <= np.maximum(_BIN_S, thresholds.HALF_AGAIN * runs.duration_s[1:])
     follows = (np.diff(runs.run) == 0) & no_gap
@@ -264,17 +264,17 @@ def read_gauge(runs: Runs, robot: Robot) -> Readings:
     )
 
 
-def _relative_v(soc: Array, voltage_v: Array, robot: Robot) -> Array:
+def _relative_voltage(soc: Array, voltage_v: Array, robot: Robot) -> Array:
     """Voltage over its mean, shape (windows,): the recorded one, else the file's open-circuit curve, else constant."""
-    relative_v = np.ones(len(soc))
+    relative_voltage = np.ones(len(soc))
     curve = robot.curve
     if curve.mean_v > 0.0:
         is_shown = np.isfinite(soc)
         filled = np.interp(np.arange(len(soc)), np.flatnonzero(is_shown), soc[is_shown])
-        relative_v = open_circuit_v(curve, filled) / curve.mean_v
+        relative_voltage = open_circuit_v(curve, filled) / curve.mean_v
     if np.isfinite(voltage_v).any():
-        relative_v = np.where(np.isfinite(voltage_v), voltage_v / np.nanmean(voltage_v), relative_v)
-    return relative_v
+        relative_voltage = np.where(np.isfinite(voltage_v), voltage_v / np.nanmean(voltage_v), relative_voltage)
+    return relative_voltage
 
 
 def _bin_of(stretch: Index, time_s: Array) -> Index:

@@ -222,7 +222,7 @@ def levels(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
     yield from _changing(hypothesis, hypothesis.changes, setting, load, "time", rolling_kg)
     if hypothesis.by_place:
         yield from _changing(hypothesis, hypothesis.changes, setting, load, "place", rolling_kg)
-        yield from _profiled(hypothesis, setting, load, rolling_kg)
+        yield from _along_the_way(hypothesis, setting, load, rolling_kg)
 
 
 def _changing(
@@ -271,7 +271,7 @@ def _cannot_be(hypothesis: Hypothesis, schedule: Schedule, runs: Runs) -> bool:
     return change_points.place_of(runs) is not None  # where places are revisited, their ground does not change
 
 
-def _profiled(hypothesis: Hypothesis, setting: Setting, load: Array, rolling_kg: float | None) -> Iterator[Term]:
+def _along_the_way(hypothesis: Hypothesis, setting: Setting, load: Array, rolling_kg: float | None) -> Iterator[Term]:
     """Forms whose size is a smooth profile along the way from base."""
     for hats in change_points.profiles(setting.runs):
         low, high = hypothesis.limits(hats.shape[1])
