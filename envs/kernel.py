@@ -15,7 +15,7 @@ from homeward.envs.features import home_cost, observe
 from homeward.envs.reward import potential, reward
 from homeward.envs.routes.route import generate
 from homeward.envs.state import AHEAD, IN_SIGHT, MAX_PLACES
-from homeward.physics.jit import compiled, inline, prefetch
+from homeward.physics.jit import compiled, inline, pasted, prefetch
 
 _FETCH_AHEAD = 4  # missions; chosen: 0.7 us (benchmarks/speed.py), above the latency of memory
 _FORECAST_PLACES = 4
@@ -229,6 +229,32 @@ def _step_if_going(
     return earned, ended, late
 
 
+@pasted
+def _step_at(
+    i: Any,
+    choices: Any,
+    levels: Any,
+    constants: Any,
+    records: Any,
+    robots: Any,
+    routes: Any,
+    observations: Any,
+    rewards: Any,
+    terminated: Any,
+    truncated: Any,
+) -> Any:
+    """Step mission i, unless it is over, and return whether it ended; arguments as for `step_in_turn`."""
+    mission = records[i]
+    c = constants[0]
+    _fetch_next_place(records, routes, i + _FETCH_AHEAD)
+    commanded = command(choices, levels, i, c.shared)
+    earned, ended, late = _step_if_going(mission, robots[i], routes[i], c, observations[i], *commanded)
+    rewards[i] = earned
+    terminated[i] = ended
+    truncated[i] = late
+    return ended or late
+
+
 @compiled
 def step_in_turn(
     choices: Any,
@@ -265,14 +291,9 @@ def step_in_turn(
         return -1 - bad
     ended = 0
     for i in range(len(records)):
-        mission = records[i]
-        c = constants[0]
-        _fetch_next_place(records, routes, i + _FETCH_AHEAD)
-        commanded = command(choices, levels, i, c.shared)
-        rewards[i], terminated[i], truncated[i] = _step_if_going(
-            mission, robots[i], routes[i], c, observations[i], *commanded
+        ended += _step_at(
+            i, choices, levels, constants, records, robots, routes, observations, rewards, terminated, truncated
         )
-        ended += terminated[i] or truncated[i]
     return ended
 
 
@@ -307,15 +328,9 @@ def step_in_parallel(
             truncated[i] = False
             _begin(np.int64(i), generators, constants, records, robots, routes, observations)
         else:
-            # Taken here, as records do not pass into a parallel loop.
-            mission = records[i]
-            c = constants[0]
-            _fetch_next_place(records, routes, i + _FETCH_AHEAD)
-            commanded = command(choices, levels, i, c.shared)
-            rewards[i], terminated[i], truncated[i] = _step_if_going(
-                mission, robots[i], routes[i], c, observations[i], *commanded
+            ended += _step_at(
+                i, choices, levels, constants, records, robots, routes, observations, rewards, terminated, truncated
             )
-            ended += terminated[i] or truncated[i]
     return ended
 
 

@@ -37,6 +37,12 @@ def called(function: Function) -> Function:
     return marked
 
 
+def pasted(function: Function) -> Function:
+    """As `inline`, before types are known: arrays and records enter a loop, also a parallel one, as if written there."""
+    marked: Function = register_jitable(inline="always")(function)
+    return marked
+
+
 def _prefetch(typing: Any, record: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         flag = ir.IntType(32)
