@@ -39,11 +39,19 @@ def prior_of(known: Known, missed: float) -> Prior:
     i = known.instruments
     s = known.shared[0]
     hides = not d.route_is_known
-    conditions = 2 if d.weather_changes else int(hides)
+    conditions = 0  # row of the model's errors: known, uncertain, or with weather that changes
+    if d.weather_changes:
+        conditions = 2
+    elif hides:
+        conditions = 1
     surface = d.surface
     # Roughness after a change is 0 in one of two cases and otherwise U(0, 1), times the gain of the surface.
-    gain_square, mean = surface.mean**2 + surface.deviation**2, surface.mean / 4.0
+    gain_square = surface.mean**2 + surface.deviation**2
+    mean = surface.mean / 4.0
     patch_sd = (2.0 * (gain_square / 6.0 - mean**2)) ** 0.5
+    patch_m = np.inf
+    if patch_sd > 0.0:
+        patch_m = float(s["length_m"]) / (KNOTS * NEW_PATCH)
     return Prior(
         capacity=d.health.mean,
         capacity_sd=d.health.deviation,
@@ -59,7 +67,7 @@ def prior_of(known: Known, missed: float) -> Prior:
         longest_gust_s=WANDERS_S[1],
         missed=missed if hides else 0.0,
         missed_mps=sum(HIDDEN_WIND_MPS) / 2.0,
-        patch_m=float(s["length_m"]) / (KNOTS * NEW_PATCH) if patch_sd > 0.0 else np.inf,
+        patch_m=patch_m,
         patch_sd=patch_sd,
         gain_sd=i.power_gain / _SQRT_3,
         offset_sd_w=float(s["power_offset_w"]) / _SQRT_3,
@@ -106,7 +114,8 @@ class Belief:
     def _forget(self, count: int) -> None:
         self.estimator = Estimator(self._vehicle, self._prior, int(self._known.shared["places"][0]), count)
         self._modelled, self._position_m, self._supplied_j = np.zeros((3, count))
-        self._place, self._decisions = np.full(count, -1), np.zeros(count, np.int64)
+        self._place = np.full(count, -1)
+        self._decisions = np.zeros(count, np.int64)
         self._soc_lowest = np.ones(count)
 
     def learn(
@@ -123,14 +132,7 @@ class Belief:
         if len(begun) != len(self._place):
             self._forget(len(begun))
         if begun.any():
-            east_mps = WIND_UNIT_MPS * feature(observations, "forecast_east")
-            north_mps = WIND_UNIT_MPS * feature(observations, "forecast_north")
-            self.estimator.begin(begun, east_mps, north_mps)
-            self._modelled[begun] = 0.0
-            self._position_m[begun] = 0.0
-            self._supplied_j[begun] = 0.0
-            self._place[begun] = -1
-            self._decisions[begun], self._soc_lowest[begun] = 0, 1.0
+            self._begin(observations, begun)
         outwards = feature(observations, "outbound")
         places_from_home = feature(observations, "distance") * s["reach_m"] / s["place_m"]
         on_border = np.abs(places_from_home - np.rint(places_from_home)) < _ON_BORDER
@@ -140,18 +142,18 @@ class Belief:
         modelled = feature(observations, "modelled")
         readings = np.zeros(len(begun), READING_DTYPE)
         decisions = np.rint(feature(observations, "time") * s["max_decisions"]).astype(np.int64)
-        later, self._decisions = decisions > self._decisions, decisions
+        later = decisions > self._decisions
+        self._decisions = decisions
         readings["time_s"] = self._decisions * s["decision_s"]
         readings["position_m"] = position_m
         readings["charged_j"] = self._charged_j(observations)
-        readings["power_w"] = feature(observations, "power") * s["cruise_w"] if self._sees_turns else np.nan
+        readings["power_w"] = np.nan
+        if self._sees_turns:
+            readings["power_w"] = feature(observations, "power") * s["cruise_w"]
         # Beside a charger's power, that of the robot is not read well.
-        readings["power_w"][readings["charged_j"] > 0.0] = np.nan
-        # A gauge that rises was reset: from then on it says nothing.
-        soc = feature(observations, "energy")
-        self._soc_lowest[(readings["charged_j"] > 0.0) & (self._soc_lowest != LOST)] = 1.0
-        self._soc_lowest = lowest_believed(self._soc_lowest, soc)
-        readings["soc"] = np.where(self._soc_lowest == LOST, np.nan, soc)
+        charging = readings["charged_j"] > 0.0
+        readings["power_w"][charging] = np.nan
+        readings["soc"] = self._soc(observations, charging)
         readings["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
         # It is 0 where a robot has come to an end of the route: the estimator then takes the way over the time.
         readings["speed_mps"] = feature(observations, "speed") * s["max_speed_mps"]
@@ -163,16 +165,40 @@ class Belief:
         new = (place != self._place) & outbound & later
         readings["sine"] = np.where(new, SINE_UNIT * outwards * feature(observations, "grade"), np.nan)
         self._place = np.where(new, place, self._place)
-        self.estimator.update(readings, ~begun if asked is None else asked & ~begun)
-        self._modelled, self._position_m = modelled, position_m
+        updated = ~begun
+        if asked is not None:
+            updated &= asked
+        self.estimator.update(readings, updated)
+        self._modelled = modelled
+        self._position_m = position_m
+
+    def _begin(self, observations: Observations, begun: NDArray[np.bool_]) -> None:
+        """Begin missions anew, those where `begun`, with the forecast that they observe."""
+        east_mps = WIND_UNIT_MPS * feature(observations, "forecast_east")
+        north_mps = WIND_UNIT_MPS * feature(observations, "forecast_north")
+        self.estimator.begin(begun, east_mps, north_mps)
+        self._modelled[begun] = 0.0
+        self._position_m[begun] = 0.0
+        self._supplied_j[begun] = 0.0
+        self._place[begun] = -1
+        self._decisions[begun] = 0
+        self._soc_lowest[begun] = 1.0
+
+    def _soc(self, observations: Observations, charging: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Readings of the gauge, shape (n,): NaN once it was reset, which shows in a rise without a charger."""
+        soc = feature(observations, "energy")
+        self._soc_lowest[charging & (self._soc_lowest != LOST)] = 1.0
+        self._soc_lowest = lowest_believed(self._soc_lowest, soc)
+        return np.where(self._soc_lowest == LOST, np.nan, soc)
 
     def _charged_j(self, observations: Observations) -> Any:
         """Energy that a charger supplied since the last observation, J, shape (n,); 0 without docks."""
         if not self._known.shared["dock_count"][0]:
             return 0.0
         charged_j = feature(observations, "supplied") * self._known.shared["usable_j"][0]
-        supplied_j, self._supplied_j = charged_j - self._supplied_j, charged_j
-        return supplied_j
+        since_last_j = charged_j - self._supplied_j
+        self._supplied_j = charged_j
+        return since_last_j
 
     def forget_forecast(self) -> None:
         """Ignore the forecast of the wind, whatever missions observe; to be called before they begin."""
@@ -197,7 +223,8 @@ class Belief:
 
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
         """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""
-        plans = self.estimator.plans(feature(observations, "home_cost") * self._known.shared["usable_j"][0], home_mps)
+        home_cost_j = feature(observations, "home_cost") * self._known.shared["usable_j"][0]
+        plans = self.estimator.plans(home_cost_j, home_mps)
         plans["sine"] = SINE_UNIT * feature(observations, "grade_1")
         return plans
 

@@ -72,12 +72,15 @@ class Onboard:
         forecast_mps: tuple[float, float] | None = None,
         mean_grade: float | None = None,
     ) -> None:
-        self._policy, self.known = policy, known
-        self._given = forecast, forecast_mps or (0.0, 0.0), mean_grade
+        self._policy = policy
+        self.known = known
+        self._forecasts = forecast, forecast_mps or (0.0, 0.0), mean_grade
         inputs = getattr(policy, "inputs", None)
-        self._beliefs = inputs if isinstance(inputs, BeliefInputs) else None
-        if self._beliefs is not None and forecast_mps is None:
-            self._beliefs.forget_forecast()
+        self._beliefs: BeliefInputs | None = None
+        if isinstance(inputs, BeliefInputs):
+            self._beliefs = inputs
+            if forecast_mps is None:
+                inputs.forget_forecast()
         self.robot: Robot = known.robot
         self.decision_s = float(known.shared["decision_s"][0])
         self._most = int(known.shared["max_decisions"][0])
@@ -88,12 +91,15 @@ class Onboard:
 
     def begin(self) -> None:
         """Begin a mission with the next reading, as after a swap of the battery."""
-        self._observer = Observer(self.known, *self._given)
+        self._observer = Observer(self.known, *self._forecasts)
         self._observations: list[NDArray[np.float32]] = []
         self._action = encode_actions(self.known, 0.0, 0.0, GO)
-        self._due_s = self._time_s = math.nan
-        self._position_m, self._outwards = 0.0, True
-        self._energy_j = self._read_s = 0.0
+        self._due_s = math.nan
+        self._time_s = math.nan
+        self._position_m = 0.0
+        self._outwards = True
+        self._energy_j = 0.0
+        self._read_s = 0.0
 
     def see(self, position_m: float, grade_rad: float = math.nan, interest: float = math.nan) -> None:
         """Store what the robot sees of a place ahead, better than the forecast.
@@ -135,25 +141,30 @@ class Onboard:
             Speed (m/s), sensing rate (Hz) and mode, until the next decision; None if the mission is over.
         """
         is_first = math.isnan(self._due_s)
-        since_s = 0.0 if is_first else time_s - self._time_s
-        if math.isfinite(power_w):
+        if math.isfinite(power_w) and not is_first:
+            since_s = time_s - self._time_s
             self._energy_j += power_w * since_s
             self._read_s += since_s
         moved_m = position_m - self._position_m
         if moved_m:
             self._outwards = moved_m > 0.0
         if moved_m or is_first:
-            sign, turned_rad = (1.0, 0.0) if self._outwards else (-1.0, math.pi)
-            self._observer.see(position_m, sign * grade_rad, interest, heading_rad + turned_rad, self._outwards)
+            # Slope and heading of the way are those on the way out.
+            if not self._outwards:
+                grade_rad = -grade_rad
+                heading_rad += math.pi
+            self._observer.see(position_m, grade_rad, interest, heading_rad, self._outwards)
         else:  # a standing robot may have turned round, and reads no other slope
             self._observer.see(position_m, interest=interest, outwards=self._outwards)
         soc = float(energy_share(self.robot.curve, soc))
         read = Read(position_m, soc=soc, speed_mps=speed_mps, temperature_c=temperature_c)
         if is_first:
-            self._due_s, self._time_s = time_s + self.decision_s, time_s
+            self._due_s = time_s + self.decision_s
+            self._time_s = time_s
             self._ask(self._observer.begin(read))
         self._follow(time_s, read)
-        self._time_s, self._position_m = time_s, position_m
+        self._time_s = time_s
+        self._position_m = position_m
         return self.action
 
     def _follow(self, time_s: float, read: Read) -> None:
@@ -161,15 +172,24 @@ class Onboard:
         due = math.floor((time_s - self._due_s) / self.decision_s + _SOON) + 1
         if due <= 0:
             return
-        power_w = self._energy_j / self._read_s if self._read_s else math.nan
-        self._energy_j = self._read_s = 0.0
-        for still in range(min(due, self._most), 0, -1):
+        power_w = math.nan
+        if self._read_s:
+            power_w = self._energy_j / self._read_s
+        self._energy_j = 0.0
+        self._read_s = 0.0
+        for remaining in range(min(due, self._most), 0, -1):
             if self.action is None:
                 return
+            # Where the robot was when the decision was due, between the reading before and this one.
             share = min((self._due_s - self._time_s) / (time_s - self._time_s) + _SOON, 1.0)
-            at_m = read.position_m if share == 1.0 else self._position_m + share * (read.position_m - self._position_m)
-            reading = read if still == 1 else Read(at_m)
-            self._ask(self._observer.decide(self._action, reading._replace(position_m=at_m, power_w=power_w)))
+            position_m = read.position_m
+            if share < 1.0:
+                position_m = self._position_m + share * (read.position_m - self._position_m)
+            reading = Read(position_m)
+            if remaining == 1:
+                reading = read
+            reading = reading._replace(position_m=position_m, power_w=power_w)
+            self._ask(self._observer.decide(self._action, reading))
             self._due_s += self.decision_s
 
     def _ask(self, observation: NDArray[np.float32]) -> None:
@@ -194,9 +214,9 @@ class Onboard:
 
     def state(self) -> dict[str, Any]:
         """State for a restart, for JSON: some tens of kilobytes."""
-        seen = np.concatenate(self._observations) if self._observations else np.zeros((0, len(FEATURES)), np.float32)
+        observations = b"".join(observation.tobytes() for observation in self._observations)
         return {
-            "observer": _packed(self._observer.state()), "observations": _packed(seen.tobytes()),
+            "observer": _packed(self._observer.state()), "observations": _packed(observations),
             "due_s": self._due_s, "time_s": self._time_s, "position_m": self._position_m, "outwards": self._outwards,
             "energy_j": self._energy_j, "read_s": self._read_s,
         }  # fmt: skip
@@ -250,12 +270,17 @@ def load_onboard(
     if str(policy) in FROM_FILES:
         if mission not in IDS:
             raise AgentError(f"mission = {mission!r} is not allowed; choose from {', '.join(IDS)}")
-        policy = shipped(mission, SCRATCH if str(policy) == f"ppo_{SCRATCH}" else DMAX)
-    options: dict[str, Any] = {} if robot is None else {"robot": robot}
+        start = SCRATCH if str(policy) == f"ppo_{SCRATCH}" else DMAX
+        policy = shipped(mission, start)
+    options: dict[str, Any] = {}
+    if robot is not None:
+        options["robot"] = robot
     loaded, known = _load(policy, options)
     forecast = None
     if route is not None:
-        forecast = route if isinstance(route, Route) else load_route(route, float(known.shared["place_m"][0]))
+        if not isinstance(route, Route):
+            route = load_route(route, float(known.shared["place_m"][0]))
+        forecast = route
         loaded, known = _load(policy, options | {"route": forecast})
     return Onboard(loaded, known, forecast, forecast_mps)
 

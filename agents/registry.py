@@ -52,7 +52,9 @@ def _random(request: Request) -> Policy:
 
 def _soc50(request: Request) -> Policy:
     pace = pace_of(request.known.mission)
-    return StateOfChargeRule(request.known, pace, *(() if request.reserve is None else (request.reserve,)))
+    if request.reserve is None:
+        return StateOfChargeRule(request.known, pace)
+    return StateOfChargeRule(request.known, pace, request.reserve)
 
 
 def _tuned(name: str, rule: Callable[..., Policy]) -> Callable[[Request], Policy]:
@@ -67,7 +69,9 @@ def _planner(request: Request) -> Policy:
 
 
 def _reserve(name: str, request: Request) -> float:
-    return reserve_of(name, request.known.mission) if request.reserve is None else request.reserve
+    if request.reserve is None:
+        return reserve_of(name, request.known.mission)
+    return request.reserve
 
 
 def _trained(start: str) -> Callable[[Request], Policy]:
@@ -87,7 +91,9 @@ def _trained(start: str) -> Callable[[Request], Policy]:
 
 def shipped(mission: str, start: str) -> Path:
     """Folder of the shipped policy of a mission, by its start: `dmax` or `scratch`."""
-    return SHIPPED / (mission if start == DMAX else f"{mission}_{start}")
+    if start == DMAX:
+        return SHIPPED / mission
+    return SHIPPED / f"{mission}_{start}"
 
 
 AGENTS: dict[str, Callable[[Request], Policy]] = {
@@ -103,7 +109,8 @@ AGENTS: dict[str, Callable[[Request], Policy]] = {
 }
 """Loader of each agent."""
 
-_SHARES, _DEVIATIONS = tuple(np.linspace(0.0, 0.44, 12).round(2)), tuple(np.linspace(0.0, 5.5, 12))
+_SHARES = tuple(np.linspace(0.0, 0.44, 12).round(2))
+_DEVIATIONS = tuple(np.linspace(0.0, 5.5, 12))
 SWEPT: dict[str, tuple[float, ...]] = {
     "soc50": tuple(np.linspace(0.35, 0.9, 12).round(2)),
     "dmax": _SHARES,
@@ -167,4 +174,5 @@ def make_policy(
         )
     if file is not None and name not in FROM_FILES:
         raise AgentError(f"{name} takes no file, but {str(file)!r} was given")
-    return AGENTS[name](Request(batch.known, None if file is None else Path(file), seed, reserve))
+    path = Path(file) if file is not None else None
+    return AGENTS[name](Request(known=batch.known, file=path, seed=seed, reserve=reserve))

@@ -7,6 +7,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from homeward.agents.base import Policy
 from homeward.agents.evaluation.episodes import Episodes, episode_seeds, run_episodes
@@ -53,8 +54,13 @@ def measure(policy: Policy, options: Options, steps: int, trained_s: float) -> P
 
 def point_of(episodes: Episodes, steps: int, trained_s: float) -> Point:
     """The point of a policy by its episodes."""
-    means = (float(values.mean()) for values in (episodes.score, episodes.stranded, episodes.timed_out))
-    return Point(steps, trained_s, *means)
+    return Point(
+        steps=steps,
+        trained_s=trained_s,
+        score=float(episodes.score.mean()),
+        stranded_rate=float(episodes.stranded.mean()),
+        late_rate=float(episodes.timed_out.mean()),
+    )
 
 
 def best_so_far(points: Sequence[Point]) -> list[int]:
@@ -65,11 +71,14 @@ def best_so_far(points: Sequence[Point]) -> list[int]:
     >>> best_so_far([Point(k, 0.0, score, 0.0, 0.0) for k, score in enumerate(scores)])
     [0, 1, 2, 2, 4]
     """
-    kept: list[int] = []
+    best_indices: list[int] = []
+    best_index = 0
     for index, point in enumerate(points):
-        replaces_start = not kept or points[kept[-1]].steps == 0
-        kept.append(index if replaces_start or point.score >= points[kept[-1]].score else kept[-1])
-    return kept
+        best_point = points[best_index]
+        if best_point.steps == 0 or point.score >= best_point.score:
+            best_index = index
+        best_indices.append(best_index)
+    return best_indices
 
 
 def read_curve(folder: Path) -> list[Point]:
@@ -82,7 +91,16 @@ def read_curve(folder: Path) -> list[Point]:
         return []
     try:
         rows = csv.DictReader(io.StringIO((folder / CURVE).read_text("utf-8")))
-        return [Point(int(row["steps"]), *(float(row[field.name]) for field in fields(Point)[1:])) for row in rows]
+        return [
+            Point(
+                steps=int(row["steps"]),
+                trained_s=float(row["trained_s"]),
+                score=float(row["score"]),
+                stranded_rate=float(row["stranded_rate"]),
+                late_rate=float(row["late_rate"]),
+            )
+            for row in rows
+        ]
     except (ValueError, KeyError, TypeError, csv.Error):
         raise TrainingError(f"{folder / CURVE} is damaged: delete it to continue with a new curve") from None
 
@@ -93,5 +111,8 @@ def write_curve(folder: Path, points: list[Point]) -> None:
     Raises:
         OSError: The folder cannot be written to.
     """
-    rows = ((point.steps, *(f"{value:.6g}" for value in astuple(point)[1:])) for point in points)
-    write_whole(folder / CURVE, csv_text([[field.name for field in fields(Point)], *rows]))
+    rows: list[list[Any]] = [[field.name for field in fields(Point)]]
+    for point in points:
+        steps, *figures = astuple(point)
+        rows.append([steps, *(f"{value:.6g}" for value in figures)])
+    write_whole(folder / CURVE, csv_text(rows))

@@ -41,11 +41,14 @@ def learning_png(
     """
     figure, above, below = learning_axes(evaluation.options.mission)
     for row, name in enumerate(evaluation.runs):
-        agent, colour = summary["agents"][name], colour_of(row)
-        for index, curve in enumerate(curves.get(name, ())):
-            kept_label, present_label = (f"{name}, kept", f"{name}, at that time") if index == 0 else (None, None)
+        agent = summary["agents"][name]
+        colour = colour_of(row)
+        kept_label: str | None = f"{name}, kept"
+        present_label: str | None = f"{name}, at that time"
+        for curve in curves.get(name, ()):
             _draw(above, below, curve.kept, colour=colour, label=kept_label, style="-", marker="o")
             _draw(above, below, curve.present, colour=colour, label=present_label, style=":", marker="")
+            kept_label = present_label = None  # one entry of the legend for all training seeds
         above.axhline(agent["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=name)
         below.axhline(100.0 * agent["stranded_rate"], color=colour, linestyle="--", linewidth=1.0)
     above.legend(**LEGEND)

@@ -32,11 +32,13 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     names = list(evaluation.runs)
     figure = Figure(figsize=(9.0, 1.6 + 0.55 * len(names)), layout="constrained")
     scores_axis, stranded_axis = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 1.0))
-    every = evaluation.scores()
+    scores_of = evaluation.scores()
     for row, name in enumerate(names):
-        colour, agent = colour_of(row), summary["agents"][name]
-        scores = every[name].ravel()
-        heights = row + 0.56 * (_GOLDEN * stats.rankdata(scores, "ordinal") % 1.0 - 0.5)
+        colour = colour_of(row)
+        agent = summary["agents"][name]
+        scores = scores_of[name].ravel()
+        spread = _GOLDEN * stats.rankdata(scores, "ordinal") % 1.0
+        heights = row + 0.56 * (spread - 0.5)
         scores_axis.scatter(scores, heights, s=5, color=colour, alpha=0.25, linewidths=0, rasterized=True)
         _interval(scores_axis, agent["score_mean"], agent["score_ci95"], row, f"{agent['score_mean']:.4g}")
         rate = 100.0 * agent["stranded_rate"]
@@ -46,9 +48,8 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     scores_axis.set_yticks(range(len(names)), names)
     scores_axis.set_ylim(len(names) - 0.4, -0.6)
     scores_axis.set_xlim(left=min(0.0, scores_axis.get_xlim()[0]))
-    stranded_axis.set_xlim(
-        0.0, 1.4 * max(5.0, *(100.0 * agent["stranded_ci95"][1] for agent in summary["agents"].values()))
-    )
+    highest_rate = max(100.0 * agent["stranded_ci95"][1] for agent in summary["agents"].values())
+    stranded_axis.set_xlim(0.0, 1.4 * max(5.0, highest_rate))
     stranded_axis.set_xticks([tick for tick in stranded_axis.get_xticks() if tick <= 100.0])
     scores_axis.set_xlabel(f"score ({unit_of(evaluation.options.mission)}), 0 unless home")
     stranded_axis.set_xlabel("stranded, %")
@@ -65,11 +66,16 @@ def profiles_png(evaluation: Evaluation, summary: dict[str, Any], rng: Generator
 
     A copy of the generator draws the bands.
     """
-    names, thresholds = list(evaluation.runs), evaluation.thresholds()
+    names = list(evaluation.runs)
+    thresholds = evaluation.thresholds()
     several = len(names) > 1
     height = max(3.6, 1.6 + 0.45 * len(names))
-    figure = Figure(figsize=(10.0 if several else 6.0, height), layout="constrained")
-    axes = figure.subplots(1, 2, width_ratios=(1.5, 1.0)) if several else [figure.subplots()]
+    if several:
+        figure = Figure(figsize=(10.0, height), layout="constrained")
+        axes = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
+    else:
+        figure = Figure(figsize=(6.0, height), layout="constrained")
+        axes = [figure.subplots()]
     drawn = Bootstrap(evaluation.scores(), rng, 999)
     for index, name in enumerate(names):
         axes[0].plot(thresholds, summary["profiles"][name], color=colour_of(index), label=name, linewidth=1.6)
@@ -102,10 +108,11 @@ def profiles_png(evaluation: Evaluation, summary: dict[str, Any], rng: Generator
 
 
 def _interval(axis: Axes, middle: float, ends: list[float] | None, row: int, label: str) -> None:
+    anchor = middle
     if ends is not None:
         axis.plot(ends, [row, row], color="black", linewidth=2.0, solid_capstyle="butt")
+        anchor = ends[1]
     axis.plot([middle, middle], [row - 0.17, row + 0.17], color="black", linewidth=2.0)
-    anchor = middle if ends is None else ends[1]
     axis.annotate(
         label, (anchor, row), xytext=(5, 0), textcoords="offset points", va="center", fontsize=9, zorder=5,
         bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},

@@ -49,17 +49,17 @@ def iqm(scores: ArrayLike) -> float:
     return float(stats.trim_mean(np.asarray(scores), 0.25, axis=None))
 
 
-def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> float:
+def probability_of_improvement(scores: ArrayLike, baseline: ArrayLike) -> float:
     """Probability that a random seed of one agent scores more than one of another on a random episode; ties count half.
 
     Args:
-        first: Scores of one agent, shape (training seeds, episodes).
-        second: Those of the other, on the same episodes; it may have other training seeds.
+        scores: Scores of one agent, shape (training seeds, episodes).
+        baseline: Those of the other, on the same episodes; it may have other training seeds.
 
     >>> probability_of_improvement([[1.0, 2.0, 3.0, 5.0]], [[0.0, 2.0, 4.0, 4.0]])
     0.625
     """
-    return float(_wins(np.asarray(first), np.asarray(second)).mean())
+    return float(_wins(np.asarray(scores), np.asarray(baseline)).mean())
 
 
 def performance_profile(scores: ArrayLike, thresholds: ArrayLike) -> Scores:
@@ -73,9 +73,9 @@ def performance_profile(scores: ArrayLike, thresholds: ArrayLike) -> Scores:
     return np.asarray(1.0 - np.searchsorted(ordered, thresholds, side="right") / ordered.size)
 
 
-def _wins(first: Scores, second: Scores) -> Scores:
+def _wins(scores: Scores, baseline: Scores) -> Scores:
     """How often each seed of one agent beats each of another, shape (seeds, seeds, episodes)."""
-    return 0.5 * (np.sign(first[:, None] - second[None]) + 1.0)
+    return 0.5 * (np.sign(scores[:, None] - baseline[None]) + 1.0)
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,7 @@ class Bootstrap:
         """Interquartile mean of each agent in each resample, shape (resamples,)."""
         parts: dict[str, list[Scores]] = {name: [] for name in self.scores}
         order = {name: np.argsort(values, axis=None) for name, values in self.scores.items()}
+        # The weight between the quartiles counts, and a score at a quartile with the part of its weight inside.
         for episodes, seeds in self._weights():
             for name, values in self.scores.items():
                 weights = (seeds[name][:, :, None] * episodes[:, None, :]).reshape(len(episodes), -1)
@@ -112,13 +113,13 @@ class Bootstrap:
                 parts[name].append(2.0 * inside @ values.ravel()[order[name]])
         return {name: np.concatenate(drawn) for name, drawn in parts.items()}
 
-    def improvements(self, first: str, second: str) -> Scores:
+    def improvements(self, agent: str, baseline: str) -> Scores:
         """Probability that one agent beats another in each resample, shape (resamples,)."""
-        wins = _wins(self.scores[first], self.scores[second])
+        wins = _wins(self.scores[agent], self.scores[baseline])
         parts = []
         for episodes, seeds in self._weights():
             shares = np.tensordot(episodes, wins, axes=(1, 2))
-            parts.append(np.einsum("bst,bs,bt->b", shares, seeds[first], seeds[second]))
+            parts.append(np.einsum("bst,bs,bt->b", shares, seeds[agent], seeds[baseline]))
         return np.concatenate(parts)
 
     def profiles(self, name: str, thresholds: ArrayLike) -> Scores:

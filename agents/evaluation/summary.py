@@ -76,44 +76,45 @@ class Evaluation:
         scores = self.scores()
         drawn = Bootstrap(scores, rng)
         fewer = dataclasses.replace(drawn, resamples=_FEWER)
-        several = len(self.seeds) > 1
-        means, iqms = drawn.means(), fewer.iqms()
+        means = drawn.means()
+        iqms = fewer.iqms()
         agents = {}
         for name, runs in self.runs.items():
-            agents[name] = _summary(runs, scores[name]) | {
-                "score_ci95": interval(means[name]) if several else None,
-                "score_iqm_ci95": interval(iqms[name]) if several else None,
+            agents[name] = {
+                **_summary(runs, scores[name]),
+                "score_ci95": self._interval(means[name]),
+                "score_iqm_ci95": self._interval(iqms[name]),
                 **_shares(scores[name], self.optimum),
             }
         paired = {}
-        for b, a in itertools.combinations(scores, 2):
-            difference, base = float(scores[a].mean() - scores[b].mean()), float(scores[b].mean())
-            paired[f"{a} - {b}"] = {
-                "mean": difference,
-                "ci95": interval(means[a] - means[b]) if several else None,
-                "relative": difference / base if base else None,
-                "probability_of_improvement": probability_of_improvement(scores[a], scores[b]),
-                "probability_ci95": interval(fewer.improvements(a, b)) if several else None,
+        for baseline, agent in itertools.combinations(scores, 2):
+            paired[f"{agent} - {baseline}"] = {
+                "mean": _difference(scores[agent], scores[baseline]),
+                "ci95": self._interval(means[agent] - means[baseline]),
+                "relative": _relative(scores[agent], scores[baseline]),
+                "probability_of_improvement": probability_of_improvement(scores[agent], scores[baseline]),
+                "probability_ci95": self._interval(fewer.improvements(agent, baseline)),
             }
         thresholds = self.thresholds()
+        profiles = {name: performance_profile(values, thresholds).tolist() for name, values in scores.items()}
         return {
             "schema": SCHEMA,
             "env": self.env,
-            "options": {name: _plain(value) for name, value in vars(self.options).items() if name != "mission"}
-            | {"docks": text_of(self.options.docks)},
+            "options": _plain_options(self.options),
             "episodes": len(self.seeds),
             "seed": self.seed,
             "versions": _versions(),
             "agents": agents,
             "paired": paired,
-            "optimum": None
-            if self.optimum is None
-            else {"lower": float(self.optimum.lower.mean()), "upper": float(self.optimum.upper.mean())},
-            "profiles": {
-                "score": thresholds.tolist(),
-                **{name: performance_profile(values, thresholds).tolist() for name, values in scores.items()},
-            },
+            "optimum": _mean_bounds(self.optimum),
+            "profiles": {"score": thresholds.tolist(), **profiles},
         }
+
+    def _interval(self, samples: Scores) -> list[float] | None:
+        """95 % interval of bootstrap samples, shape (resamples,); none of a single episode."""
+        if len(self.seeds) == 1:
+            return None
+        return interval(samples)
 
     def thresholds(self) -> NDArray[np.float64]:
         """Scores at which performance profiles are taken, from 0 to the best."""
@@ -127,22 +128,62 @@ class Evaluation:
     def to_csv(self) -> str:
         """`episodes.csv`: one row per agent, training seed and episode."""
         columns = [field.name for field in fields(Episodes)]
-        bounds = [] if self.optimum is None else [self.optimum.lower.tolist(), self.optimum.upper.tolist()]
-        names = ["optimum_lower", "optimum_upper"][: len(bounds)]
-        rows: list[list[Any]] = [["agent", "run", "episode", "seed", *columns, *names]]
+        bounds: dict[str, list[float]] = {}
+        if self.optimum is not None:
+            bounds["optimum_lower"] = self.optimum.lower.tolist()
+            bounds["optimum_upper"] = self.optimum.upper.tolist()
+        rows: list[list[Any]] = [["agent", "run", "episode", "seed", *columns, *bounds]]
         for name, runs in self.runs.items():
             for index, run in enumerate(runs):
-                values = (getattr(run.episodes, column).tolist() for column in columns)
-                for episode, (seed, *row) in enumerate(zip(self.seeds, *values, *bounds, strict=True)):
-                    numbers = (int(value) if isinstance(value, bool) else value for value in row)
-                    rows.append([name, index, episode, seed, *numbers])
+                values = [_numbers(getattr(run.episodes, column)) for column in columns]
+                for episode, row in enumerate(zip(self.seeds, *values, *bounds.values(), strict=True)):
+                    rows.append([name, index, episode, *row])
         return csv_text(rows)
+
+
+def _numbers(values: NDArray[Any]) -> list[Any]:
+    """Numbers of a column, with 1 for true and 0 for false."""
+    if values.dtype == np.bool_:
+        values = values.astype(np.int64)
+    return list(values.tolist())
+
+
+def _plain_options(options: Options) -> dict[str, Any]:
+    """Keyword arguments of an environment, for JSON."""
+    plain = {name: _plain(value) for name, value in vars(options).items() if name != "mission"}
+    return plain | {"docks": text_of(options.docks)}
+
+
+def _mean_bounds(optimum: Optima | None) -> dict[str, float] | None:
+    """Means of both bounds over the episodes."""
+    if optimum is None:
+        return None
+    return {"lower": float(optimum.lower.mean()), "upper": float(optimum.upper.mean())}
+
+
+def _difference(scores: Scores, baseline: Scores) -> float:
+    """Mean score of an agent less that of another."""
+    return float(scores.mean() - baseline.mean())
+
+
+def _relative(scores: Scores, baseline: Scores) -> float | None:
+    """The same over the mean score of the other; None where that is 0."""
+    return _ratio(_difference(scores, baseline), float(baseline.mean()))
+
+
+def _ratio(numerator: float, denominator: float) -> float | None:
+    if denominator == 0.0:
+        return None
+    return numerator / denominator
 
 
 def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:
     stranded = np.stack([run.episodes.stranded for run in runs])
     home = np.stack([run.episodes.home for run in runs])
     left_j = np.stack([run.episodes.energy_left_j for run in runs])
+    left_home_j = None
+    if home.any():
+        left_home_j = float(left_j[home].mean())
     events = int(stranded.sum())
     return {
         "training_seeds": len(runs),
@@ -152,7 +193,7 @@ def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:
         "stranded_rate": events / stranded.size,
         "stranded_ci95": wilson(events, stranded.size),
         "timed_out": int(sum(run.episodes.timed_out.sum() for run in runs)),
-        "energy_left_home_j": float(left_j[home].mean()) if home.any() else None,
+        "energy_left_home_j": left_home_j,
         "decision_us": float(np.median([run.decision_us for run in runs])),
     }
 
@@ -162,15 +203,16 @@ def _shares(scores: Scores, optimum: Optima | None) -> dict[str, float | None]:
     if optimum is None:
         return {"share_of_optimum": None, "share_of_optimum_at_least": None}
     mean = float(scores.mean())
-    lower, upper = float(optimum.lower.mean()), float(optimum.upper.mean())
     return {
-        "share_of_optimum": mean / lower if lower > 0.0 else None,
-        "share_of_optimum_at_least": mean / upper if upper > 0.0 else None,
+        "share_of_optimum": _ratio(mean, float(optimum.lower.mean())),
+        "share_of_optimum_at_least": _ratio(mean, float(optimum.upper.mean())),
     }
 
 
 def _plain(value: Any) -> Any:
-    return value if value is None or isinstance(value, int | float | str) else str(value)
+    if value is None or isinstance(value, int | float | str):
+        return value
+    return str(value)
 
 
 def _versions() -> dict[str, str]:

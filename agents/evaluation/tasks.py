@@ -6,6 +6,7 @@ import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from homeward.agents.base import Policy
 from homeward.agents.evaluation.episodes import SIDE_BY_SIDE, Run, run_episodes
@@ -24,7 +25,7 @@ class _Task:
     policy: Policy
     options: Options
     seeds: list[int]
-    first: bool
+    keeps_traces: bool
 
 
 def run_agents(
@@ -51,20 +52,26 @@ def run_agents(
         TaskError: An agent failed.
         ClusterError: The cluster cannot be reached.
     """
-    starts, carried = range(0, len(seeds), SIDE_BY_SIDE), self_contained(options)
-    tasks = {
-        _name(label, index, start): _Task(policy, carried, list(seeds[start : start + SIDE_BY_SIDE]), start == 0)
-        for label, policies in agents.items()
-        for index, policy in enumerate(policies)
-        for start in starts
-    }
-    done = run_tasks(_run, tasks, jobs=jobs, cluster=cluster, title="episodes", size=lambda task: len(task.seeds))
+    starts = range(0, len(seeds), SIDE_BY_SIDE)
+    carried = self_contained(options)
+    tasks: dict[str, _Task] = {}
+    for label, policies in agents.items():
+        for index, policy in enumerate(policies):
+            for start in starts:
+                tasks[_name(label, index, start)] = _Task(
+                    policy=policy,
+                    options=carried,
+                    seeds=list(seeds[start : start + SIDE_BY_SIDE]),
+                    keeps_traces=start == 0,
+                )
+    runs = run_tasks(_run, tasks, jobs=jobs, cluster=cluster, title="episodes", size=lambda task: len(task.seeds))
 
-    def whole(label: str, index: int) -> Run:
-        head, *rest_of_parts = (done[_name(label, index, start)] for start in starts)
-        return head.followed_by(rest_of_parts)
+    def joined(label: str, index: int) -> Run:
+        """All episodes of a training seed as one run."""
+        parts = [runs[_name(label, index, start)] for start in starts]
+        return parts[0].followed_by(parts[1:])
 
-    return {label: [whole(label, index) for index in range(len(policies))] for label, policies in agents.items()}
+    return {label: [joined(label, index) for index in range(len(policies))] for label, policies in agents.items()}
 
 
 def self_contained(options: Options) -> Options:
@@ -76,13 +83,14 @@ def self_contained(options: Options) -> Options:
     route = options.route
     if not isinstance(route, Route) and route not in (GENERATED, HIDDEN_WIND):
         route = load_route(route, float(known_of(options).shared["place_m"][0]))
-    truth = None if options.true_robot is None else load_robot(options.true_robot)
-    scale = None if options.scaled_for is None else load_robot(options.scaled_for)
-    instruments = None if options.instruments is None else load_instruments(options.instruments)
-    return dataclasses.replace(
-        options, robot=load_robot(options.robot), route=route, instruments=instruments, true_robot=truth,
-        scaled_for=scale,
-    )  # fmt: skip
+    contents: dict[str, Any] = {"robot": load_robot(options.robot), "route": route}
+    if options.instruments is not None:
+        contents["instruments"] = load_instruments(options.instruments)
+    if options.true_robot is not None:
+        contents["true_robot"] = load_robot(options.true_robot)
+    if options.scaled_for is not None:
+        contents["scaled_for"] = load_robot(options.scaled_for)
+    return dataclasses.replace(options, **contents)
 
 
 def _name(label: str, index: int, start: int) -> str:
@@ -92,4 +100,6 @@ def _name(label: str, index: int, start: int) -> str:
 def _run(task: _Task) -> Run:
     # A copy, as in other processes: what a policy draws must not depend on earlier tasks.
     run = run_episodes(copy.deepcopy(task.policy), task.options, task.seeds)
-    return run if task.first else run.without_traces()
+    if task.keeps_traces:
+        return run
+    return run.without_traces()

@@ -45,23 +45,26 @@ class Curve:
         if level < stranded[0]:
             return None
         below = int(np.searchsorted(stranded, level, side="right")) - 1
-        # Rounding may move the interpolation out of its interval.
-        return float(
-            np.clip(
-                np.interp(level, stranded, best_score),
-                best_score[below],
-                best_score[min(below + 1, len(best_score) - 1)],
-            )
-        )
+        above = min(below + 1, len(best_score) - 1)
+        interpolated = np.interp(level, stranded, best_score)
+        # Rounding may move it out of its interval.
+        return float(np.clip(interpolated, best_score[below], best_score[above]))
 
 
 def curve_of(runs: Mapping[float | None, Sequence[Run]]) -> Curve:
     """The curve of an agent from its runs by reserve, one per training seed."""
-    scores, stranded = [], []
+    scores = []
+    stranded = []
     for seeds in runs.values():
-        scores.append(float(np.mean([np.where(run.episodes.home, run.episodes.score, 0.0).mean() for run in seeds])))
+        scores.append(float(np.mean([_mean_score(run) for run in seeds])))
         stranded.append(float(np.mean([run.episodes.stranded.mean() for run in seeds])))
-    return Curve(tuple(runs), tuple(scores), tuple(stranded))
+    return Curve(reserve=tuple(runs), score=tuple(scores), stranded=tuple(stranded))
+
+
+def _mean_score(run: Run) -> float:
+    """Mean score of a run's episodes, 0 unless home."""
+    scores = np.where(run.episodes.home, run.episodes.score, 0.0)
+    return float(scores.mean())
 
 
 def margins_png(curves: Mapping[str, Curve], mission: str, title: str) -> bytes:

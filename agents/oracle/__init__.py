@@ -70,20 +70,17 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
     """
     check(options)
     carried = self_contained(options)
-    tasks = {
-        f"episodes {start} to {min(start + _TOGETHER, len(seeds)) - 1}": (
-            carried,
-            list(seeds[start : start + _TOGETHER]),
-        )
-        for start in range(0, len(seeds), _TOGETHER)
-    }
+    tasks: dict[str, tuple[Options, list[int]]] = {}
+    for start in range(0, len(seeds), _TOGETHER):
+        some_seeds = list(seeds[start : start + _TOGETHER])
+        tasks[f"episodes {start} to {start + len(some_seeds) - 1}"] = carried, some_seeds
     parts = run_tasks(
         _solve_some, tasks, jobs=jobs, cluster=cluster, title="optimum", size=lambda task: len(task[1])
     ).values()
     return Optimum(
-        np.concatenate([part.lower for part in parts]),
-        np.concatenate([part.upper for part in parts]),
-        tuple(actions for part in parts for actions in part.actions),
+        lower=np.concatenate([part.lower for part in parts]),
+        upper=np.concatenate([part.upper for part in parts]),
+        actions=tuple(actions for part in parts for actions in part.actions),
     )
 
 
@@ -113,7 +110,8 @@ def _solve_some(task: tuple[Options, list[int]]) -> Optimum:
     options, seeds = task
     env = HomewardVectorEnv(len(seeds), autoreset_mode="Disabled", **vars(options))
     env.reset(seed=seeds)
-    upper, actions = np.empty(len(seeds)), []
+    upper = np.empty(len(seeds))
+    actions = []
     for i in range(len(seeds)):
         upper[i], sequence = _solve(problem_of(env.batch, i))
         actions.append(sequence)
@@ -122,7 +120,8 @@ def _solve_some(task: tuple[Options, list[int]]) -> Optimum:
 
 def _solve(case: Problem) -> tuple[float, NDArray[np.int64]]:
     rates = measure_rates(case)
-    decision_s, pit_stop_s = float(case.shared["decision_s"]), float(case.shared["pit_stop_s"])
+    decision_s = float(case.shared["decision_s"])
+    pit_stop_s = float(case.shared["pit_stop_s"])
     points_m = points_of(rates, decision_s)
     if case.shared["shuttles"]:
         upper, multipliers = bound_patrol(rates, pit_stop_s)
@@ -146,14 +145,16 @@ def score_of(options: Options, seeds: Sequence[int], actions: Sequence[NDArray[n
     count = len(seeds)
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
     observations, _ = env.reset(seed=list(seeds))
-    batch, records = env.batch, env.batch.records
+    batch = env.batch
+    records = batch.records
     rewards = np.empty(count)
     terminated = np.empty(count, np.bool_)
     truncated = np.empty(count, np.bool_)
-    now = np.empty((count, 3), np.int64)
+    commands = np.empty((count, 3), np.int64)
     while not records["over"].all():
-        for i, mine in enumerate(actions):
-            decision = int(records["decisions"][i])
-            now[i] = mine[decision] if decision < len(mine) else mine[-1]
-        batch.step(now, observations, rewards, terminated, truncated)
+        for i, sequence in enumerate(actions):
+            # The last action of a sequence is a return, which is repeated until the mission is over.
+            decision = min(int(records["decisions"][i]), len(sequence) - 1)
+            commands[i] = sequence[decision]
+        batch.step(commands, observations, rewards, terminated, truncated)
     return np.where(records["home"], records["score"], 0.0)

@@ -85,18 +85,19 @@ def dual_feasible(rates: Rates, multipliers: Multipliers) -> Multipliers:
     stand = float((sample * rates.radio_hz[:, 0] - multipliers.per_j * standing_w).max())
     per_s = max(multipliers.per_s, stand)
     least_pass = float(_pass(rates, multipliers.per_j, per_s, sample).min())
-    per_s += (
-        0.5 * max(-least_pass, 0.0) * float(rates.speeds_mps[-1])
-    )  # inwards and outwards, each at this speed or slower
+    # A metre of the pass is driven inwards and outwards, each at the fastest speed or slower.
+    per_s += 0.5 * max(-least_pass, 0.0) * float(rates.speeds_mps[-1])
     rises = np.maximum(_pass(rates, multipliers.per_j, per_s, sample), 0.0) * rates.piece_m / rates.memory
     limit = _running_total(rises)
-    return Multipliers(multipliers.per_j, per_s, limit + np.minimum.accumulate(multipliers.per_sample - limit))
+    per_sample = limit + np.minimum.accumulate(multipliers.per_sample - limit)
+    return Multipliers(multipliers.per_j, per_s, per_sample)
 
 
 def dual_feasible_at_docks(rates: Rates, multipliers: Multipliers) -> Multipliers:
     """Raise the multiplier of time so far that no second at a dock has a positive Lagrangian."""
     charging = multipliers.per_j * float(rates.charge_w.max(initial=0.0))
-    return Multipliers(multipliers.per_j, max(multipliers.per_s, charging), multipliers.per_sample)
+    per_s = max(multipliers.per_s, charging)
+    return Multipliers(multipliers.per_j, per_s, multipliers.per_sample)
 
 
 def _pass(rates: Rates, per_j: float, per_s: float, sample: Array) -> Array:
@@ -114,18 +115,25 @@ def _greater(at_borders: Array) -> Array:
 
 def lagrangian_sums(rates: Rates, multipliers: Multipliers) -> LagrangianSums:
     """Sum the greatest Lagrangian of each metre along the route."""
-    speed, place = rates.speeds_mps[:, None], rates.place_of_piece
-    home = (-(multipliers.per_j * rates.home_w + multipliers.per_s) / speed).max(axis=(1, 2))[place]
+    speed = rates.speeds_mps[:, None]
+    place = rates.place_of_piece
+    home_by_place = (-(multipliers.per_j * rates.home_w + multipliers.per_s) / speed).max(axis=(1, 2))
+    home = home_by_place[place]
 
     def metre(sample: Array) -> Array:
         """Greatest Lagrangian of a metre of each piece, out and home, score per metre, shape (pieces,)."""
-        gain = np.maximum(rates.gain_per_m[place] - sample[:, None, None] * rates.samples_per_m[place], 0.0)
+        memory_cost = sample[:, None, None] * rates.samples_per_m[place]
+        gain = np.maximum(rates.gain_per_m[place] - memory_cost, 0.0)
         sent = (sample * rates.radio_hz[:, 1])[:, None, None]
         out = gain + (sent - multipliers.per_j * rates.out_w[place] - multipliers.per_s) / speed
         return np.asarray(out.max(axis=(1, 2)) + home)
 
-    near, far = metre(multipliers.per_sample[:-1]), metre(multipliers.per_sample[1:])
-    fallen = rates.memory * _running_total(np.maximum(multipliers.per_sample[:-1] - multipliers.per_sample[1:], 0.0))
+    at_near_border = multipliers.per_sample[:-1]
+    at_far_border = multipliers.per_sample[1:]
+    near = metre(at_near_border)
+    far = metre(at_far_border)
+    fallen = rates.memory * _running_total(np.maximum(at_near_border - at_far_border, 0.0))
+    # Convex in the multiplier of a sample: the mean over a piece is at most that of its borders.
     return LagrangianSums(
         way=_running_total(0.5 * (near + far) * rates.piece_m),
         part=0.5 * (np.maximum(near, 0.0) + np.maximum(far, 0.0)) * rates.piece_m,
@@ -169,8 +177,8 @@ def patrol_bound(rates: Rates, pit_stop_s: float, multipliers: Multipliers) -> f
         pit_stop_s: Length of a pit stop, s.
         multipliers: Multipliers of energy and time, feasible at the docks; that of a sample is not used.
     """
-    stops_s, stand_w = 2.0 * pit_stop_s, rates.pit_stop_w
-    stops = (multipliers.per_j * stand_w + multipliers.per_s) * stops_s
+    stops_s = 2.0 * pit_stop_s
+    stops = (multipliers.per_j * rates.pit_stop_w + multipliers.per_s) * stops_s
     per_m = (multipliers.per_j * leg_w(rates) + multipliers.per_s) / rates.speeds_mps
     lap = float(per_m.min(axis=1).sum()) * rates.place_m + stops
     budget = multipliers.per_j * rates.energy_j + multipliers.per_s * rates.time_s + stops

@@ -25,7 +25,7 @@ from homeward.envs.driving import decide, map_place
 from homeward.envs.reward import score
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.physics import model
-from homeward.physics.jit import called, compiled
+from homeward.physics.jit import called, compiled, inline
 
 _HAIR_M = 1e-6
 """Distance of a decision that measures at one point, m. Chosen: far below the length of a place."""
@@ -50,7 +50,8 @@ def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: i
     s = c.shared
     speed_mps = at_level(speed_level, s.min_speed_mps, s.max_speed_mps)
     sensing_hz = at_level(sensing_level, 0.0, s.max_sensing_hz)
-    decide(m, p if c.hidden.own_robots else c.nominal, route, c.nominal, s, speed_mps, sensing_hz, mode)
+    true_robot = p if c.hidden.own_robots else c.nominal
+    decide(m, true_robot, route, c.nominal, s, speed_mps, sensing_hz, mode)
     weather.change(m)
 
 
@@ -96,7 +97,8 @@ def measure(
     p = robots[0]
     route = routes[0]
     m = works[0]
-    s, radio = c.shared, c.shared.radio_hz
+    s = c.shared
+    radio = s.radio_hz
     s.backlog_limit = np.inf
     winds = np.empty((s.max_decisions + 1, 2))
     warmest_c = _weather(works, starts, winds)
@@ -108,15 +110,18 @@ def measure(
             for j in range(LEVELS):
                 _set_out(works, starts, route, k, near_m, speed_mps)
                 _set_weather(m, least_mps, warmest_c)
-                s.decision_s, s.radio_hz = 0.5 * s.place_m / speed_mps, 0.0
-                backlog_before = score(m, s)
+                s.decision_s = 0.5 * s.place_m / speed_mps
+                s.radio_hz = 0.0
+                score_before = score(m, s)
                 _roll(m, p, route, c, i, j, GO)
+                way_m = m.position_m - near_m
                 out_w[k, i, j] = m.power_w
-                gain_per_m[k, i, j] = (score(m, s) - backlog_before) / (m.position_m - near_m)
-                samples_per_m[k, i, j] = m.backlog / (m.position_m - near_m)
+                gain_per_m[k, i, j] = (score(m, s) - score_before) / way_m
+                samples_per_m[k, i, j] = m.backlog / way_m
                 _set_out(works, starts, route, k, near_m + _HAIR_M, speed_mps)
                 _set_weather(m, most_mps, warmest_c)
-                m.returning, m.direction = True, -1.0
+                m.returning = True
+                m.direction = -1.0
                 s.decision_s = 0.5 * _HAIR_M / speed_mps
                 _roll(m, p, route, c, i, j, RETURN)
                 home_w[k, i, j] = m.power_w
@@ -125,13 +130,15 @@ def measure(
             _set_weather(m, least_mps, warmest_c)
             _roll(m, p, route, c, 0, j, STOP)
             standing_w[k, j] = m.power_w
-        s.decision_s, s.radio_hz = _HAIR_M / s.min_speed_mps, radio
+        s.decision_s = _HAIR_M / s.min_speed_mps
+        s.radio_hz = radio
         for piece in range(pieces):
             for moving in range(2):
                 _set_out(works, starts, route, k, near_m + piece * s.place_m / pieces, 0.0)
                 m.backlog = 2.0 * radio * s.decision_s
                 backlog_before = m.backlog
-                _roll(m, p, route, c, 0, 0, GO if moving else STOP)
+                mode = GO if moving else STOP
+                _roll(m, p, route, c, 0, 0, mode)
                 radio_hz[k * pieces + piece, moving] = (backlog_before - m.backlog) / s.decision_s
         s.radio_hz = 0.0
 
@@ -180,18 +187,24 @@ def _weather(works: Any, starts: Any, winds: Any) -> Any:
 @called
 def _headwinds(winds: Any, place: Any) -> Any:
     """Least and greatest headwind of the way out at a place, m/s, of winds of shape (decisions, 2)."""
-    least_mps, most_mps = np.inf, -np.inf
+    least_mps = np.inf
+    most_mps = -np.inf
     for n in range(len(winds)):
         headwind_mps = model.headwind(winds[n, 0], winds[n, 1], place.east, place.north)
-        least_mps, most_mps = min(least_mps, headwind_mps), max(most_mps, headwind_mps)
+        least_mps = min(least_mps, headwind_mps)
+        most_mps = max(most_mps, headwind_mps)
     return least_mps, most_mps
 
 
 @called
 def _set_weather(m: Any, headwind_mps: float, temperature_c: float) -> None:
     """Set a constant headwind of the way out (m/s) and a constant air temperature (C)."""
-    m.mean_east_mps, m.mean_north_mps = headwind_mps * m.here.east, headwind_mps * m.here.north
-    m.gust_east_mps = m.gust_north_mps = m.gust_kick = m.warming_k = 0.0
+    m.mean_east_mps = headwind_mps * m.here.east
+    m.mean_north_mps = headwind_mps * m.here.north
+    m.gust_east_mps = 0.0
+    m.gust_north_mps = 0.0
+    m.gust_kick = 0.0
+    m.warming_k = 0.0
     m.temperature_c = temperature_c
 
 
@@ -238,20 +251,23 @@ def way_home(
     s = c.shared
     home_j[0] = home_s[0] = 0.0
     for point in range(1, len(home_j)):
-        best_cost = np.inf
+        best_cost_j = np.inf
         at_m = point * step_m
         for i in range(LEVELS):
             _set_out(works, starts, route, min(int(at_m / s.place_m), s.places - 1), at_m, 0.0)
-            m.returning, m.direction = True, -1.0
+            m.returning = True
+            m.direction = -1.0
             had_j = m.energy_j
             _roll(m, p, route, c, i, 0, RETURN)
             if m.depleted:
                 continue
             spent_j = had_j - m.energy_j + _at(home_j, m.position_m, step_m)
             took_s = m.time_s - starts[0].time_s + _at(home_s, m.position_m, step_m)
-            if spent_j + j_per_s * took_s < best_cost:
-                best_cost = spent_j + j_per_s * took_s
-                home_j[point], home_s[point] = spent_j, took_s
+            cost_j = spent_j + j_per_s * took_s
+            if cost_j < best_cost_j:
+                best_cost_j = cost_j
+                home_j[point] = spent_j
+                home_s[point] = took_s
 
 
 @compiled
@@ -260,7 +276,9 @@ def _at(values: Any, position_m: float, step_m: float) -> Any:
     share = min(max(position_m, 0.0) / step_m, len(values) - 1.0)
     point = min(int(share), len(values) - 2)
     beyond = share - point
-    return values[point] + (beyond * (values[point + 1] - values[point]) if beyond > 0.0 else 0.0)
+    if beyond > 0.0:
+        return values[point] + beyond * (values[point + 1] - values[point])
+    return values[point]  # without the next value, which may be infinite
 
 
 @compiled
@@ -305,8 +323,8 @@ def search(
         cells: Size of a cell: distance (m), energy (J), backlog (samples, or s of a pit stop), shape (3,).
         parents: Written, the node before, -1 at the start, shape (nodes,).
         actions: Written, action that led there as speed + 5 * sensing level, or -1 for a stop, shape (nodes,).
-        found: Written, the best missions in descending order: estimated score if it turns back now, and node, shape
-            (kept, 2).
+        best_turns: Written, the best missions in descending order: estimated score if it turns back now, and node,
+            shape (kept, 2).
 
     Returns:
         Number of nodes.
@@ -318,16 +336,20 @@ def search(
     ring, width = room.shape
     values = np.full((ring, width), _NONE)
     fresh = np.zeros((ring, width), np.bool_)
-    origin, action = np.empty((ring, width), np.int64), np.empty((ring, width), np.int64)
+    origin = np.empty((ring, width), np.int64)
+    action = np.empty((ring, width), np.int64)
     work = np.empty(2, starts.dtype)
     best_turns[:] = _NONE
     room[0, 0] = starts[0]
     values[0, 0] = 0.0
     fresh[0, 0] = True
     origin[0, 0] = -1
-    nodes, near, last_distance = 0, 0, 0
+    nodes = 0
+    near = 0
+    last_distance = 0
     while near <= last_distance and nodes < len(parents):
-        row, repeats = near % ring, True
+        row = near % ring
+        repeats = True
         while repeats and nodes < len(parents):
             repeats = False
             for slot in range(width):
@@ -335,13 +357,14 @@ def search(
                     continue
                 fresh[row, slot] = False
                 repeats = True
-                parents[nodes], actions[nodes] = origin[row, slot], action[row, slot]
-                layer_start = nodes
+                parents[nodes] = origin[row, slot]
+                actions[nodes] = action[row, slot]
+                node = nodes
                 nodes += 1
                 work[0] = room[row, slot]
                 m = work[0]
                 # On its way home a patrol completes the lap under way.
-                _note(best_turns, score(m, s) + 0.5 * (m.legs % 2.0), layer_start)
+                _note(best_turns, score(m, s) + 0.5 * (m.legs % 2.0), node)
                 left_s = (s.max_decisions - m.decisions - 1) * s.decision_s
                 for code in range(-1, LEVELS * rates):
                     m = work[1]
@@ -351,16 +374,10 @@ def search(
                     else:
                         _roll(m, p, route, c, code % LEVELS, code // LEVELS, GO)
                     short = m.energy_j < _at(home_j, m.position_m, step_m)
-                    if m.depleted or m.home or short or left_s < _at(home_s, m.position_m, step_m):
+                    late = left_s < _at(home_s, m.position_m, step_m)
+                    if m.depleted or m.home or short or late:
                         continue
-                    value = (
-                        score(m, s)
-                        + multipliers[0] * m.energy_j
-                        + multipliers[1] * left_s
-                        - multipliers[2] * m.dwell_s
-                        - m.backlog * _at(sample_multiplier, m.position_m, step_m)
-                        + _at(ahead[0 if m.direction > 0.0 else 1], m.position_m, step_m)
-                    )
+                    value = _value(m, s, left_s, multipliers, sample_multiplier, ahead, step_m)
                     distance = int(m.distance_m / cells[0])
                     to = distance % ring
                     off_j = _cell(m.energy_j - _at(plan[0], m.position_m, step_m), cells[1])
@@ -369,13 +386,30 @@ def search(
                         continue
                     cell = off_j + CELLS * off_load
                     if value > values[to, cell] and value > best_turns[0, 0]:
-                        room[to, cell], values[to, cell], fresh[to, cell] = m, value, True
-                        origin[to, cell], action[to, cell] = layer_start, code
+                        room[to, cell] = m
+                        values[to, cell] = value
+                        fresh[to, cell] = True
+                        origin[to, cell] = node
+                        action[to, cell] = code
                         last_distance = max(last_distance, distance)
         values[row, :] = _NONE
         fresh[row, :] = False
         near += 1
     return nodes
+
+
+@inline
+def _value(m: Any, s: Any, left_s: float, multipliers: Any, sample_multiplier: Any, ahead: Any, step_m: float) -> Any:
+    """Estimated final score of a mission under way, see `search`; `left_s` is the time left, s."""
+    heading = 0 if m.direction > 0.0 else 1
+    return (
+        score(m, s)
+        + multipliers[0] * m.energy_j
+        + multipliers[1] * left_s
+        - multipliers[2] * m.dwell_s
+        - m.backlog * _at(sample_multiplier, m.position_m, step_m)
+        + _at(ahead[heading], m.position_m, step_m)
+    )
 
 
 @compiled
@@ -413,8 +447,11 @@ def shuttle(
                 _roll(ahead, p, route, c, speed_level, 0, GO)
             _roll(ahead, p, route, c, speed_level, 0, STOP)
             short = ahead.energy_j < _at(home_j, ahead.position_m, step_m)
-            mode = STOP if ahead.depleted or short else GO
-        actions[n, 0], actions[n, 1], actions[n, 2] = speed_level, 0, mode
+            if ahead.depleted or short:
+                mode = STOP
+        actions[n, 0] = speed_level
+        actions[n, 1] = 0
+        actions[n, 2] = mode
         _roll(m, p, route, c, speed_level, 0, mode)
         if m.depleted:
             return n
@@ -431,7 +468,9 @@ def _may_dock(m: Any, s: Any, way_m: float) -> bool:
 def _cell(offset: float, size: float) -> int:
     """Index of the cell of an offset from the plan, 0 to `CELLS` - 1 with the plan in the middle, or -1 outside."""
     cell = int(np.floor(offset / size + 0.5 * CELLS))
-    return cell if 0 <= cell < CELLS else -1
+    if 0 <= cell < CELLS:
+        return cell
+    return -1
 
 
 @compiled
@@ -443,7 +482,8 @@ def _note(best_turns: Any, score: float, node: int) -> None:
     while row > 0 and best_turns[row - 1, 0] < score:
         best_turns[row] = best_turns[row - 1]
         row -= 1
-    best_turns[row, 0], best_turns[row, 1] = score, node
+    best_turns[row, 0] = score
+    best_turns[row, 1] = node
 
 
 @compiled
@@ -480,17 +520,21 @@ def follow(
         if n < len(out):
             actions[n] = out[n]
         else:
-            least_j, best_level = np.inf, LEVELS - 1
+            best_cost_j = np.inf
+            best_level = LEVELS - 1
             m_before[0] = works[0]
             for i in range(LEVELS):
                 works[0] = m_before[0]
                 _roll(m, p, route, c, i, 0, RETURN)
                 cost_j = m_before[0].energy_j - m.energy_j + _at(home_j, m.position_m, step_m)
                 cost_j += j_per_s * (m.time_s - m_before[0].time_s + _at(home_s, m.position_m, step_m))
-                if not m.depleted and cost_j < least_j:
-                    least_j, best_level = cost_j, i
+                if not m.depleted and cost_j < best_cost_j:
+                    best_cost_j = cost_j
+                    best_level = i
             works[0] = m_before[0]
-            actions[n, 0], actions[n, 1], actions[n, 2] = best_level, 0, RETURN
+            actions[n, 0] = best_level
+            actions[n, 1] = 0
+            actions[n, 2] = RETURN
         _roll(m, p, route, c, actions[n, 0], actions[n, 1], actions[n, 2])
         if m.home:
             return n + 1

@@ -50,7 +50,8 @@ def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
     plans: dict[int, Plan | None] = {}
     turn = int(np.flatnonzero(bounds == np.inf)[-1]) // 2
     while turn not in plans:
-        plans[turn] = plan = plan_out_and_back(rates, turn)
+        plan = plan_out_and_back(rates, turn)
+        plans[turn] = plan
         if plan:  # otherwise there is no time to turn there, and the bound by other multipliers stays
             bounds = np.minimum(bounds, bounds_by_turn(rates, plan.multipliers))
         turn = int(np.argmax(bounds))
@@ -60,34 +61,45 @@ def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
 
 def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
     """Plan a mission that turns within a place, by linear programming, or None if energy or time do not suffice."""
-    pieces, ways = (turn + 1) * PIECES, LEVELS * LEVELS
-    place, speed = rates.place_of_piece[:pieces], rates.speeds_mps
+    pieces = (turn + 1) * PIECES
+    ways = LEVELS * LEVELS
+    place = rates.place_of_piece[:pieces]
+    speed = rates.speeds_mps
     per_speed = np.broadcast_to(1.0 / speed[:, None], (pieces, LEVELS, LEVELS))
-    out_j, home_j = rates.out_w[place] * per_speed, rates.home_w.min(axis=2)[place] / speed
+    out_j = rates.out_w[place] * per_speed
+    home_j = rates.home_w.min(axis=2)[place] / speed
     standing_w = rates.standing_w.min(axis=1)[place]
     # Columns: metres out by speed and rate, metres home by speed, seconds at a stand, samples on board at the far end,
     # samples sent, and the share of the piece that is reached; for every piece.
     widths = [pieces * columns for columns in (ways, LEVELS, 1, 1, 1, 1)]
-    nothing, eye = np.zeros(3 * pieces), sparse.identity(pieces)
-    driven = _per_piece(np.ones((pieces, ways))), _per_piece(np.ones((pieces, LEVELS)))
+    none_of_three = np.zeros(3 * pieces)
+    eye = sparse.identity(pieces)
+    increase = eye - sparse.eye(pieces, k=-1)  # a piece less the one before
+    next_less_this = sparse.eye(pieces, k=1) - eye  # the next piece less this one
+    driven_out = _per_piece(np.ones((pieces, ways)))
+    driven_home = _per_piece(np.ones((pieces, LEVELS)))
+    samples = _per_piece(rates.samples_per_m[place])
     sent_moving = _per_piece(rates.radio_hz[:pieces, 1, None, None] * per_speed)
     sent_standing = sparse.diags(rates.radio_hz[:pieces, 0])
     equal = sparse.vstack([
-        _rows(widths, {0: driven[0], 5: -rates.piece_m * eye}),
-        _rows(widths, {1: driven[1], 5: -rates.piece_m * eye}),
-        _rows(widths, {0: -_per_piece(rates.samples_per_m[place]), 3: eye - sparse.eye(pieces, k=-1), 4: eye}),
+        _rows(widths, {0: driven_out, 5: -rates.piece_m * eye}),
+        _rows(widths, {1: driven_home, 5: -rates.piece_m * eye}),
+        _rows(widths, {0: -samples, 3: increase, 4: eye}),
     ])  # fmt: skip
+    joules = np.concatenate([out_j.ravel(), home_j.ravel(), standing_w, none_of_three])
+    seconds = np.concatenate([per_speed.ravel(), np.tile(1.0 / speed, pieces), np.ones(pieces), none_of_three])
     limits = sparse.vstack([
-        sparse.csr_matrix(np.concatenate([out_j.ravel(), home_j.ravel(), standing_w, nothing])),
-        sparse.csr_matrix(np.concatenate([per_speed.ravel(), np.tile(1.0 / speed, pieces), np.ones(pieces), nothing])),
+        sparse.csr_matrix(joules),
+        sparse.csr_matrix(seconds),
         _rows(widths, {0: -sent_moving, 2: -sent_standing, 4: eye}),
-        _rows(widths, {5: sparse.eye(pieces, k=1) - eye})[:-1],  # a piece is reached through the one before
+        _rows(widths, {5: next_less_this})[:-1],  # a piece is reached through the one before
     ])  # fmt: skip
     gain = np.zeros(sum(widths))
     low = np.zeros(sum(widths))
     high = np.full(sum(widths), np.inf)
     gain[: widths[0]] = rates.gain_per_m[place].ravel()
-    low[-pieces:], high[-pieces:] = np.arange(pieces) < turn * PIECES, 1.0
+    low[-pieces:] = np.arange(pieces) < turn * PIECES  # all pieces before the place of the turn are reached
+    high[-pieces:] = 1.0
     high[-3 * pieces : -2 * pieces] = rates.memory
     room = np.concatenate([[rates.energy_j, rates.time_s], np.zeros(2 * pieces - 1)])
     result = _most(gain, limits, room, equal, np.stack([low, high], axis=1))
@@ -98,15 +110,19 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
     by_piece = np.pad(by_piece, (1, len(rates.radio_hz) - pieces + 1), mode="edge")
     per_sample = 0.5 * (by_piece[:-1] + by_piece[1:])
     metres, _, stands_s, backlog, _, _ = np.split(result.x, np.cumsum(widths[:-1]))
-    spent_j = (metres * out_j.ravel()).reshape(pieces, ways).sum(axis=1) + stands_s * standing_w
+    driven_j = (metres * out_j.ravel()).reshape(pieces, ways).sum(axis=1)
+    spent_j = driven_j + stands_s * standing_w
     multipliers = dual_feasible(rates, Multipliers(float(per_j), float(per_s), per_sample))
-    return Plan(turn, multipliers, rates.energy_j - np.cumsum(spent_j), backlog)
+    energy_j = rates.energy_j - np.cumsum(spent_j)
+    return Plan(turn, multipliers, energy_j, backlog)
 
 
 def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Multipliers]:
     """Upper bound of the number of laps of a patrol, and its multipliers, in laps per J and per s."""
-    speed, power_w = rates.speeds_mps, leg_w(rates)
-    legs, stops_s = len(power_w), 2.0 * pit_stop_s
+    speed = rates.speeds_mps
+    power_w = leg_w(rates)
+    legs = len(power_w)
+    stops_s = 2.0 * pit_stop_s
     stand_w = rates.pit_stop_w
     # Columns: metres by leg and speed, laps, and seconds at each dock.
     docks = np.zeros(len(rates.charge_w))

@@ -83,14 +83,16 @@ class Rates:
 
 def measure_rates(case: Problem) -> Rates:
     """Measure the rates of a mission; its robot must have none of the effects `REFUSED`."""
-    energy_j, case = float(case.start["energy_j"][0]), case.copy()
+    energy_j = float(case.start["energy_j"][0])
+    case = case.copy()
     for record in (case.robot, case.constants["nominal"]):
         for effect in ONLY_ADDING:
             record["effects"] &= ~_BITS[effect]
     charge_w = _charge_w(case)
     s = case.shared
     s["dock_count"] = 0  # so that a stand at a dock is measured without its charger
-    places, by_action = int(s["places"]), (int(s["places"]), LEVELS, LEVELS)
+    places = int(s["places"])
+    by_action = (places, LEVELS, LEVELS)
     rates = Rates(
         speeds_mps=at_level(np.arange(LEVELS), s["min_speed_mps"], s["max_speed_mps"]),
         place_m=float(s["place_m"]),

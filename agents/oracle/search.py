@@ -60,23 +60,28 @@ def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Ar
     count = len(rates.radio_hz)
     ends = np.full(count + 1, _NEVER)  # greatest Lagrangian of a turn at a border or beyond it
     for piece in range(plan.turn * PIECES, (plan.turn + 1) * PIECES):
-        far, near = sums.way[piece + 1], sums.way[piece]
-        ends[: piece + 1] = np.maximum(ends[: piece + 1], max(far, near) + sums.memory[piece])
+        near = sums.way[piece]
+        far = sums.way[piece + 1]
+        in_piece = max(far, near) + sums.memory[piece]
+        ends[: piece + 1] = np.maximum(ends[: piece + 1], in_piece)
         ends[piece + 1] = max(ends[piece + 1], far + sums.memory[piece])
     ahead = ends - sums.way + sums.home - sums.fallen
     borders = np.arange(count + 1) * rates.piece_m
     planned = borders[: len(plan.energy_j) + 1]
     most_j = rates.out_w.max() * decision_s
-    most_samples = rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
+    most_samples_hz = rates.samples_per_m[:, 0].max() * rates.speeds_mps[0]
+    most_samples = max(most_samples_hz * decision_s, 1.0)
+    planned_j = np.append(rates.energy_j, plan.energy_j)
+    planned_backlog = np.append(0.0, plan.backlog)
     return Guide(
         multipliers=np.array([multipliers.per_j, multipliers.per_s, 0.0]),
         per_sample=np.interp(points_m, borders, multipliers.per_sample),
         ahead=np.tile(np.interp(points_m, borders, ahead), (2, 1)),
         plan=np.stack([
-            np.interp(points_m, planned, np.append(rates.energy_j, plan.energy_j)),
-            np.interp(points_m, planned, np.append(0.0, plan.backlog)),
+            np.interp(points_m, planned, planned_j),
+            np.interp(points_m, planned, planned_backlog),
         ]),
-        cells=(most_j / _FINE, max(most_samples * decision_s, 1.0) / _FINE),
+        cells=(most_j / _FINE, most_samples / _FINE),
     )  # fmt: skip
 
 
@@ -85,14 +90,19 @@ def guide_patrol(rates: Rates, multipliers: Multipliers, pit_stop_s: float, poin
     per_m = ((multipliers.per_j * leg_w(rates) + multipliers.per_s) / rates.speeds_mps).min(axis=1)
     borders = np.arange(rates.places + 1) * rates.place_m
     out_per_m, home_per_m = np.split(per_m, 2)
-    out = np.interp(points_m, borders, np.append(0.0, np.cumsum(out_per_m * rates.place_m)))
-    home = np.interp(points_m, borders, np.append(0.0, np.cumsum(home_per_m * rates.place_m)))
+    out_to_border = np.append(0.0, np.cumsum(out_per_m * rates.place_m))
+    home_from_border = np.append(0.0, np.cumsum(home_per_m * rates.place_m))
+    out = np.interp(points_m, borders, out_to_border)
+    home = np.interp(points_m, borders, home_from_border)
     standing_per_s = multipliers.per_j * rates.pit_stop_w + multipliers.per_s
     pit_stop = standing_per_s * pit_stop_s
+    # A lap is a score of 1, and its way home the second half of it.
+    ahead_out = 1.0 - (out[-1] - out) - home[-1] - 2.0 * pit_stop
+    ahead_home = 0.5 - home - pit_stop
     return Guide(
         multipliers=np.array([multipliers.per_j, multipliers.per_s, standing_per_s]),
         per_sample=np.zeros(len(points_m)),
-        ahead=np.stack([1.0 - (out[-1] - out) - home[-1] - 2.0 * pit_stop, 0.5 - home - pit_stop]),
+        ahead=np.stack([ahead_out, ahead_home]),
         plan=np.zeros((2, len(points_m))),
         cells=(np.inf, 2.0 * max(pit_stop_s, 1.0) / (kernel.CELLS - 2)),
     )
@@ -102,7 +112,8 @@ def points_of(rates: Rates, decision_s: float) -> Array:
     """Evenly spaced points along the route, m, shape (points,), so close that a decision passes several."""
     least_m, most_m = rates.speeds_mps[[0, -1]] * decision_s
     step_m = max(least_m / _FINE, most_m / _MOST_STEPS)
-    return np.asarray(step_m * np.arange(int(rates.places * rates.place_m / step_m) + 2))
+    count = int(rates.places * rates.place_m / step_m) + 2
+    return np.asarray(step_m * np.arange(count))
 
 
 def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> NDArray[np.int64]:
@@ -112,30 +123,37 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
         Its actions, shape (decisions, 3); those of turning back at once if no other mission found gets home.
     """
     s = case.shared
-    step_m, most_m = points_m[1], rates.speeds_mps[-1] * float(s["decision_s"])
+    step_m = points_m[1]
+    most_m = rates.speeds_mps[-1] * float(s["decision_s"])
     cell_m = max(_FINE * step_m, most_m / _MOST_CELLS)
     room = np.zeros((int(most_m / cell_m) + 2, kernel.CELLS**2), case.start.dtype)
     parents = np.empty(_NODES, np.int64)
     codes = np.empty(_NODES, np.int8)
     best_turns = np.empty((_TRIED, 2))
     actions = np.empty((int(s["max_decisions"]), 3), np.int64)
-    j_per_s = guide.multipliers[1] / guide.multipliers[0] if guide.multipliers[0] > 0.0 else 0.0
-    records, work = (case.constants, case.robot, case.route, case.start), case.start.copy()
+    per_j, per_s, _ = guide.multipliers
+    j_per_s = 0.0
+    if per_j > 0.0:
+        j_per_s = per_s / per_j
+    records = (case.constants, case.robot, case.route, case.start)
+    work = case.start.copy()
     home = np.full((2, len(points_m)), np.inf)  # energy (J) and time (s)
     kernel.way_home(*records, work, step_m, j_per_s, home[0], home[1])
-    levels = LEVELS if s["senses"] else 1
+    sensing_levels = LEVELS if s["senses"] else 1
+    cells = np.array([cell_m, *guide.cells])
     for reserve in _RESERVES:
         kernel.search(
-            *records, room, levels, guide.multipliers, guide.per_sample, guide.ahead, guide.plan, reserve * home[0],
-            home[1], step_m, np.array([cell_m, *guide.cells]), parents, codes, best_turns,
+            *records, room, sensing_levels, guide.multipliers, guide.per_sample, guide.ahead, guide.plan,
+            reserve * home[0], home[1], step_m, cells, parents, codes, best_turns,
         )  # fmt: skip
         for score, node in best_turns:
-            if score > 0.0:
-                out = _actions_to(int(node), parents, codes)
-                count = kernel.follow(*records, work, out, home[0], home[1], j_per_s, step_m, actions)
-                if count > 0:
-                    return actions[:count].copy()
-    return np.array([[0, 0, 2]])
+            if score <= 0.0:
+                continue
+            out = _actions_to(int(node), parents, codes)
+            count = kernel.follow(*records, work, out, home[0], home[1], j_per_s, step_m, actions)
+            if count > 0:
+                return actions[:count].copy()
+    return np.array([[0, 0, RETURN]])
 
 
 def best_shuttle(case: Problem, rates: Rates, points_m: Array) -> NDArray[np.int64]:
@@ -145,20 +163,25 @@ def best_shuttle(case: Problem, rates: Rates, points_m: Array) -> NDArray[np.int
         Its actions, shape (decisions, 3), each patrol with the latest turn after which it comes home.
     """
     step_m = points_m[1]
-    records, work = (case.constants, case.robot, case.route, case.start), np.repeat(case.start, 2)
-    out, actions = np.empty((2, int(case.shared["max_decisions"]), 3), np.int64)
+    records = (case.constants, case.robot, case.route, case.start)
+    work = np.repeat(case.start, 2)
+    out = np.empty((int(case.shared["max_decisions"]), 3), np.int64)
+    actions = np.empty_like(out)
     home = np.full((2, len(points_m)), np.inf)  # energy (J) and time (s)
     kernel.way_home(*records, work, step_m, 0.0, home[0], home[1])
-    best_legs, best = 0.0, np.array([[0, 0, RETURN]])
+    best_laps = 0.0
+    best_patrol = np.array([[0, 0, RETURN]])
     for level in range(LEVELS):
         turn = kernel.shuttle(*records, work, level, home[0], step_m, out)
         count = -1
         while count < 0 and turn > 0:
             count = kernel.follow(*records, work, out[:turn], home[0], home[1], 0.0, step_m, actions)
             turn -= 1
-        if count > 0 and work["legs"][0] // 2.0 > best_legs // 2.0:
-            best_legs, best = work["legs"][0], actions[:count].copy()
-    return best
+        laps = work["legs"][0] // 2.0
+        if count > 0 and laps > best_laps:
+            best_laps = laps
+            best_patrol = actions[:count].copy()
+    return best_patrol
 
 
 def _actions_to(node: int, parents: NDArray[np.int64], codes: NDArray[np.int8]) -> NDArray[np.int64]:
@@ -169,4 +192,7 @@ def _actions_to(node: int, parents: NDArray[np.int64], codes: NDArray[np.int8]) 
         node = int(parents[node])
     code = np.array(path[::-1], np.int64)
     moving = code >= 0
-    return np.stack([moving * (code % LEVELS), moving * (code // LEVELS), np.where(moving, GO, STOP)], axis=1)
+    speed_level = np.where(moving, code % LEVELS, 0)
+    sensing_level = np.where(moving, code // LEVELS, 0)
+    mode = np.where(moving, GO, STOP)
+    return np.stack([speed_level, sensing_level, mode], axis=1)

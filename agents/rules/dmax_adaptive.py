@@ -45,9 +45,12 @@ class AdaptiveDmaxRule(BelievingRule):
         target = (self._moment + np.diag(_PRIOR))[..., None]
         ratios: NDArray[np.float64] = np.linalg.solve(self._normal + _PRIOR, target)[..., 0]
         explained = np.einsum("ni,nij,nj->n", ratios, self._normal, ratios)
+        # Sum of the weighted squares of the fit's residuals, from its normal equations: y'y - 2 r'X'y + r'X'X r.
         residual: NDArray[np.float64] = self._square - 2.0 * np.einsum("ni,ni->n", ratios, self._moment) + explained
-        spread = np.maximum(residual, 0.0) / np.maximum(self._last[:, 1], 1e-9)
-        home, onwards = feature(observations, "home_cost"), self.cost_of_going_on(observations)
+        modelled = self._last[:, 1]
+        spread = np.maximum(residual, 0.0) / np.maximum(modelled, 1e-9)
+        home = feature(observations, "home_cost")
+        onwards = self.cost_of_going_on(observations)
         return Outlook(
             left=feature(observations, "metered"),
             home=ratios[:, 0] * home,
@@ -68,13 +71,14 @@ class AdaptiveDmaxRule(BelievingRule):
             self._forget(len(begun))
         for total in (self._last, self._normal, self._moment, self._square):
             total[begun] = 0.0
-        used = 1.0 - feature(observations, "metered") + self.charged(observations)
-        now = np.stack((used, feature(observations, "modelled")), axis=-1)
-        used, modelled = (now - self._last).T
+        charged = self.charged(observations)
+        used_so_far = 1.0 - feature(observations, "metered") + charged
+        totals = np.stack((used_so_far, feature(observations, "modelled")), axis=-1)
+        used, modelled = (totals - self._last).T
         # Beside a charger's power, that of the robot is not metered well.
-        drawn = self.charged(observations) == self._charged
-        self._charged = self.charged(observations)
-        self._last = now
+        drawn = charged == self._charged
+        self._charged = charged
+        self._last = totals
         sensing = np.minimum(self._sensing(observations), modelled)
         causes = np.stack((modelled - sensing, sensing), axis=-1)
         weight = np.divide(1.0, modelled, out=np.zeros_like(modelled), where=modelled > 0.0)
@@ -85,7 +89,8 @@ class AdaptiveDmaxRule(BelievingRule):
 
     def _sensing(self, observations: Observations) -> NDArray[np.float64]:
         """Energy of sensing in the last decision by the robot's file, share of the usable energy, shape (n,)."""
-        robot, s = self._known.robot, self._known.shared[0]
+        robot = self._known.robot
+        s = self._known.shared[0]
         rate_hz = feature(observations, "sensing") * s["max_sensing_hz"]
         power_w = ancillary_power(robot, rate_hz) - ancillary_power(robot, 0.0)
         return np.asarray(power_w * s["decision_s"] / s["usable_j"])

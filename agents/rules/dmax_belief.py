@@ -37,7 +37,8 @@ class BeliefDmaxRule(BelievingRule):
         s = known.shared[0]
         self._onwards_mps = float(s["cruise_mps"])
         if step_mps is not None and not self._shuttles:
-            self._onwards_mps, self._outward_m = step_mps, step_mps * float(s["decision_s"])
+            self._onwards_mps = step_mps
+            self._outward_m = step_mps * float(s["decision_s"])
         self.belief = Belief(known, thresholds.MISSED)
 
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
@@ -46,7 +47,8 @@ class BeliefDmaxRule(BelievingRule):
         s = self._known.shared[0]
         home = self.belief.plans(observations)
         onwards = home.copy()
-        onwards["onwards_m"], onwards["onwards_s"] = self._outward_m, self._outward_m / self._onwards_mps
+        onwards["onwards_m"] = self._outward_m
+        onwards["onwards_s"] = self._outward_m / self._onwards_mps
         onwards["speed_mps"] = self._onwards_mps
         onwards["onwards_j"] = self._extra_share * s["usable_j"]
         onwards["onwards_j"] += self.belief.estimator.vehicle.idle_w * onwards["onwards_s"]

@@ -35,10 +35,13 @@ class LapRule(BelievingRule):
         s = known.shared[0]
         # By the file: hidden variables only increase it, so that shortening the stop saves at least this. With docks
         # the mission goes on to the next one instead.
-        saved_s = max(float(s["pit_stop_s"] - (s["return_decisions"] - 1) * s["decision_s"]), 0.0)
-        saved_s *= s["dock_count"] == 0
-        self._stop_share = saved_s * float(ancillary_power(known.robot, 0.0) / s["usable_j"])
-        self._decision_share = float(s["decision_s"] * ancillary_power(known.robot, 0.0) / s["usable_j"])
+        saved_s = 0.0
+        if s["dock_count"] == 0:
+            until_final_s = (s["return_decisions"] - 1) * s["decision_s"]
+            saved_s = max(float(s["pit_stop_s"] - until_final_s), 0.0)
+        idle_w = ancillary_power(known.robot, 0.0)
+        self._stop_share = saved_s * float(idle_w / s["usable_j"])
+        self._decision_share = float(s["decision_s"] * idle_w / s["usable_j"])
         self._gauge_error = float((known.instruments.soc_variance + s["soc_error"] ** 2) ** 0.5)
         self._forget(0)
 
@@ -69,8 +72,10 @@ class LapRule(BelievingRule):
     def _forget(self, count: int) -> None:
         self.charges = np.zeros(count, np.bool_)
         self._laps = np.zeros((3, count))  # number, sum of their energy, and of its squares
-        self._first, self._back = np.zeros((2, count))  # energy of the first lap, and of the last way home
-        self._arrival, self._left = np.ones((2, count))  # energy on arrival at the last post, and at the home post
+        self._first = np.zeros(count)  # energy of the first lap
+        self._back = np.zeros(count)  # energy of the last way home
+        self._arrival = np.ones(count)  # energy on arrival at the last post
+        self._left = np.ones(count)  # energy on arrival at the home post
         self._away = np.zeros(count, np.bool_)  # whether the last post is the far one
         self._stood = np.zeros(count)  # energy of standing at a dock since the home post, beyond pit stops
         self._waited = np.zeros(count)  # pit stop in a decision, as a share of it
@@ -83,7 +88,8 @@ class LapRule(BelievingRule):
         self._arrival[begun] = 1.0
         self._left[begun] = 1.0
         self._away[begun] = False
-        self._stood = np.where(begun, 0.0, self._stood + self._decision_share * (1.0 - self._waited) * self.charges)
+        stood_now = self._decision_share * (1.0 - self._waited) * self.charges
+        self._stood = np.where(begun, 0.0, self._stood + stood_now)
         self._waited = np.minimum(feature(observations, "pit_stop"), 1.0)
         lap = self.cost_of_going_on(observations)
         self._first = np.where(begun, lap, self._first)
@@ -94,7 +100,8 @@ class LapRule(BelievingRule):
         is_first = comes_home & (self._left == 1.0)
         took = self._left - energy - self._stood
         self._first = np.where(is_first, took, self._first)
-        self._laps += np.where(comes_home & ~is_first, np.stack((np.ones(len(took)), took, took * took)), 0.0)
+        moments = np.stack((np.ones(len(took)), took, took * took))
+        self._laps += np.where(comes_home & ~is_first, moments, 0.0)
         self._back = np.where(comes_home, self._arrival - energy, self._back)
         self._arrival = np.where(comes_home | comes_far, energy, self._arrival)
         self._left = np.where(comes_home, energy, self._left)

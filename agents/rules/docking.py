@@ -49,7 +49,9 @@ class Docking:
     def __init__(self, known: Known, round_m: float, round_s: float) -> None:
         s = known.shared[0]
         docks = s["docks"][: int(s["dock_count"])]
-        self._known, self._round_m, self._round_s = known, round_m, round_s
+        self._known = known
+        self._round_m = round_m
+        self._round_s = round_s
         self._position_m = docks["position_m"]
         idle_w = float(ancillary_power(known.robot, 0.0))
         self._charge_w = docks["charger_w"] - idle_w
@@ -71,7 +73,8 @@ class Docking:
 
     def margin(self, observations: Observations, energies: Energies) -> NDArray[np.float64]:
         """Energy beyond going on and back to the last dock, or on to the next one, and the reserve, shape (n,)."""
-        home_cost, dock_cost = feature(observations, "home_cost"), feature(observations, "dock_cost")
+        home_cost = feature(observations, "home_cost")
+        dock_cost = feature(observations, "dock_cost")
         beyond = energies.home * (1.0 - dock_cost / np.maximum(home_cost, 1e-9))
         back = energies.margin + np.where(home_cost > 0.0, beyond, 0.0)
         outwards = feature(observations, "outbound") > 0.0
@@ -122,14 +125,20 @@ class Docking:
         observations: Observations,
         begun: NDArray[np.bool_],
         position_m: NDArray[np.float64],
-        least: NDArray[np.float64],
+        least_share: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
-        """Which batteries are full: in a decision at the dock they took less than `least`, shape (n,)."""
-        now = np.stack((feature(observations, "time"), feature(observations, "supplied"), position_m))
+        """Which batteries are full: in a decision at the dock they took less than `least_share`, shape (n,)."""
+        time = feature(observations, "time")
+        supplied = feature(observations, "supplied")
+        now = np.stack((time, supplied, position_m))
         if len(begun) != len(self._full):
-            self._last, self._full = now.copy(), np.zeros(len(begun), np.bool_)
-        later = now[0] > self._last[0]
-        took = now[1] - self._last[1] - self._idle_share
-        self._full = ~begun & np.where(later, (now[2] == self._last[2]) & (took < least), self._full)
+            self._last = now.copy()
+            self._full = np.zeros(len(begun), np.bool_)
+        last_time, last_supplied, last_position_m = self._last
+        later = time > last_time
+        took = supplied - last_supplied - self._idle_share
+        takes_little = (position_m == last_position_m) & (took < least_share)
+        # A repeated decision tells nothing new.
+        self._full = ~begun & np.where(later, takes_little, self._full)
         self._last = np.where(later | begun, now, self._last)
         return self._full

@@ -41,10 +41,12 @@ class Pace:
         """Actions of missions that go on, head home (`homebound`) or stop at a dock (`charges`), both shape (n,);
         shape (n, 3)."""
         s = known.shared[0]
-        worth = ~homebound & ~charges & (INTEREST_UNIT * feature(observations, "interest") >= self.interest)
+        interesting = INTEREST_UNIT * feature(observations, "interest") >= self.interest
+        worth = interesting & ~homebound & ~charges
         waits = worth & (feature(observations, "backlog") >= self.full)
         sensing_hz = np.where(worth & ~waits, self.rate * s["max_sensing_hz"], 0.0)
-        mode = np.where(charges | waits, STOP, np.where(homebound, RETURN, GO))
+        drives = np.where(homebound, RETURN, GO)
+        mode = np.where(charges | waits, STOP, drives)
         return encode_actions(known, s["cruise_mps"], sensing_hz, mode)
 
 

@@ -23,7 +23,8 @@ class RandomPolicy(Policy):
     """
 
     def __init__(self, action_space: spaces.Space[Any], rng: np.random.Generator) -> None:
-        self._space, self._rng = action_space, rng
+        self._space = action_space
+        self._rng = rng
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission, see `Policy.act`."""

@@ -54,7 +54,8 @@ class TurnBackRule(Policy):
     """Number of decisions for which going on is predicted: the next one, and another for unknown ground."""
 
     def __init__(self, known: Known, pace: Pace) -> None:
-        self._known, self._pace = known, pace
+        self._known = known
+        self._pace = pace
         self._turned = np.zeros(0, np.bool_)
         s = known.shared[0]
         self._shuttles = bool(s["shuttles"])
@@ -73,7 +74,9 @@ class TurnBackRule(Policy):
         self._extra_share = float(extra_j / s["usable_j"])
         self._round_s = float(2.0 * (outward_s + s["pit_stop_s"]))
         self._round_m = 2.0 * self._outward_m
-        self._docking = Docking(known, self._round_m, self._round_s) if s["dock_count"] else None
+        self._docking: Docking | None = None
+        if s["dock_count"]:
+            self._docking = Docking(known, self._round_m, self._round_s)
         self.charges = self._turned.copy()
         self.margin = np.zeros(0)
 
@@ -86,8 +89,10 @@ class TurnBackRule(Policy):
         s = self._known.shared[0]
         distance_m = feature(observations, "distance") * self._reach_m
         if len(begun) != len(self._turned):
-            self._turned, self.charges = np.zeros((2, len(begun)), np.bool_)
-        self._turned[begun] = self.charges[begun] = False
+            self._turned = np.zeros(len(begun), np.bool_)
+            self.charges = np.zeros(len(begun), np.bool_)
+        self._turned[begun] = False
+        self.charges[begun] = False
         self.margin = self.margin_above_reserve(observations, begun)
         must = self._late(observations, distance_m)
         if not self._shuttles:
@@ -101,7 +106,8 @@ class TurnBackRule(Policy):
         turns = (self.margin < 0.0) | must
         if self._sees_posts:
             turns &= self._may_turn(distance_m)
-        self._turned = self._turned | turns & ~self.charges | (feature(observations, "returning") >= 1.0)
+        final = feature(observations, "returning") >= 1.0
+        self._turned = self._turned | (turns & ~self.charges) | final
         return self._turned.copy()
 
     def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
@@ -122,17 +128,25 @@ class TurnBackRule(Policy):
     def energies(self, observations: Observations) -> Energies:
         """Energies of the last decision, for the docks."""
         spare = self.margin + self.cost_of_going_on(observations)
-        return Energies(self.margin, spare, feature(observations, "home_cost"), self.round_trip(observations))
+        return Energies(
+            margin=self.margin,
+            spare=spare,
+            home=feature(observations, "home_cost"),
+            round_trip=self.round_trip(observations),
+        )
 
     def round_trip(self, observations: Observations) -> NDArray[np.float64]:
         """Energy of a round at cruise by Eq. 7, with the consumption so far, a share of the usable energy."""
         sine = _mean_sine(observations)
-        by_file = 0.5 * self._round_m * (self._share_per_m(sine) + self._share_per_m(-sine)) + self._extra_share
+        out_and_back = self._share_per_m(sine) + self._share_per_m(-sine)
+        by_file = 0.5 * self._round_m * out_and_back + self._extra_share
         return (1.0 + feature(observations, "consumption")) * by_file
 
     def charged(self, observations: Observations) -> Any:
         """Energy that chargers have supplied so far, a share of the usable energy; 0 without docks."""
-        return 0.0 if self._docking is None else feature(observations, "charged")
+        if self._docking is None:
+            return 0.0
+        return feature(observations, "charged")
 
     def home_cost_on_average(self, observations: Observations) -> NDArray[np.float64]:
         """Energy to get home by Eq. 8 at the average grade, a share of the usable energy, shape (n,)."""
@@ -145,7 +159,8 @@ class TurnBackRule(Policy):
         The next chance is a decision or two away; on a patrol it is a lap with its pit stops.
         """
         sine = _mean_sine(observations)
-        return self._outward_m * (self._share_per_m(sine) + self._share_per_m(-sine)) + self._extra_share
+        out_and_back = self._share_per_m(sine) + self._share_per_m(-sine)
+        return self._outward_m * out_and_back + self._extra_share
 
     def _share_per_m(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.interp(sine, self._sines, self._shares_per_m)
@@ -153,7 +168,8 @@ class TurnBackRule(Policy):
     def _late(self, observations: Observations, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
-        return np.asarray(left_s < thresholds.HOME_TIME * (distance_m / s["cruise_mps"] + self._round_s))
+        needed_s = thresholds.HOME_TIME * (distance_m / s["cruise_mps"] + self._round_s)
+        return np.asarray(left_s < needed_s)
 
 
 class BelievingRule(TurnBackRule):
@@ -185,7 +201,12 @@ class BelievingRule(TurnBackRule):
     def energies(self, observations: Observations) -> Energies:
         """Energies of the last decision, see `TurnBackRule.energies`."""
         spare = self.margin + self.outlook.onwards
-        return Energies(self.margin, spare, self.outlook.home, self.round_trip(observations))
+        return Energies(
+            margin=self.margin,
+            spare=spare,
+            home=self.outlook.home,
+            round_trip=self.round_trip(observations),
+        )
 
     @abstractmethod
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:

@@ -30,7 +30,8 @@ class Wanderer(Policy):
     """Random speed, sensing rate and, in a tenth of decisions, a stop; it never turns back."""
 
     def __init__(self, known: Known, rng: np.random.Generator) -> None:
-        self._known, self._rng = known, rng
+        self._known = known
+        self._rng = rng
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission, see `Policy.act`."""

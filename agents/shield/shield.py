@@ -34,7 +34,9 @@ class Shield(Policy):
     """
 
     def __init__(self, policy: Policy, known: Known, risk: float = thresholds.RISK) -> None:
-        self._policy, self._known, self._risk = policy, known, risk
+        self._policy = policy
+        self._known = known
+        self._risk = risk
         self._belief = Belief(known, estimation_thresholds.MISSED)
         self._safe_action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, RETURN)[0]
         self._home_mps = float(decode_actions(known, self._safe_action[None]).speed_mps[0])
@@ -48,14 +50,20 @@ class Shield(Policy):
             self._overruled = np.zeros(len(begun), np.bool_)
         self._overruled[begun] = False
         returning = feature(observations, "returning") >= 1.0
-        wanted = decode_actions(self._known, actions)
-        wanted = Commands(wanted.speed_mps, wanted.sensing_hz, np.where(returning, RETURN, wanted.mode))
+        decoded = decode_actions(self._known, actions)
+        wanted = Commands(
+            speed_mps=decoded.speed_mps,
+            sensing_hz=decoded.sensing_hz,
+            mode=np.where(returning, RETURN, decoded.mode),
+        )
         unsafe = self._margin_j(observations, wanted) < 0.0
         # The shield's own action needs no check.
         unsafe &= ~(wanted.returns & (wanted.driven_mps == self._home_mps) & (wanted.sensing_hz == 0.0))
         self._overruled |= unsafe & ~returning
-        actions[self._belief.looks_back(observations) & ~returning & ~wanted.returns] = self._belief.back_action
-        actions[unsafe | self._overruled | self._late(observations, wanted)] = self._safe_action
+        excites = self._belief.looks_back(observations) & ~returning & ~wanted.returns
+        actions[excites] = self._belief.back_action
+        heads_home = unsafe | self._overruled | self._late(observations, wanted)
+        actions[heads_home] = self._safe_action
         return actions
 
     def _margin_j(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
@@ -66,17 +74,21 @@ class Shield(Policy):
         stands_s = np.minimum(pit_stop_s, s["decision_s"])
         way_m = wanted.driven_mps * (s["decision_s"] - stands_s)
         inwards = wanted.returns | (feature(observations, "outbound") < 0.0)
-        ends_m = np.where(inwards, np.maximum(position_m - way_m, 0.0), np.minimum(position_m + way_m, s["length_m"]))
+        ends_inwards_m = np.maximum(position_m - way_m, 0.0)
+        ends_outwards_m = np.minimum(position_m + way_m, s["length_m"])
+        ends_m = np.where(inwards, ends_inwards_m, ends_outwards_m)
         comes_to_post = (way_m > 0.0) & ((ends_m <= 0.0) | (ends_m >= s["length_m"]))
         asked_s = self._asked_s(observations, wanted)
         # A pit stop continues until the return is final, and a robot that is home before waits there.
-        waits_s = np.minimum(np.where(comes_to_post, s["pit_stop_s"], pit_stop_s - stands_s), asked_s)
+        stop_left_s = np.where(comes_to_post, s["pit_stop_s"], pit_stop_s - stands_s)
+        waits_s = np.minimum(stop_left_s, asked_s)
         waits_s += np.maximum(asked_s - waits_s - ends_m / self._home_mps, 0.0)
         arrives = wanted.returns & (ends_m <= 0.0) & (wanted.driven_mps > 0.0) & (asked_s == 0.0)
         plans = self._belief.plans(observations, self._home_mps)
         plans["onwards_m"] = ends_m - position_m
         plans["speed_mps"] = np.where(way_m > 0.0, wanted.driven_mps, self._home_mps)
-        plans["onwards_s"] = np.where(arrives, position_m / np.maximum(wanted.driven_mps, 1e-9), s["decision_s"])
+        arrives_after_s = position_m / np.maximum(wanted.driven_mps, 1e-9)
+        plans["onwards_s"] = np.where(arrives, arrives_after_s, s["decision_s"])
         plans["onwards_j"] = ancillary_power(self._known.robot, wanted.sensing_hz) * plans["onwards_s"]
         plans["onwards_j"] += self._belief.estimator.vehicle.idle_w * waits_s
         plans["onwards_s"] += waits_s
@@ -97,5 +109,6 @@ class Shield(Policy):
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         position_m = feature(observations, "distance") * s["reach_m"]
         ends_m = np.where(wanted.returns, position_m, position_m + wanted.driven_mps * s["decision_s"])
-        reserve_s = max(thresholds.SPARE_DECISIONS, float(s["return_decisions"])) * s["decision_s"] + s["pit_stop_s"]
+        reserve_decisions = max(thresholds.SPARE_DECISIONS, float(s["return_decisions"]))
+        reserve_s = reserve_decisions * s["decision_s"] + s["pit_stop_s"]
         return np.asarray(left_s < ends_m / self._home_mps + reserve_s)

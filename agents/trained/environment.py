@@ -11,12 +11,12 @@ from homeward.envs import IDS
 from homeward.envs.options import Known, Options, known_of
 
 
-def options_of(policy: NetworkPolicy, **other: Any) -> Options:
+def options_of(policy: NetworkPolicy, **keywords: Any) -> Options:
     """Keywords of the environment of a policy's training.
 
     Args:
         policy: The policy.
-        **other: Keywords to use instead of those of the training.
+        **keywords: Keywords to use instead of those of the training.
 
     Raises:
         PolicyFileError: The description lacks it.
@@ -29,8 +29,8 @@ def options_of(policy: NetworkPolicy, **other: Any) -> Options:
             "policy.json does not say which environment the policy was trained in: train it with `homeward train`"
         )
     names = {field.name for field in dataclasses.fields(Options)} - {"mission"}
-    keywords = {name: value for name, value in training.items() if name in names}
-    return Options(missions[training["env"]], **keywords | other)
+    of_training = {name: value for name, value in training.items() if name in names}
+    return Options(missions[training["env"]], **of_training | keywords)
 
 
 def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options, Known]:
@@ -44,10 +44,14 @@ def setting_of(policy: NetworkPolicy, robot: str | None = None) -> tuple[Options
         PolicyFileError: The description lacks it, or the robot is not that of the training.
         OptionError, RobotError, RouteError: Its content is invalid.
     """
-    options = options_of(policy, **({} if robot is None else {"robot": robot}))
+    keywords = {}
+    if robot is not None:
+        keywords["robot"] = robot
+    options = options_of(policy, **keywords)
     known = known_of(options)
     made_with = policy.description.get("made_with")
-    if isinstance(made_with, dict) and made_with.get("robot", robot_hash(known)) != robot_hash(known):
+    own_hash = robot_hash(known)
+    if isinstance(made_with, dict) and made_with.get("robot", own_hash) != own_hash:
         raise PolicyFileError(
             f"robot {str(options.robot)!r} has other parameters than that of the policy's training: "
             "give the file of that one with --robot, or train again"

@@ -73,10 +73,14 @@ _RETURN_BY_RULE = 10.0
 _AGAIN_BY_RULE = 12.0
 """The same if the first policy is the rule; `_RETURN_BY_RULE` is the weight of the negated spare energy. Chosen:
 greater, so that the rule is followed."""
-_SENSE, _WORTH = 2.5, 4.0
-"""On surveys by the rule: weight of the rule's sensing rate, and of no sensing by `worth`. Chosen, as is the next: the
+_SENSE = 2.5
+_WORTH = 4.0
+"""On surveys by the rule: weight of the rule's sensing rate, and of no sensing by `worth`. Chosen, as are the next: the
 first policy then senses and stops where the rules do."""
-_STOP_ON_SURVEYS = (-4.0, 4.0, 5.0, -20.0)
+_STOP_ON_SURVEYS = -4.0
+_STOP_BY_FULL = 4.0
+_STOP_BY_TO_SEND = 5.0
+_STOP_RETURNING = -20.0
 """Weights of a stop for the radio: constant, by `full`, by `to_send` and on the way home."""
 _ANY = 1e-6  # keeps divisors above 0; chosen
 
@@ -90,13 +94,15 @@ class BeliefInputs:
     """
 
     def __init__(self, known: Known, deviations: float) -> None:
-        self._known, self._deviations = known, deviations
+        self._known = known
+        self._deviations = deviations
         # By the file, with nothing sensed.
         self._rule = MappedDmaxRule(known, NO_SENSING, 0.0)
         self._belief = Belief(known, thresholds.MISSED)
         s = known.shared[0]
         idle_w = float(ancillary_power(known.robot, 0.0))
-        self._shuttles, self._sees_posts = bool(s["shuttles"]), sees_posts(known)
+        self._shuttles = bool(s["shuttles"])
+        self._sees_posts = sees_posts(known)
         self._pace = pace_of(known.mission)
         self._sent = float(s["radio_hz"] * s["decision_s"] / s["backlog_limit"])  # of the memory, at base
         sensing_w = float(ancillary_power(known.robot, self._pace.rate * s["max_sensing_hz"])) - idle_w
@@ -149,35 +155,40 @@ class BeliefInputs:
         return np.where(ends, -1.0, margin)
 
     def _believed(self, observations: Observations, going: NDArray[np.bool_]) -> NDArray[np.float64]:
-        s, belief = self._known.shared[0], self._belief
+        s = self._known.shared[0]
+        belief = self._belief
         plans = belief.plans(observations)
         modelled = plans["home_cost_j"] / s["usable_j"]
         plans["home_cost_j"][~going] = np.nan
         for name, value in self._onwards.items():
             plans[name] = value
         total = belief.margin(plans, 0.0).total
-        margin, deviation = total["margin_j"] / s["usable_j"], total["margin_sd_j"] / s["usable_j"]
+        margin = total["margin_j"] / s["usable_j"]
+        deviation = total["margin_sd_j"] / s["usable_j"]
         way = total["cost_j"] / s["usable_j"]
         mean = belief.estimator.mean()
         ratios = mean[:, [ROLLING, WEIGHT, GAIN]] * mean[:, [PER_CAPACITY]] - 1.0
         headwind_mps = (mean[:, EAST] + mean[:, GUST_EAST]) * feature(observations, "east")
         headwind_mps += (mean[:, NORTH] + mean[:, GUST_NORTH]) * feature(observations, "north")
-        threshold = max(self._pace.interest, _ANY)
+        above_reserve = self._margin(observations, margin - self._deviations * deviation)
+        by_file = modelled + self._rule.cost_of_going_on(observations)
+        backlog = feature(observations, "backlog")
         sent = np.maximum(self._sent * feature(observations, "link"), _ANY)
+        threshold = max(self._pace.interest, _ANY)
+        interest = np.maximum(INTEREST_UNIT * feature(observations, "interest"), _ANY)
+        # In the order of `COLUMNS`.
         columns = (
-            np.clip(30.0 * self._margin(observations, margin - self._deviations * deviation), -1.0, 1.0),
+            np.clip(30.0 * above_reserve, -1.0, 1.0),
             margin,
             *(np.clip(gain * margin, -1.0, 1.0) for gain in GAINS),
             20.0 * deviation,
             np.clip(0.25 * margin / np.maximum(deviation, 1e-6), -1.0, 2.0),
-            np.clip(way / (modelled + self._rule.cost_of_going_on(observations)) - 1.0, -1.0, 1.0),
+            np.clip(way / by_file - 1.0, -1.0, 1.0),
             *ratios.T,
             0.1 * headwind_mps,
-            np.clip(100.0 * (feature(observations, "backlog") - self._pace.full), -1.0, 1.0),
-            np.minimum(feature(observations, "backlog") / sent - 1.0, 1.0),
-            np.clip(
-                3.0 * np.log(np.maximum(INTEREST_UNIT * feature(observations, "interest"), _ANY) / threshold), -1.0, 1.0
-            ),
+            np.clip(100.0 * (backlog - self._pace.full), -1.0, 1.0),
+            np.minimum(backlog / sent - 1.0, 1.0),
+            np.clip(3.0 * np.log(interest / threshold), -1.0, 1.0),
             belief.looks_back(observations),
         )
         return np.stack(columns, axis=1)
@@ -236,9 +247,12 @@ def first_policy(known: Known, inputs: BeliefInputs | None) -> tuple[NDArray[np.
         known: Constants of the environment.
         inputs: Inputs of the policy; only the observation if None.
     """
-    columns = len(NAMES) + len(_docks_of(known)) + (0 if inputs is None else len(COLUMNS))
+    columns = len(NAMES) + len(_docks_of(known))
+    if inputs is not None:
+        columns += len(COLUMNS)
+    survey = pace_of(known.mission).rate > 0.0
     build = _discrete if known.shared["discrete"][0] else _continuous
-    weight, bias = build(known, columns, pace_of(known.mission).rate > 0.0, inputs is not None)
+    weight, bias = build(known, columns, survey, by_rule=inputs is not None)
     return weight.astype(np.float32), bias.astype(np.float32)
 
 
@@ -248,34 +262,45 @@ def _column(name: str) -> int:
 
 
 def _discrete(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[NDArray[Any], NDArray[Any]]:
-    weight, bias = np.zeros((2 * LEVELS + len(MODES), columns)), np.zeros(2 * LEVELS + len(MODES))
+    outputs = 2 * LEVELS + len(MODES)
+    weight = np.zeros((outputs, columns))
+    bias = np.zeros(outputs)
     cruise = int(encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, 0])
     stop = 2 * LEVELS + STOP
     go = 2 * LEVELS + GO
     back = 2 * LEVELS + RETURN
+    no_sensing = LEVELS
     returning = INDEX["returning"]
     if not by_rule:
-        bias[cruise], bias[LEVELS] = _CRUISE, _NO_SENSING_ON_SURVEYS if survey else _NO_SENSING
+        bias[cruise] = _CRUISE
+        bias[no_sensing] = _NO_SENSING
+        if survey:
+            bias[no_sensing] = _NO_SENSING_ON_SURVEYS
         bias[stop] = _STOP
         bias[go] = _GO
         bias[back] = _RETURN
         weight[back, returning] = _AGAIN
         return weight, bias
-    bias[cruise], bias[LEVELS], bias[stop] = _CRUISE_BY_RULE, _NO_SENSING_BY_RULE, _STOP_BY_RULE
-    weight[back, _SPARE], weight[back, returning] = -_RETURN_BY_RULE, _AGAIN_BY_RULE
+    bias[cruise] = _CRUISE_BY_RULE
+    bias[no_sensing] = _NO_SENSING_BY_RULE
+    bias[stop] = _STOP_BY_RULE
+    weight[back, _SPARE] = -_RETURN_BY_RULE
+    weight[back, returning] = _AGAIN_BY_RULE
     if survey:
-        none, sense = LEVELS, LEVELS + round((LEVELS - 1) * pace_of(known.mission).rate)
-        bias[none] = bias[sense] = _SENSE
-        full = _column("full")
-        to_send = _column("to_send")
-        worth = _column("worth")
-        weight[none, worth] = -_WORTH
-        bias[stop], weight[stop, full], weight[stop, to_send], weight[stop, returning] = _STOP_ON_SURVEYS
+        sense = LEVELS + round((LEVELS - 1) * pace_of(known.mission).rate)
+        bias[no_sensing] = _SENSE
+        bias[sense] = _SENSE
+        weight[no_sensing, _column("worth")] = -_WORTH
+        bias[stop] = _STOP_ON_SURVEYS
+        weight[stop, _column("full")] = _STOP_BY_FULL
+        weight[stop, _column("to_send")] = _STOP_BY_TO_SEND
+        weight[stop, returning] = _STOP_RETURNING
     return weight, bias
 
 
 def _continuous(known: Known, columns: int, survey: bool, by_rule: bool) -> tuple[NDArray[Any], NDArray[Any]]:
-    weight, bias = np.zeros((3, columns)), np.zeros(3)
+    weight = np.zeros((3, columns))
+    bias = np.zeros(3)
     bias[:2] = encode_actions(known, float(known.shared["cruise_mps"][0]), 0.0, GO)[0, :2]
     if by_rule:
         # Each mode has a third of [-1, 1]: stop, go and return.

@@ -79,7 +79,8 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known, rng: Genera
     size = np.array([quantity.size for quantity in columns], np.float32)
     zero = np.array([quantity.zero for quantity in columns], np.float32)
     physical = zero + size * rng.uniform(-1.5, 1.5, (_CHECKED, len(columns))).astype(np.float32)
-    feed, seen = {INPUT: physical}, (physical - zero) / size
+    feed = {INPUT: physical}
+    seen = (physical - zero) / size
     if sees_beliefs(policy):
         feed[BELIEF] = rng.uniform(-1.0, 1.0, (_CHECKED, len(COLUMNS))).astype(np.float32)
         seen = np.concatenate((seen, feed[BELIEF]), axis=1)
@@ -90,7 +91,8 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known, rng: Genera
     outputs = policy.outputs(seen)
     actions = policy.choose(outputs)
     (_, fastest_mps), (_, most_hz) = limits(known)
-    wrong = np.abs(commands - decode(actions, known)) > thresholds.SAME_OUTPUT * np.array([fastest_mps, most_hz, 1.0])
+    largest = np.array([fastest_mps, most_hz, 1.0])
+    wrong = np.abs(commands - decode(actions, known)) > thresholds.SAME_OUTPUT * largest
     wrong &= ~_undecided(policy, outputs, actions)
     if wrong.any():
         row, part = np.argwhere(wrong)[0]

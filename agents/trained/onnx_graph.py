@@ -25,7 +25,8 @@ from homeward.envs.state import GO
 
 _SENSING_IF_IT_GOES = "sensing_if_it_goes"
 _ELSEWHERE = ("robot", "true_robot", "docks")  # in a text of its own, hidden from a robot, and none in what is exported
-_OPSET, _IR_VERSION = 17, 8
+_OPSET = 17
+_IR_VERSION = 8
 """Opset of 2022, so that the runtimes of older robots read the file."""
 
 
@@ -163,23 +164,24 @@ def _decode_levels(graph: _Graph, values: str, known: Known) -> None:
     """The most likely level of each part, as a command."""
     starts = np.cumsum([0, LEVELS, LEVELS, len(MODES)])
     for part, output in enumerate(OUTPUTS):
-        ends = (
-            graph.constant(f"{output}_{name}", [starts[part + shift]], np.int64)
-            for shift, name in enumerate(("from", "to"))
-        )
-        scores = graph.apply("Slice", values, *ends, graph.constant(f"{output}_axis", [1], np.int64))
+        start = graph.constant(f"{output}_from", [starts[part]], np.int64)
+        end = graph.constant(f"{output}_to", [starts[part + 1]], np.int64)
+        axis = graph.constant(f"{output}_axis", [1], np.int64)
+        scores = graph.apply("Slice", values, start, end, axis)
         if output == "mode":
             graph.apply("ArgMax", scores, axis=1, keepdims=0, into=output)
         else:
             level = graph.apply("ArgMax", scores, axis=1, keepdims=0)
-            commands = graph.constant(f"{output}_levels", at_level(np.arange(LEVELS), *_limits(known)[output]))
+            low, high = _limits(known)[output]
+            commands = graph.constant(f"{output}_levels", at_level(np.arange(LEVELS), low, high))
             graph.apply("Gather", commands, level, into=_before_mode(output))
 
 
 def _decode_box(graph: _Graph, values: str, known: Known) -> None:
     """The mean action, clipped to the box, as a command."""
     unit = graph.constant("one", 1.0)
-    shares = graph.apply("Add", graph.apply("Clip", values, graph.constant("minus_one", -1.0), unit), unit)  # 0 to 2
+    clipped = graph.apply("Clip", values, graph.constant("minus_one", -1.0), unit)
+    shares = graph.apply("Add", clipped, unit)  # 0 to 2
     for part, output in enumerate(OUTPUTS):
         share = graph.apply("Gather", shares, graph.constant(f"{output}_column", part, np.int64), axis=1)
         if output == "mode":
@@ -193,35 +195,42 @@ def _decode_box(graph: _Graph, values: str, known: Known) -> None:
 
 
 def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str, str]:
-    beliefs = sees_beliefs(policy)
+    inputs: dict[str, Any] = {INPUT: [dataclasses.asdict(quantity) for quantity in quantities(known)]}
+    if sees_beliefs(policy):
+        inputs[BELIEF] = [{"name": name, "meaning": meaning} for name, meaning in COLUMNS]
+    outputs = {
+        name: f"command until the next decision, {low:g} to {high:g}" for name, (low, high) in _limits(known).items()
+    }
+    modes = ", ".join(f"{index} {mode}" for index, mode in enumerate(MODES))
+    outputs["mode"] = f"{modes}; a return is final: once begun, go on home whatever is output later"
     described = {
         "env": IDS[options.mission],
         "robot": known.robot.name,
         "difficulty": options.difficulty,
         "decision_s": float(known.shared["decision_s"][0]),
-        "inputs": {
-            INPUT: [dataclasses.asdict(quantity) for quantity in quantities(known)],
-            **({BELIEF: [{"name": name, "meaning": meaning} for name, meaning in COLUMNS]} if beliefs else {}),
-        },
-        "outputs": {
-            **{
-                name: f"command until the next decision, {low:g} to {high:g}"
-                for name, (low, high) in _limits(known).items()
-            },
-            "mode": f"{', '.join(f'{index} {mode}' for index, mode in enumerate(MODES))}; "
-            "a return is final: once begun, go on home whatever is output later",
-        },
+        "inputs": inputs,
+        "outputs": outputs,
         "weights_sha256": policy.description.get("weights_sha256"),
         # From these `homeward.agents.trained.onnx_policy.load_onnx` makes the policy and its inputs.
         "setting": {name: _plain(value) for name, value in vars(options).items() if name not in _ELSEWHERE},
         "robot_file": known.robot.to_toml(),
-        **({"beliefs": policy.description["inputs"]} if beliefs else {}),
     }
-    return {name: value if isinstance(value, str) else json.dumps(value) for name, value in described.items()}
+    if sees_beliefs(policy):
+        described["beliefs"] = policy.description["inputs"]
+    return {name: _text(value) for name, value in described.items()}
+
+
+def _text(value: Any) -> str:
+    """A text as it is, and all else as JSON: metadata are texts."""
+    if isinstance(value, str):
+        return value
+    return json.dumps(value)
 
 
 def _plain(value: Any) -> Any:
-    return value if value is None or isinstance(value, str | float | int) else str(value)
+    if value is None or isinstance(value, str | float | int):
+        return value
+    return str(value)
 
 
 def decode(actions: NDArray[Any], known: Known) -> NDArray[np.float64]:

@@ -68,12 +68,12 @@ class OnnxPolicy(Policy):
         return encode_actions(self._trained, *self._session.run(list(OUTPUTS), feed))
 
 
-def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
+def load_onnx(path: str | Path, **keywords: Any) -> tuple[OnnxPolicy, Known]:
     """Read a file that `homeward.agents.trained.onnx_export` wrote: the policy and its environment.
 
     Args:
         path: Path of the file.
-        **other: Keywords of the environment to use instead of those of the training, such as `robot` or `route`.
+        **keywords: Keywords of the environment to use instead of those of the training, such as `robot` or `route`.
 
     Raises:
         PolicyFileError: The file cannot be read, or was not written by this version, or onnxruntime is not installed.
@@ -82,12 +82,16 @@ def load_onnx(path: str | Path, **other: Any) -> tuple[OnnxPolicy, Known]:
     session = _open(Path(path))
     metadata = session.get_modelmeta().custom_metadata_map
     try:
-        columns, setting = json.loads(metadata["inputs"])[INPUT], json.loads(metadata["setting"])
+        columns = json.loads(metadata["inputs"])[INPUT]
+        setting = json.loads(metadata["setting"])
         if [column["name"] for column in columns] != list(NAMES):
             raise PolicyFileError(f"{path} needs other features than this version has: export it again")
         setting["robot"] = _robot(metadata["robot_file"])
-        trained, known = known_of(Options(**setting)), known_of(Options(**setting | other))
-        inputs = inputs_from(json.loads(metadata["beliefs"]), known) if "beliefs" in metadata else None
+        trained = known_of(Options(**setting))
+        known = known_of(Options(**setting | keywords))
+        inputs = None
+        if "beliefs" in metadata:
+            inputs = inputs_from(json.loads(metadata["beliefs"]), known)
         size = np.array([number(column["size"]) for column in columns])
         zero = np.array([number(column["zero"]) for column in columns])
     except (PolicyFileError, OptionError, RobotError, RouteError):

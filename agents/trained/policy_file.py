@@ -23,7 +23,8 @@ from homeward.envs.options import Known
 from homeward.envs.state import GO
 from homeward.files import read_bytes, read_json, write_whole
 
-WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
+WEIGHTS = "policy.safetensors"
+DESCRIPTION = "policy.json"
 SCHEMA = 2
 """Version of the format of policy.json; one of another schema is refused."""
 MOST_BYTES = 100_000_000
@@ -116,13 +117,16 @@ class NetworkPolicy(Policy):
 
     def choose(self, outputs: NDArray[np.float32]) -> NDArray[Any]:
         """The most likely action by the outputs of the last layer, or the mean one."""
+        actions: NDArray[Any]
         if isinstance(self.action_space, spaces.Box):
-            clipped: NDArray[np.float32] = np.clip(outputs, self.action_space.low, self.action_space.high)
-            return sensing_on_the_go(clipped) if self.senses_on_the_go else clipped
-        assert isinstance(self.action_space, spaces.MultiDiscrete)
-        parts = np.split(outputs, np.cumsum(self.action_space.nvec)[:-1], axis=1)
-        actions = np.stack([part.argmax(axis=1) for part in parts], axis=1)
-        return sensing_on_the_go(actions) if self.senses_on_the_go else actions
+            actions = np.clip(outputs, self.action_space.low, self.action_space.high)
+        else:
+            assert isinstance(self.action_space, spaces.MultiDiscrete)
+            parts = np.split(outputs, np.cumsum(self.action_space.nvec)[:-1], axis=1)
+            actions = np.stack([part.argmax(axis=1) for part in parts], axis=1)
+        if self.senses_on_the_go:
+            return sensing_on_the_go(actions)
+        return actions
 
     def check_spaces(self, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:
         """Check that the policy fits an environment.
@@ -163,20 +167,22 @@ def save_policy(
     Raises:
         OSError: The folder cannot be written to.
     """
-    folder, tensors = Path(folder), {}
+    folder = Path(folder)
+    tensors: dict[str, NDArray[np.float32]] = {}
     for index, (weight, bias) in enumerate(layers):
         tensors[f"layers.{index}.weight"] = np.ascontiguousarray(weight, np.float32)
         tensors[f"layers.{index}.bias"] = np.ascontiguousarray(bias, np.float32)
     weights = save(tensors)
-    description = {
+    description: dict[str, Any] = {
         "schema": SCHEMA,
         "observation_space": {"type": "Box", "features": list(features)},
         "action_space": _describe(action_space),
         "network": {"layers": len(layers), "activation": "tanh"},
         "weights_sha256": hashlib.sha256(weights).hexdigest(),
-        **({} if inputs is None else {"inputs": inputs.description}),
-        **details,
     }
+    if inputs is not None:
+        description["inputs"] = inputs.description
+    description |= details
     write_whole(folder / WEIGHTS, weights)
     write_whole(folder / DESCRIPTION, json.dumps(description, indent=2) + "\n")
 
@@ -192,7 +198,9 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
         PolicyFileError: A file is missing, truncated, or not a policy of this version of the observations.
     """
     path = Path(path)
-    folder = path.parent if path.name in (WEIGHTS, DESCRIPTION) else path
+    folder = path
+    if path.name in (WEIGHTS, DESCRIPTION):
+        folder = path.parent
     description = _read_description(folder / DESCRIPTION)
     weights = _read(folder / WEIGHTS)
     if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
@@ -209,7 +217,9 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
         )
     except (KeyError, TypeError, ValueError, OverflowError, AssertionError) as error:
         raise PolicyFileError(f"{folder / DESCRIPTION} does not describe {WEIGHTS}: {error!r}") from None
-    width = len(description["observation_space"]["features"]) + len(COLUMNS) * ("inputs" in description)
+    width = len(description["observation_space"]["features"])
+    if "inputs" in description:
+        width += len(COLUMNS)
     _check_layers(folder / WEIGHTS, layers, action_space, width)
     inputs = None
     if "inputs" in description and known is not None:
@@ -283,11 +293,11 @@ def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Spac
         outputs = int(action_space.nvec.sum())
     else:
         outputs = int(np.prod(action_space.shape or ()))
-    widths = [inputs, *(len(bias) if bias.ndim == 1 else -1 for _, bias in layers)]
+    widths = [inputs, *(_width(bias) for _, bias in layers)]
     if len(layers) > 1:
         widths[-2] += inputs  # before the last layer
-    for index, (weight, bias) in enumerate(layers):
-        if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (len(bias), widths[index]):
+    for width, (weight, bias) in zip(widths[:-1], layers, strict=True):
+        if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (len(bias), width):
             raise PolicyFileError(
                 f"{path}: a layer of shape {weight.shape} and {bias.shape} does not fit the one before"
             )
@@ -295,3 +305,10 @@ def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Spac
             raise PolicyFileError(f"{path}: a weight is not a finite number")
     if widths[-1] != outputs or len(layers) == 0:
         raise PolicyFileError(f"{path}: {len(layers)} layers with {widths[-1]} outputs do not fit {action_space}")
+
+
+def _width(bias: NDArray[np.float32]) -> int:
+    """Outputs of a layer; -1, which fits nothing, if its bias is no vector."""
+    if bias.ndim == 1:
+        return len(bias)
+    return -1

@@ -52,8 +52,9 @@ def robot_hash(known: Known) -> str:
     A battery of constant voltage is left out: robots had no other when the first policies were trained. So is the
     motors' current at rest, which no environment uses.
     """
-    battery = ("chemistry", "cells_in_series", "open_circuit_v") if known.robot.curve.mean_v == 0.0 else ()
-    left_out = ("name", "description", "uncertainty", "rest_current_a", *battery)
+    left_out = ["name", "description", "uncertainty", "rest_current_a"]
+    if known.robot.curve.mean_v == 0.0:
+        left_out += ["chemistry", "cells_in_series", "open_circuit_v"]
     values = {
         field.name: getattr(known.robot, field.name)
         for field in dataclasses.fields(known.robot)
@@ -80,30 +81,51 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
         options: Options of the environment.
         known: Its constants.
     """
-    training, code = _mapping(description.get("training")), _mapping(description.get("made_with"))
-    here: dict[str, Any] = {"env": env, **vars(options), "docks": text_of(options.docks)}
+    training = dict(_mapping(description.get("training")))
     if "docks" in training:
-        training = {**training, "docks": _docks(training["docks"])}
-    different = [name for name in _COMPARED if name in training and str(training[name]) != str(here[name])]
-    # By their contents: a file may have changed, or moved.
-    for name, numbers in (("robot", robot_hash(known)), ("instruments", _instruments_hash(known))):
-        if name in code:
-            different = [option for option in different if option != name]
-            different += [name] if code[name] != numbers else []
-    if _weather(training.get("weather"), training.get("difficulty")) == _weather(options.weather, options.difficulty):
-        different = [name for name in different if name != "weather"]
-    if "difficulty" in different:  # which the others follow from where they are left to the default
-        left = {name for name in ("instruments", "weather") if training.get(name) is None and here[name] is None}
-        different = [name for name in different if name not in left]
+        training["docks"] = _docks(training["docks"])
+    present: dict[str, Any] = {"env": env, **vars(options), "docks": text_of(options.docks)}
+    hashes = _mapping(description.get("made_with"))
+    different = _different(training, present, hashes, known)
     sentences = [
-        f"{name} {_said(here[name])} (trained with {_trained_with(training, name, here)})" for name in different
+        f"{name} {_said(present[name])} (trained with {_trained_with(training, name, present)})" for name in different
     ]
-    decision_s, trained_s = float(known.shared["decision_s"][0]), description.get("decision_s", 0.0)
+    decision_s = float(known.shared["decision_s"][0])
+    trained_s = description.get("decision_s", 0.0)
     # Where both are left to the default, it follows from the robot.
-    chosen = training.get("decision_s") is not None or options.decision_s is not None or "robot" not in different
-    if trained_s and chosen and trained_s != decision_s:
+    by_default = training.get("decision_s") is None and options.decision_s is None
+    follows = by_default and "robot" in different
+    if trained_s and not follows and trained_s != decision_s:
         sentences.append(f"decision_s {decision_s:g} (trained with {trained_s:g})")
     return sentences
+
+
+def _different(
+    training: Mapping[str, Any], present: Mapping[str, Any], hashes: Mapping[str, Any], known: Known
+) -> list[str]:
+    """Names of the options in which an environment differs from that of the training.
+
+    Args:
+        training: Options of the training; missing ones are ignored.
+        present: Those of the environment.
+        hashes: Hashes of the training's files.
+        known: Constants of the environment.
+    """
+    different = [name for name in _COMPARED if name in training and str(training[name]) != str(present[name])]
+    # By their contents: a file may have changed, or moved.
+    for name, present_hash in (("robot", robot_hash(known)), ("instruments", _instruments_hash(known))):
+        if name in hashes:
+            different = [option for option in different if option != name]
+            if hashes[name] != present_hash:
+                different.append(name)
+    if _weather_changes(training) == _weather_changes(present):
+        different = [name for name in different if name != "weather"]
+    if "difficulty" in different:  # which the others follow from where they are left to the default
+        by_default = {
+            name for name in ("instruments", "weather") if training.get(name) is None and present[name] is None
+        }
+        different = [name for name in different if name not in by_default]
+    return different
 
 
 def _docks(value: Any) -> str:
@@ -114,23 +136,29 @@ def _docks(value: Any) -> str:
         return str(value)
 
 
-def _trained_with(training: Mapping[str, Any], name: str, here: Mapping[str, Any]) -> str:
+def _trained_with(training: Mapping[str, Any], name: str, present: Mapping[str, Any]) -> str:
     trained = training.get(name)
-    return "other numbers" if str(trained) == str(here[name]) else _said(trained)
+    if str(trained) == str(present[name]):
+        return "other numbers"
+    return _said(trained)
 
 
 def _said(value: Any) -> str:
-    return "the difficulty's" if value is None else str(value)
+    if value is None:
+        return "the difficulty's"
+    return str(value)
 
 
-def _weather(weather: Any, difficulty: Any) -> bool:
-    """Whether the weather changes."""
-    preset = DIFFICULTY.get(str(difficulty))
-    return weather != "still" and (preset is None or preset.weather_changes)
+def _weather_changes(options: Mapping[str, Any]) -> bool:
+    """Whether the weather changes in an environment of these options."""
+    preset = DIFFICULTY.get(str(options.get("difficulty")))
+    return options.get("weather") != "still" and (preset is None or preset.weather_changes)
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}
+    if isinstance(value, Mapping):
+        return value
+    return {}
 
 
 @functools.cache

@@ -15,13 +15,18 @@ from filelock import FileLock, Timeout
 from homeward.agents.trained.policy_file import DESCRIPTION, WEIGHTS
 from homeward.files import read_json, write_whole
 
-RUN, LOCK, CURVE = "run.json", "run.lock", "curve.csv"
-TENSORBOARD, WANDB = "tensorboard", "wandb"
-FIRST, LAST = "first", "last"
+RUN = "run.json"
+LOCK = "run.lock"
+CURVE = "curve.csv"
+TENSORBOARD = "tensorboard"
+WANDB = "wandb"
+FIRST = "first"
+LAST = "last"
 """Subfolders of the policies at the beginning and the end of training."""
 CURVE_POLICIES = "curve"
 """Subfolder of the policies at the points of the learning curve, each in a folder named by its steps."""
-CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
+CHECKPOINT = "checkpoint.safetensors"
+PREVIOUS = "checkpoint.previous.safetensors"
 
 
 class TrainingError(ValueError):
@@ -117,8 +122,10 @@ def _go_on(folder: Path, stored: dict[str, Any], steps: int, resume: bool) -> Ru
     if steps_of_policy == steps:
         return RunState.FINISHED
     if not resume:
-        held_run = "this run unfinished" if steps_of_policy is None else f"this run, of {steps_of_policy} steps"
-        raise TrainingError(f"{folder} holds {held_run}: continue it with --resume, or choose another --out")
+        run = f"this run, of {steps_of_policy} steps"
+        if steps_of_policy is None:
+            run = "this run unfinished"
+        raise TrainingError(f"{folder} holds {run}: continue it with --resume, or choose another --out")
     goal = stored["settings"]["steps"]
     if steps == goal:
         return RunState.CONTINUED
@@ -148,16 +155,18 @@ def _read(folder: Path) -> dict[str, Any]:
 
 def _difference(stored: Mapping[str, Any], run: Mapping[str, Any]) -> str:
     """Difference between the folder's run and this one; more steps are no difference."""
-    settings, wanted = stored["settings"], run["settings"]
-    other_settings = [
-        f"{name} {settings.get(name)!r}"
-        for name in wanted
-        if settings.get(name) != wanted[name] and not (name == "steps" and settings["steps"] < wanted["steps"])
-    ]
-    if other_settings:
-        return f"with other settings ({', '.join(other_settings)})"
+    settings = stored["settings"]
+    wanted = run["settings"]
+    differing = [name for name in wanted if settings.get(name) != wanted[name]]
+    if settings["steps"] < wanted["steps"]:
+        differing = [name for name in differing if name != "steps"]
+    if differing:
+        texts = [f"{name} {settings.get(name)!r}" for name in differing]
+        return f"with other settings ({', '.join(texts)})"
     changed = [name for name, value in run["made_with"].items() if stored["made_with"].get(name) != value]
-    return f"made before a change of {', '.join(changed)}" if changed else ""
+    if changed:
+        return f"made before a change of {', '.join(changed)}"
+    return ""
 
 
 def _steps_of_policy(folder: Path) -> int | None:
