@@ -46,11 +46,11 @@ from homeward.physics import RobotError, load_robot
 ASSUMED = "husky"
 """Robot that is assumed for recordings without --robot."""
 SHIPPED_ROBOT = "husky"
+"""Robot of the shipped recording."""
 EXIT_CODES: dict[Verdict, int] = {
     "missing_physics": 10, "unknown_physics": 11, "parameters_off": 12, "no_mismatch": 13, "not_testable": 14,
 }  # fmt: skip
 """Exit codes by verdict with --exit-code, in the order of precedence."""
-"""Robot of the shipped recording."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,8 @@ def _compare(args: Args) -> Comparison:
     if all(stands(recording) for recording in recordings):
         comparison = compare_standing(recordings, labels)
     else:
-        comparison = compare_driving(_diagnose(recordings, _robot_of(args, groups), args, ()), recordings, labels)
+        analysis = _diagnose(recordings, _robot_of(args, groups), args, ())
+        comparison = compare_driving(analysis, recordings, labels)
     page = write_groups(comparison, args.out)[-1]
     console = cli.Terminal()
     show_groups(comparison, console)
@@ -152,7 +153,11 @@ def _refuse_twice(recordings: list[Recording], labels: list[str]) -> None:
 
 def _robot_of(args: Args, groups: list[Grouped]) -> str | None:
     datasets = [group.dataset for group in groups if group.dataset is not None]
-    return args.robot or (_robot_of_dataset(datasets[0]) if datasets else None)
+    if args.robot:
+        return args.robot
+    if datasets:
+        return _robot_of_dataset(datasets[0])
+    return None
 
 
 def _robot_of_dataset(name: str) -> str:
@@ -186,19 +191,23 @@ def _diagnose(recordings: list[Recording], robot: str | None, args: Args, withou
 def _inputs(args: Args) -> tuple[list[Path], str | None, str | None]:
     """Paths of the recordings, the robot if it is known, and the mapping."""
     if args.dataset is None:
-        robot = args.robot or (None if args.runs else SHIPPED_ROBOT)
-        return list(args.runs) or [shipped_recording()], robot, args.columns
+        if args.runs:
+            return list(args.runs), args.robot or None, args.columns
+        return [shipped_recording()], args.robot or SHIPPED_ROBOT, args.columns
     if args.runs:
         raise RecordingError("give either RUN or --dataset, not both")
     name, _, group = args.dataset.partition("/")
     runs = fetch(name, group)
-    return runs, args.robot or _robot_of_dataset(name), args.columns or DATASETS[name].columns
+    robot = args.robot or _robot_of_dataset(name)
+    columns = args.columns or DATASETS[name].columns
+    return runs, robot, columns
 
 
 def _print(analysis: Analysis, recordings: list[Recording], written: list[Path]) -> None:
     how_read = {(recording.name, note) for recording in recordings for note in recording.notes}
     for finding in analysis.findings:
-        if not finding.refused and (is_bag(Path(finding.recording)) or (finding.recording, finding.text) in how_read):
+        says_how_read = is_bag(Path(finding.recording)) or (finding.recording, finding.text) in how_read
+        if says_how_read and not finding.refused:
             cli.remark(Path(finding.recording).name, finding.text)
     console = cli.Terminal()
     terminal.show(analysis, console)
@@ -219,7 +228,9 @@ def run() -> int:
             codes.append(EXIT_CODES[result.diagnosis.verdict])
 
     code = cli.run(noting_the_verdict, Args, __doc__, (RecordingError, RobotError, DatasetError))
-    return codes[0] if code == 0 and codes else code
+    if code == 0 and codes:
+        return codes[0]
+    return code
 
 
 if __name__ == "__main__":

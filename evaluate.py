@@ -54,6 +54,8 @@ from homeward.physics import RobotError
 SHIELDED = "+shield"
 """Suffix of the name of an agent with a shield."""
 
+_RISKS = tuple(10.0**-k for k in range(1, 9))
+"""Risks of the shield that are tried with --margins. Chosen: decades about the default (`homeward.agents.shield`)."""
 _MOST_EPISODES = 1_000_000
 """Chosen: intervals are a hundredth as wide as those of 100 episodes, and all results fit into memory."""
 
@@ -117,20 +119,22 @@ def main(args: Args) -> Evaluation:
     options = _options(args)
     env = HomewardVectorEnv(**vars(options))
     asked = _named(args.agents)
-    bare = {
-        label: [make_policy(agent.name, env, file, args.seed) for file in agent.files] for label, agent in asked.items()
-    }
+    bare: dict[str, list[Policy]] = {}
+    for label, agent in asked.items():
+        bare[label] = [make_policy(agent.name, env, file, args.seed) for file in agent.files]
     _warn_of_transfer(bare, args.env, env)
     seeds = episode_seeds(args.seed, args.episodes)
     if args.optimum:
         _check_optimum(options)
     check_workers(args.jobs, args.cluster)
     args.out.mkdir(parents=True, exist_ok=True)
-    optimum = _optimum(args, options, seeds) if args.optimum else None
-    agents = {
-        label: [Shield(policy, env.batch.known) if asked[label].shielded else policy for policy in policies]
-        for label, policies in bare.items()
-    }
+    optimum = None
+    if args.optimum:
+        optimum = _optimum(args, options, seeds)
+    agents: dict[str, Sequence[Policy]] = dict(bare)
+    for label, agent in asked.items():
+        if agent.shielded:
+            agents[label] = [Shield(policy, env.batch.known) for policy in bare[label]]
     runs = run_agents(agents, options, seeds, jobs=args.jobs, cluster=args.cluster)
     evaluation = Evaluation(args.env, options, args.seed, seeds, runs, optimum)
     rng = np.random.default_rng(args.seed)
@@ -143,16 +147,15 @@ def main(args: Args) -> Evaluation:
         "route.png": route_png(evaluation),
         "evaluation.json": evaluation.to_json(summary),
     }
-    learned = _learning_curves(args, asked, bare, env, seeds)
-    if learned:
-        files["learning.png"] = learning_png(evaluation, summary, learned)
+    learning_curves = _learning_curves(args, asked, bare, env, seeds)
+    if learning_curves:
+        files["learning.png"] = learning_png(evaluation, summary, learning_curves)
     if args.margins:
         curves = _margins(args, asked, env, seeds)
         title = f"{args.env}, {args.difficulty}: {args.episodes} episodes, seed {args.seed}, by reserve"
         files["margins.png"] = margins_png(curves, options.mission, title)
-        files["margins.json"] = json.dumps(
-            {name: dataclasses.asdict(curve) for name, curve in curves.items()}, indent=1
-        )
+        plain_curves = {name: dataclasses.asdict(curve) for name, curve in curves.items()}
+        files["margins.json"] = json.dumps(plain_curves, indent=1)
     for name, content in files.items():
         write_whole(args.out / name, content)
     _print(summary, args.out, list(files))
@@ -163,16 +166,18 @@ def main(args: Args) -> Evaluation:
 
 def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, seeds: Sequence[int]) -> dict[str, Curve]:
     """Every agent with several reserves, on the same episodes."""
-    known, curves = env.batch.known, {}
+    curves = {}
     for label, agent in asked.items():
-        reserves = tuple(10.0**-k for k in range(1, 9)) if agent.shielded else SWEPT.get(agent.name, (None,))
-        agents = {}
+        reserves: tuple[float | None, ...] = SWEPT.get(agent.name, (None,))
+        if agent.shielded:
+            reserves = _RISKS
+        agents: dict[str, Sequence[Policy]] = {}
         for reserve in reserves:
-            reserve_used = None if agent.shielded else reserve
-            policies = [make_policy(agent.name, env, file, args.seed, reserve_used) for file in agent.files]
-            agents[str(reserve)] = (
-                [Shield(bare, known, reserve) for bare in policies] if agent.shielded and reserve else policies
-            )
+            if agent.shielded and reserve is not None:  # the risk of the shield, around the agent as it is tuned
+                bare = [make_policy(agent.name, env, file, args.seed) for file in agent.files]
+                agents[str(reserve)] = [Shield(policy, env.batch.known, reserve) for policy in bare]
+            else:
+                agents[str(reserve)] = [make_policy(agent.name, env, file, args.seed, reserve) for file in agent.files]
         runs = run_agents(agents, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
         curves[label] = curve_of({reserve: runs[str(reserve)] for reserve in reserves})
     return curves
@@ -185,7 +190,7 @@ def _print_margins(curves: Mapping[str, Curve]) -> None:
         table.add_column(f"{level:.1%}", justify="right")
     for name, curve in curves.items():
         scores = (curve.at(level) for level in EQUAL)
-        table.add_row(name, *("-" if score is None else _number(score) for score in scores))
+        table.add_row(name, *(_number_or_dash(score) for score in scores))
     cli.Terminal().show(table)
 
 
@@ -224,31 +229,39 @@ def _named(requests: tuple[str, ...]) -> dict[str, Asked]:
     """Each agent under its label: the one given, or its name, or the whole argument if a name is given twice."""
     if not requests:
         raise AgentError(f"no agent given; choose from {', '.join(AGENTS)}")
-    parsed, own_labels = [], []
-    for spec in requests:
-        agent, equals, file = spec.partition("=")
-        own_label, colon, agent = agent.rpartition(":")
-        if colon and not own_label:
-            raise AgentError(f"{spec} has an empty label: give LABEL:NAME, or NAME alone")
-        name = agent.removesuffix(SHIELDED)
-        files = tuple(itertools.chain(*map(_training_seeds, file.split(",")))) if equals else (None,)
-        parsed.append((spec, own_label or agent, Asked(name, name != agent, files)))
-        own_labels.append(bool(own_label))
-    labels = [label for _, label, _ in parsed]
-    agents = {
-        label if has_own or labels.count(label) == 1 else spec: asked
-        for (spec, label, asked), has_own in zip(parsed, own_labels, strict=True)
-    }
+    parsed = [_parsed(spec) for spec in requests]
+    labels = [own_label or agent for own_label, agent, _ in parsed]
+    agents = {}
+    for spec, (own_label, agent, asked) in zip(requests, parsed, strict=True):
+        label = own_label or agent
+        if not own_label and labels.count(label) > 1:
+            label = spec
+        agents[label] = asked
     if len(agents) < len(requests):
         raise AgentError(f"an agent or a label is given twice: {' '.join(requests)}")
     return agents
 
 
+def _parsed(spec: str) -> tuple[str, str, Asked]:
+    """Label (empty without one), name with its suffix, and agent of an argument LABEL:NAME+shield=FILE,FILE."""
+    labelled, equals, file = spec.partition("=")
+    label, colon, agent = labelled.rpartition(":")
+    if colon and not label:
+        raise AgentError(f"{spec} has an empty label: give LABEL:NAME, or NAME alone")
+    name = agent.removesuffix(SHIELDED)
+    files: tuple[str | None, ...] = (None,)
+    if equals:
+        files = tuple(itertools.chain.from_iterable(map(_training_seeds, file.split(","))))
+    return label, agent, Asked(name=name, shielded=name != agent, files=files)
+
+
 def _training_seeds(folder: str) -> list[str]:
     """The folder of a policy, or those of the policies in it."""
-    if Path(folder).is_dir() and not any((Path(folder) / name).is_file() for name in (DESCRIPTION, RUN)):
-        return [str(file.parent) for file in sorted(Path(folder).glob(f"*/{DESCRIPTION}"))] or [folder]
-    return [folder]
+    is_policy = any((Path(folder) / name).is_file() for name in (DESCRIPTION, RUN))
+    if is_policy or not Path(folder).is_dir():
+        return [folder]
+    inside = [str(file.parent) for file in sorted(Path(folder).glob(f"*/{DESCRIPTION}"))]
+    return inside or [folder]
 
 
 def _learning_curves(
@@ -262,32 +275,44 @@ def _learning_curves(
     curves: dict[str, list[EvaluatedCurve]] = {}
     for label, agent in asked.items():
         for file, policy in zip(agent.files, policies[label], strict=True):
-            points = read_curve(Path(file)) if file else []
-            if not points or not isinstance(policy, NetworkPolicy):
+            if not file or not isinstance(policy, NetworkPolicy):
                 continue
-            folders = [Path(str(file)) / CURVE_POLICIES / str(point.steps) for point in points]
-            if not all((folder / DESCRIPTION).is_file() for folder in folders):
-                print(
-                    f"evaluate.py: {file} lacks policies of its learning curve, as older runs do: learning.png leaves "
-                    "it out",
-                    file=sys.stderr,
-                )
-                continue
-            at_points = {str(folder): [make_policy(agent.name, env, folder, args.seed)] for folder in folders}
-            if agent.shielded:
-                known = env.batch.known
-                at_points = {name: [Shield(policy, known) for policy in single] for name, single in at_points.items()}
-            runs = run_agents(at_points, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
-            present = [
-                point_of(runs[str(folder)][0].episodes, point.steps, point.trained_s)
-                for folder, point in zip(folders, points, strict=True)
-            ]
-            best_points = [
-                dataclasses.replace(present[index], steps=point.steps)
-                for index, point in zip(best_so_far(points), points, strict=True)
-            ]
-            curves.setdefault(label, []).append(EvaluatedCurve(present, best_points))
+            curve = _learning_curve(args, agent, file, env, seeds)
+            if curve is not None:
+                curves.setdefault(label, []).append(curve)
     return curves
+
+
+def _learning_curve(
+    args: Args, agent: Asked, file: str, env: HomewardVectorEnv, seeds: Sequence[int]
+) -> EvaluatedCurve | None:
+    """Learning curve of a run's folder, on the missions of this evaluation; None if it has none."""
+    points = read_curve(Path(file))
+    if not points:
+        return None
+    folders = [Path(file) / CURVE_POLICIES / str(point.steps) for point in points]
+    if not all((point_folder / DESCRIPTION).is_file() for point_folder in folders):
+        print(
+            f"evaluate.py: {file} lacks policies of its learning curve, as older runs do: learning.png leaves it out",
+            file=sys.stderr,
+        )
+        return None
+    agents: dict[str, list[Policy]] = {}
+    for point_folder in folders:
+        policy = make_policy(agent.name, env, point_folder, args.seed)
+        if agent.shielded:
+            policy = Shield(policy, env.batch.known)
+        agents[str(point_folder)] = [policy]
+    runs = run_agents(agents, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
+    present = [
+        point_of(runs[str(point_folder)][0].episodes, point.steps, point.trained_s)
+        for point_folder, point in zip(folders, points, strict=True)
+    ]
+    best_points = [
+        dataclasses.replace(present[index], steps=point.steps)
+        for index, point in zip(best_so_far(points), points, strict=True)
+    ]
+    return EvaluatedCurve(present, best_points)
 
 
 def _check_optimum(options: Options) -> None:
@@ -324,61 +349,93 @@ def _warn_of_transfer(agents: Mapping[str, Sequence[Policy]], env_id: str, env: 
 
 def _print(summary: Mapping[str, Any], out: Path, files: Sequence[str]) -> None:
     reference = next(iter(summary["agents"]))
-    options = summary["options"]
-    optimum = ["optimum"] if summary["optimum"] else []
-    table = Table(
-        title=f"{summary['env']}, {summary['episodes']} episodes, seed {summary['seed']}\n"
-        f"{options['difficulty']}, {options['robot']}, route {options['route']}, {options['action_type']} actions"
-        + (f" every {options['decision_s']:g} s" if options["decision_s"] else "")
-        + (f"\ndocks {options['docks']} (m:W)" if options["docks"] else "")
-        + (f", time limit {options['time_limit_s']:g} s" if options["time_limit_s"] else ""),
-        caption="below: 95 % intervals; late: out of time; us: microseconds a decision\n"
-        + (f"optimum: share of the upper and of the lower bound, {_gap(summary['optimum'])}\n" if optimum else "")
-        + ", ".join(f"{library} {which}" for library, which in summary["versions"].items()),
-        box=box.SIMPLE_HEAD,
-    )
+    table = Table(title=_title(summary), caption=_caption(summary), box=box.SIMPLE_HEAD)
     table.add_column("agent", overflow="fold", min_width=13)
-    for heading in ("score", "IQM", f"minus {reference}", *optimum, "stranded", "late", "us"):
+    headings = ["score", "IQM", f"minus {reference}", "stranded", "late", "us"]
+    if summary["optimum"]:
+        headings.insert(3, "optimum")
+    for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     for name, agent in summary["agents"].items():
         difference = summary["paired"].get(f"{name} - {reference}")
-        table.add_row(
-            name,
+        minus_reference: str | Text = ""
+        if difference:
+            with_sign = functools.partial(_number, sign="+")
+            minus_reference = _with_interval(difference["mean"], difference["ci95"], with_sign)
+        cells: list[str | Text] = [
             _with_interval(agent["score_mean"], agent["score_ci95"], _number),
             _number(agent["score_iqm"]),
-            _with_interval(difference["mean"], difference["ci95"], functools.partial(_number, sign="+"))
-            if difference
-            else "",
-            *([_share_of_optimum(agent)] if optimum else []),
+            minus_reference,
             _with_interval(agent["stranded_rate"], agent["stranded_ci95"], "{:.1%}".format),
             str(agent["timed_out"]),
             f"{agent['decision_us']:.2g}",
-        )
+        ]
+        if summary["optimum"]:
+            cells.insert(3, _share_of_optimum(agent))
+        table.add_row(name, *cells)
     console = cli.Terminal()
     console.show(table, ("us", "IQM", "late", "optimum", f"minus {reference}"))
     console.print(f"Written to {out}: {', '.join(files)}")
 
 
+def _title(summary: Mapping[str, Any]) -> str:
+    """Environment and options, in two lines, three with docks."""
+    options = summary["options"]
+    title = f"{summary['env']}, {summary['episodes']} episodes, seed {summary['seed']}\n"
+    title += f"{options['difficulty']}, {options['robot']}, route {options['route']}, {options['action_type']} actions"
+    if options["decision_s"]:
+        title += f" every {options['decision_s']:g} s"
+    if options["docks"]:
+        title += f"\ndocks {options['docks']} (m:W)"
+    if options["time_limit_s"]:
+        title += f", time limit {options['time_limit_s']:g} s"
+    return title
+
+
+def _caption(summary: Mapping[str, Any]) -> str:
+    """What the columns mean, and the versions of libraries."""
+    caption = "below: 95 % intervals; late: out of time; us: microseconds a decision\n"
+    if summary["optimum"]:
+        caption += f"optimum: share of the upper and of the lower bound, {_gap(summary['optimum'])}\n"
+    return caption + ", ".join(f"{library} {version}" for library, version in summary["versions"].items())
+
+
 def _number(value: float, sign: str = "") -> str:
-    return f"{value:{sign}.0f}" if abs(value) >= 100.0 else f"{value:{sign}.3g}"
+    if abs(value) >= 100.0:
+        return f"{value:{sign}.0f}"
+    return f"{value:{sign}.3g}"
+
+
+def _number_or_dash(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return _number(value)
 
 
 def _share_of_optimum(agent: Mapping[str, Any]) -> str:
     """Share of the upper bound, and of the oracle's score: the true share lies between."""
-    at_least, at_most = agent["share_of_optimum_at_least"], agent["share_of_optimum"]
-    return "" if at_least is None or at_most is None else f"{at_least:.0%} to\n{at_most:.0%}"
+    at_least = agent["share_of_optimum_at_least"]
+    at_most = agent["share_of_optimum"]
+    if at_least is None or at_most is None:
+        return ""
+    return f"{at_least:.0%} to\n{at_most:.0%}"
 
 
 def _gap(optimum: Mapping[str, float]) -> str:
     """The bounds of the optimum, and how far they are apart."""
-    lower, upper = optimum["lower"], optimum["upper"]
-    gap = f", a gap of {1.0 - lower / upper:.1%}" if upper > 0.0 else ""
-    return f"{_number(upper)} and {_number(lower)}{gap}"
+    lower = optimum["lower"]
+    upper = optimum["upper"]
+    bounds = f"{_number(upper)} and {_number(lower)}"
+    if upper > 0.0:
+        bounds += f", a gap of {1.0 - lower / upper:.1%}"
+    return bounds
 
 
 def _with_interval(value: float, ends: list[float] | None, write: Callable[[float], str]) -> Text:
-    interval = () if ends is None else ((f"\n{write(ends[0])} {write(ends[1])}", "dim"),)
-    return Text.assemble(write(value), *interval)
+    if ends is None:
+        return Text.assemble(write(value))
+    low, high = ends
+    return Text.assemble(write(value), (f"\n{write(low)} {write(high)}", "dim"))
 
 
 def run() -> int:

@@ -154,10 +154,11 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
         console=console,
         wandb=args.wandb,
     )
-    exploring = f"; the last missions, still exploring: {trained.home_rate:.1%} home, score {trained.score:.4g}"
+    exploring = ""
+    if not math.isnan(trained.score):  # of a run in which no mission ended
+        exploring = f"; the last missions, still exploring: {trained.home_rate:.1%} home, score {trained.score:.4g}"
     console.print(
-        f"{trained.steps:,} steps{'' if math.isnan(trained.score) else exploring}. "
-        f"Written to {args.out}: policy.safetensors, policy.json",
+        f"{trained.steps:,} steps{exploring}. Written to {args.out}: policy.safetensors, policy.json",
         markup=False,
         highlight=False,
         soft_wrap=True,

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
@@ -59,39 +59,49 @@ def main(args: Args) -> list[Proposal]:
     proposals = propose_each(parts)
     console = cli.Terminal()
     for proposal in proposals:
-        if not proposal.guesses:
-            names = ", ".join(list(proposal.left_over)[:12])
-            raise RecordingError(
-                f"{proposal.path}: no column looks like a channel; it has {names}: write a mapping by hand"
-            )
-        if len(proposals) > 1:
-            console.print(f"{proposal.path.name}:", soft_wrap=True)
-        console.print(_table(proposal))
-        if proposal.left_over:
-            console.print(f"Not used: {', '.join(name + why for name, why in proposal.left_over.items())}")
+        _show(proposal, console, with_name=len(proposals) > 1)
     trial_lines, reads = _tried(args.run, proposals)
     for line in trial_lines:
         console.print(line)
-    if args.out is None and reads and all(proposal.needless for proposal in proposals):
-        console.print("A mapping is not needed: all names and units are those of channels.")
-    elif args.out is None:
-        names = BETWEEN.join(["my_columns.toml"] if len(parts) == 1 else [f"{part.stem}.toml" for part in parts])
-        texts = "\n".join(proposal.toml() for proposal in proposals)
-        console.print(f"Write it with --out {names}:\n\n{texts}", soft_wrap=True)
-    else:
+    if args.out is not None:
         for target, proposal in zip(targets, proposals, strict=True):
             write_whole(target, proposal.toml())
         todo = "Check it" if reads else "Add what is missing"
         console.print(f"Written to {args.out}. {todo}, then: homeward diagnose {args.run} --columns {args.out}",
                       soft_wrap=True)  # fmt: skip
+    elif reads and all(proposal.needless for proposal in proposals):
+        console.print("A mapping is not needed: all names and units are those of channels.")
+    else:
+        names = [f"{part.stem}.toml" for part in parts]
+        if len(parts) == 1:
+            names = ["my_columns.toml"]
+        texts = "\n".join(proposal.toml() for proposal in proposals)
+        console.print(f"Write it with --out {BETWEEN.join(names)}:\n\n{texts}", soft_wrap=True)
     return proposals
+
+
+def _show(proposal: Proposal, console: cli.Terminal, *, with_name: bool) -> None:
+    """Print a proposal; refuse one without a channel."""
+    if not proposal.guesses:
+        names = ", ".join(list(proposal.left_over)[:12])
+        raise RecordingError(
+            f"{proposal.path}: no column looks like a channel; it has {names}: write a mapping by hand"
+        )
+    if with_name:
+        console.print(f"{proposal.path.name}:", soft_wrap=True)
+    console.print(_table(proposal))
+    if proposal.left_over:
+        unused = ", ".join(name + why for name, why in proposal.left_over.items())
+        console.print(f"Not used: {unused}")
 
 
 def _targets(out: Path | None, tables: int) -> list[Path]:
     """Files to write, one for each table."""
     if out is None:
         return []
-    targets = [out] if tables == 1 else [Path(name) for name in str(out).split(BETWEEN)]
+    targets = [out]
+    if tables > 1:
+        targets = [Path(name) for name in str(out).split(BETWEEN)]
     for target in targets:
         if target.suffix != ".toml" or target.exists():
             raise RecordingError(f"--out {target}: give a new file that ends in .toml; an existing one is not replaced")
@@ -104,14 +114,14 @@ def _check(recording: Recording) -> None:
     """Print the values of each channel beside its unit and sign."""
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("channel", "least", "median", "most", "known", "unit", "should be"):
-        is_text = heading in ("channel", "unit", "should be")
-        table.add_column(
-            heading, justify="left" if is_text else "right", no_wrap=heading != "should be", overflow="fold"
-        )
+        is_number = heading in ("least", "median", "most", "known")
+        side: Literal["left", "right"] = "right" if is_number else "left"
+        table.add_column(heading, justify=side, no_wrap=heading != "should be", overflow="fold")
     for name, values in recording.channels.items():
         finite = values[np.isfinite(values)]
-        quantiles = np.quantile(finite, (0.0, 0.5, 1.0)) if len(finite) else ()
-        numbers = [f"{value:.4g}" for value in quantiles] or ["-"] * 3
+        numbers = ["-", "-", "-"]
+        if len(finite):
+            numbers = [f"{value:.4g}" for value in np.quantile(finite, (0.0, 0.5, 1.0))]
         channel = CHANNELS[name]
         table.add_row(name, *numbers, f"{len(finite) / len(values):.0%}", channel.unit, channel.meaning)
     console = cli.Terminal()
@@ -124,10 +134,13 @@ def _check(recording: Recording) -> None:
 def _table(proposal: Proposal) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("column", "channel", "factor", "how sure", "why"):
-        table.add_column(heading, justify="right" if heading == "factor" else "left", overflow="fold",
-                         no_wrap=heading in ("channel", "factor", "how sure"))  # fmt: skip
+        side: Literal["left", "right"] = "right" if heading == "factor" else "left"
+        no_wrap = heading in ("channel", "factor", "how sure")
+        table.add_column(heading, justify=side, overflow="fold", no_wrap=no_wrap)
     for guess in proposal.guesses:
-        factor = f"{guess.factor:.4g}" + (f", {guess.offset:+g}" if guess.offset else "")
+        factor = f"{guess.factor:.4g}"
+        if guess.offset:
+            factor += f", {guess.offset:+g}"
         name = " + ".join(filter(None, (guess.column, guess.and_column)))
         table.add_row(name, guess.channel, factor, SURE[guess.sure], guess.why)
     return table
@@ -136,8 +149,11 @@ def _table(proposal: Proposal) -> Table:
 def _tried(run: Path, proposals: list[Proposal]) -> tuple[list[str], bool]:
     """Messages of reading the file or files with the proposals, and whether they can be read."""
     mappings = [_mapping(proposal) for proposal in proposals]
+    columns: Columns | list[Columns] = mappings
+    if len(mappings) == 1:
+        columns = mappings[0]
     try:
-        recording = read_recording(run, mappings[0] if len(mappings) == 1 else mappings)
+        recording = read_recording(run, columns)
     except RecordingError as error:
         notes = [f"read with {', '.join(proposal.notes)}" for proposal in proposals if proposal.notes]
         return [*notes, f"With it the file cannot be read yet: {error}"], False
@@ -146,12 +162,10 @@ def _tried(run: Path, proposals: list[Proposal]) -> tuple[list[str], bool]:
 
 
 def _mapping(proposal: Proposal) -> Columns:
-    sources = {
-        guess.channel: Source(
-            tuple((name, guess.factor) for name in (guess.column, guess.and_column) if name), guess.offset
-        )
-        for guess in proposal.guesses
-    }
+    sources = {}
+    for guess in proposal.guesses:
+        names = [name for name in (guess.column, guess.and_column) if name]
+        sources[guess.channel] = Source(tuple((name, guess.factor) for name in names), guess.offset)
     return Columns("proposed", sources, {})
 
 

@@ -8,7 +8,7 @@ folder instead of the network.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 from rich import box
@@ -39,9 +39,8 @@ def main(args: Args) -> None:
         return
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("data set", "robot", "files", "groups", "licence"):
-        table.add_column(
-            heading, justify="right" if heading == "files" else "left", overflow="fold", no_wrap=heading == "data set"
-        )
+        side: Literal["left", "right"] = "right" if heading == "files" else "left"
+        table.add_column(heading, justify=side, overflow="fold", no_wrap=heading == "data set")
     for name, dataset in DATASETS.items():
         groups = "\n".join(groups_of(name))
         table.add_row(name, dataset.robot or "", str(len(files_of(name))), groups, dataset.licence)

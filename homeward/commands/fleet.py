@@ -31,7 +31,9 @@ from homeward.parallel import ClusterError, TaskError, check_workers, code_hash,
 
 ASSUMED = "husky"
 """Robot that is assumed for folders without a robot file."""
-ROBOT, DIAGNOSIS, KEY = "robot.toml", "diagnosis.json", "inputs.sha256"
+ROBOT = "robot.toml"
+DIAGNOSIS = "diagnosis.json"
+KEY = "inputs.sha256"
 
 
 @dataclass(frozen=True)
@@ -110,38 +112,57 @@ def members_of(args: Args) -> dict[str, Member]:
         RecordingError, RobotError: One is invalid, or there is none.
     """
     try:
-        folders = sorted(entry for entry in args.fleet.iterdir() if entry.is_dir() and entry.name[0] != ".")
+        folders = [entry for entry in _visible(args.fleet) if entry.is_dir()]
     except OSError as error:
         raise RecordingError(f"cannot read {args.fleet}: {error.strerror}; give a folder of folders") from None
     if not folders:
         raise RecordingError(f"{args.fleet} contains no folder: give one with a folder of recordings per robot")
-    nominal, cases = load_robot(args.robot or ASSUMED), {}
-    unknown = [folder.name for folder in folders if not (folder / ROBOT).is_file()]
-    if args.robot is None and unknown:
-        named = ", ".join(unknown[:5]) + (", ..." if len(unknown) > 5 else "")
-        print(cli.printable(f"no --robot is given: {ASSUMED} is assumed for {named}"), file=sys.stderr)
-    for folder in folders:
-        files = sorted(entry for entry in folder.iterdir() if entry.name[0] != "." and entry.name != ROBOT)
-        if not files:
-            raise RecordingError(f"{folder} contains no recording: remove it, or put the robot's recordings there")
-        robot = load_robot(folder / ROBOT) if (folder / ROBOT).is_file() else nominal
-        read = (_read(file, args.columns) for file in files)
-        recordings = tuple(within_top_speed(recording, robot.max_speed_mps) for recording in read)
-        for file, recording in zip(files, recordings, strict=True):
-            for note in recording.notes:
-                cli.remark(f"{folder.name}/{file.name}", note)
-        cases[folder.name] = Member(recordings, robot, args.seed)
-    return cases
+    nominal = load_robot(args.robot or ASSUMED)
+    if args.robot is None:
+        _say_assumed([folder.name for folder in folders if not (folder / ROBOT).is_file()])
+    return {folder.name: _member(folder, nominal, args) for folder in folders}
+
+
+def _visible(folder: Path) -> list[Path]:
+    """Entries of a folder in order, without those whose name begins with a dot."""
+    return sorted(entry for entry in folder.iterdir() if entry.name[0] != ".")
+
+
+def _say_assumed(folders: list[str]) -> None:
+    """Say for which folders a robot is assumed, the first five by name."""
+    if not folders:
+        return
+    named = ", ".join(folders[:5])
+    if len(folders) > 5:
+        named += ", ..."
+    print(cli.printable(f"no --robot is given: {ASSUMED} is assumed for {named}"), file=sys.stderr)
+
+
+def _member(folder: Path, nominal: Robot, args: Args) -> Member:
+    """Read the recordings of a robot, and its file if it has one of its own."""
+    files = [entry for entry in _visible(folder) if entry.name != ROBOT]
+    if not files:
+        raise RecordingError(f"{folder} contains no recording: remove it, or put the robot's recordings there")
+    robot = nominal
+    if (folder / ROBOT).is_file():
+        robot = load_robot(folder / ROBOT)
+    recordings = tuple(within_top_speed(_read(file, args.columns), robot.max_speed_mps) for file in files)
+    for file, recording in zip(files, recordings, strict=True):
+        for note in recording.notes:
+            cli.remark(f"{folder.name}/{file.name}", note)
+    return Member(recordings, robot, args.seed)
 
 
 def _read(entry: Path, columns: str | None) -> Recording:
     """A recording of a robot: a file or a bag, or a folder whose tables are those of one run."""
     if not entry.is_dir() or is_bag(entry):
         return read_recording(entry, columns)
-    tables = sorted(file for file in entry.iterdir() if file.name[0] != ".")
+    tables = _visible(entry)
     if not tables:
         raise RecordingError(f"{entry} contains no table of a run: remove it, or put the tables of one run there")
-    return read_tables(tables, columns) if len(tables) > 1 else read_recording(tables[0], columns)
+    if len(tables) == 1:
+        return read_recording(tables[0], columns)
+    return read_tables(tables, columns)
 
 
 def diagnose_one(case: Member) -> dict[str, bytes]:
@@ -177,7 +198,9 @@ def _print(diagnoses: dict[str, Diagnosis], finished: int, out: Path) -> None:
         table.add_row(*row)
     console = cli.Terminal()
     console.print(table)
-    earlier = f", {finished} of them before" if finished else ""
+    earlier = ""
+    if finished:
+        earlier = f", {finished} of them before"
     console.print(f"{len(diagnoses)} robots diagnosed{earlier}: {out}", soft_wrap=True)
 
 

@@ -91,9 +91,11 @@ class Mission:
 
     def _parts_of_the_paper(self, speed_mps: float) -> dict[str, float]:
         """The terms of Eq. 7; where the slope drives the robot without power, forces consume nothing."""
-        robot, per_m = self.robot, 1.0 / (speed_mps * self.duty)
-        drives = float(model.traction_force(robot, speed_mps, self.grade_rad)) > 0.0
-        per_n = drives / robot.traction_efficiency
+        robot = self.robot
+        per_m = 1.0 / (speed_mps * self.duty)
+        per_n = 0.0
+        if float(model.traction_force(robot, speed_mps, self.grade_rad)) > 0.0:
+            per_n = 1.0 / robot.traction_efficiency
         return {
             "rolling": model.rolling_force(robot, math.cos(self.grade_rad)) * per_n,
             "drag": model.drag_force(robot, speed_mps) * per_n,
@@ -110,14 +112,17 @@ class Mission:
         cycle_s = lasts_s / _CYCLES
         # Each cycle drives and stands; the stop is split in two, because the last sample holds as long as the one
         # before.
-        phases = [0.0, self.duty, 0.5 + 0.5 * self.duty] if self.duty < 1.0 else [0.0]
+        phases = [0.0]
+        if self.duty < 1.0:
+            phases += [self.duty, 0.5 + 0.5 * self.duty]
         starts = np.add.outer(np.arange(float(_CYCLES)), np.array(phases)) * cycle_s
         speeds = np.where(np.arange(len(phases)) == 0, speed_mps, 0.0)
         driven = replay(
             self.robot, starts.ravel(), np.tile(speeds, _CYCLES), grade_rad=self.grade_rad, accel_mps2=0.0,
             sensing_hz=self.sensing_hz, direction=1.0,
         )  # fmt: skip
-        return {name: joules / (lasts_s * speed_mps * self.duty) for name, joules in driven.energy_j.items()}
+        way_m = lasts_s * speed_mps * self.duty
+        return {name: joules / way_m for name, joules in driven.energy_j.items()}
 
 
 def main(args: Args) -> None:
@@ -135,28 +140,34 @@ def main(args: Args) -> None:
     if args.docks:
         raise RangeError("--docks is for --route: the way to a dock leads along the route")
     robot = mission.robot
-    best_mps = float(optimal_speed(robot, mission.grade_rad, mission.duty, mission.sensing_hz))
-    speed_mps = best_mps if args.speed_mps is None else args.speed_mps
-    range_m, parts = mission.range_m(speed_mps), mission.parts_j_per_m(speed_mps)
+    speed_mps = float(optimal_speed(robot, mission.grade_rad, mission.duty, mission.sensing_hz))
+    speed_note = "the speed with the longest range"
+    if args.speed_mps is not None:
+        speed_note = f"{speed_mps:.2f} m/s would go furthest"
+        speed_mps = args.speed_mps
+    range_m = mission.range_m(speed_mps)
+    far = "any distance: the slope drives it without power"
+    lasts = "ever"
+    if math.isfinite(range_m):
+        far = quantities.distance(range_m)
+        lasts = quantities.duration(range_m / (speed_mps * mission.duty))
+    slope = _slope(args.grade)
     console = cli.Terminal()
-    speed_note = (
-        "the speed with the longest range" if args.speed_mps is None else f"{best_mps:.2f} m/s would go furthest"
-    )
-    slope = "on the flat" if args.grade == 0.0 else f"{abs(args.grade):g}° {'up' if args.grade > 0.0 else 'down'}hill"
-    lasts = quantities.duration(range_m / (speed_mps * mission.duty)) if math.isfinite(range_m) else "ever"
-    far = quantities.distance(range_m) if math.isfinite(range_m) else "any distance: the slope drives it without power"
     console.print(
         Text.assemble((f"{cli.printable(robot.name)}: {far}", "bold"), f" on one charge, in {lasts}"),
         f"at {speed_mps:.2f} m/s ({speed_note}), {slope}, moving {mission.duty:.1%} of the time, "
         f"sensing at {mission.sensing_hz:g} Hz",
         sep="\n",
     )
-    console.show(_table(mission, speed_mps, parts), ("of a charge", "mean power"))
-    method = f"the model with {', '.join(robot.active_effects)}" if robot.active_effects else "Eq. 8"
+    console.show(_table(mission, speed_mps), ("of a charge", "mean power"))
+    method = "Eq. 8"
+    accuracy = " The paper found such estimates 66 to 91 % accurate."
+    if robot.active_effects:
+        method = f"the model with {', '.join(robot.active_effects)}"
+        accuracy = ""
     console.print(
         f"By {method}: {quantities.energy(robot.usable_energy_j)} usable, "
-        f"drive efficiency {robot.traction_efficiency:.2%}."
-        + ("" if robot.active_effects else " The paper found such estimates 66 to 91 % accurate."),
+        f"drive efficiency {robot.traction_efficiency:.2%}.{accuracy}",
         highlight=False,
     )
     if args.plot is not None:
@@ -165,6 +176,13 @@ def main(args: Args) -> None:
 
         write_whole(args.plot, range_picture(mission, speed_mps, args.plot.suffix))
         console.print(f"Written to {args.plot}")
+
+
+def _slope(grade_deg: float) -> str:
+    if grade_deg == 0.0:
+        return "on the flat"
+    direction = "uphill" if grade_deg > 0.0 else "downhill"
+    return f"{abs(grade_deg):g}° {direction}"
 
 
 def _on_route(args: Args, name: str, mission: Mission) -> None:
@@ -197,21 +215,30 @@ def _mission(args: Args) -> Mission:
     return Mission(robot, math.radians(args.grade), args.duty, args.sensing_hz)
 
 
-def _table(mission: Mission, speed_mps: float, parts: dict[str, float]) -> Table:
+def _table(mission: Mission, speed_mps: float) -> Table:
+    """Energy by part: mean power, energy of a metre and of a charge, and share of the total."""
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("part", "mean power", "per metre", "of a charge", "share"):
-        table.add_column(heading, justify="left" if heading == "part" else "right")
-    total, range_m = sum(parts.values()), mission.range_m(speed_mps)
+    table.add_column("part")
+    for heading in ("mean power", "per metre", "of a charge", "share"):
+        table.add_column(heading, justify="right")
+    parts = mission.parts_j_per_m(speed_mps)
+    total_j_per_m = sum(parts.values())
+    range_m = mission.range_m(speed_mps)
 
-    def row(name: str, per_m: float) -> None:
-        watts = quantities.power(per_m * speed_mps * mission.duty)
-        used = quantities.energy(per_m * range_m) if math.isfinite(range_m) else ""
-        table.add_row(name, watts, f"{per_m:.3g} J", used, f"{per_m / total:.1%}" if total else "")
+    def add_row(name: str, j_per_m: float) -> None:
+        mean_power = quantities.power(j_per_m * speed_mps * mission.duty)
+        of_a_charge = ""
+        if math.isfinite(range_m):
+            of_a_charge = quantities.energy(j_per_m * range_m)
+        share = ""
+        if total_j_per_m:
+            share = f"{j_per_m / total_j_per_m:.1%}"
+        table.add_row(name, mean_power, f"{j_per_m:.3g} J", of_a_charge, share)
 
-    for name, per_m in parts.items():
-        row(name, per_m)
+    for name, j_per_m in parts.items():
+        add_row(name, j_per_m)
     table.add_section()
-    row("total", total)
+    add_row("total", total_j_per_m)
     return table
 
 

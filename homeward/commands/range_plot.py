@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from homeward.commands.range import Mission
@@ -40,25 +43,21 @@ def range_picture(mission: Mission, speed_mps: float, suffix: str) -> bytes:
     columns = [mission.parts_j_per_m(float(speed)) for speed in speeds]
     names = list(dict.fromkeys(name for column in columns for name in column))
     parts = np.array([[column.get(name, 0.0) for column in columns] for name in names])
+    range_km = mission.range_m(speed_mps) / 1000.0
     figure = Figure(figsize=(7.5, 6.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.3))
     upper.plot(speeds, [mission.range_m(float(speed)) / 1000.0 for speed in speeds], color="black")
-    upper.plot([speed_mps], [mission.range_m(speed_mps) / 1000.0], "o", color="black")
+    upper.plot([speed_mps], [range_km], "o", color="black")
     upper.annotate(
-        f"{mission.range_m(speed_mps) / 1000.0:.2f} km at {speed_mps:.2f} m/s",
-        (speed_mps, mission.range_m(speed_mps) / 1000.0), xytext=(-8, -14), textcoords="offset points", ha="right",
+        f"{range_km:.2f} km at {speed_mps:.2f} m/s", (speed_mps, range_km), xytext=(-8, -14),
+        textcoords="offset points", ha="right",
     )  # fmt: skip
     upper.set_ylabel("range, km")
     upper.set_ylim(bottom=0.0)
     # Downhill the grade supplies energy to the other parts: it is drawn below zero.
     gains = np.where(parts.min(axis=1, keepdims=True) < 0.0, parts, 0.0)
-    for positive, layer in ((True, parts - gains), (False, gains)):
-        shown = [index for index in range(len(names)) if layer[index].any()]
-        if shown:
-            lower.stackplot(
-                speeds, layer[shown], labels=[names[index] for index in shown] if positive else [],
-                colors=[_COLOURS[index % len(_COLOURS)] for index in shown],
-            )  # fmt: skip
+    _stack(lower, speeds, parts - gains, names)
+    _stack(lower, speeds, gains, ())
     lower.axvline(speed_mps, color="black", linewidth=1.0, linestyle=":")
     lower.set_ylabel("energy per metre, J/m")
     lower.set_xlabel("speed while moving, m/s")
@@ -75,3 +74,20 @@ def range_picture(mission: Mission, speed_mps: float, suffix: str) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)
     return buffer.getvalue()
+
+
+def _stack(axis: Axes, speeds: NDArray[np.float64], parts: NDArray[np.float64], names: Sequence[str]) -> None:
+    """Stack the parts that are not zero everywhere, shape (parts, speeds), each in its colour.
+
+    Args:
+        axis: Where to draw.
+        speeds: Shape (speeds,).
+        parts: Energy per metre, J/m.
+        names: Labels of the parts; none if they have theirs already.
+    """
+    shown = [index for index in range(len(parts)) if parts[index].any()]
+    if not shown:
+        return
+    colours = [_COLOURS[index % len(_COLOURS)] for index in shown]
+    labels = [names[index] for index in shown if names]
+    axis.stackplot(speeds, parts[shown], labels=labels, colors=colours)

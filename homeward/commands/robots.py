@@ -52,15 +52,14 @@ def main(args: Args) -> None:
         return
     if args.robot is not None:
         load_robot(args.robot)  # checks the file
-        shipped = files("homeward") / "robots" / f"{args.robot}.toml"
-        source = shipped if args.robot in preset_names() else Path(args.robot)
-        print(source.read_text(encoding="utf-8"), end="")
+        print(_text_of(args.robot), end="")
         return
     table = Table(
         box=box.SIMPLE_HEAD, caption="range: on the flat at the optimal speed, nothing sensed", padding=(0, 2, 0, 0)
     )
-    for heading in ("robot", "mass\nkg", "battery\nkJ", "speed\nm/s", "drive\n%", "idle\nW", "range\nkm", "lasts\nh"):
-        table.add_column(heading, justify="left" if heading == "robot" else "right", no_wrap=True)
+    table.add_column("robot", no_wrap=True)
+    for heading in ("mass\nkg", "battery\nkJ", "speed\nm/s", "drive\n%", "idle\nW", "range\nkm", "lasts\nh"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for name in preset_names():
         table.add_row(name, *_figures(load_robot(name)))
     console = cli.Terminal()
@@ -69,8 +68,16 @@ def main(args: Args) -> None:
         console.print(Text.assemble((name, "bold"), f": {load_robot(name).description}"))
 
 
+def _text_of(robot: str) -> str:
+    """Text of a robot's file, by preset name or path."""
+    if robot in preset_names():
+        return (files("homeward") / "robots" / f"{robot}.toml").read_text(encoding="utf-8")
+    return Path(robot).read_text(encoding="utf-8")
+
+
 def _figures(robot: Robot) -> tuple[str, ...]:
-    speed, range_m = float(optimal_speed(robot)), float(d_max(robot))
+    speed_mps = float(optimal_speed(robot))
+    range_m = float(d_max(robot))
     return (
         f"{robot.mass_kg:.3g}",
         quantities.count(robot.usable_energy_j / 1000.0),
@@ -78,7 +85,7 @@ def _figures(robot: Robot) -> tuple[str, ...]:
         f"{100.0 * robot.traction_efficiency:.1f}",
         f"{float(ancillary_power(robot, 0.0)):.3g}",
         f"{range_m / 1000.0:.2f}",
-        f"{range_m / speed / 3600.0:.1f}",
+        f"{range_m / speed_mps / 3600.0:.1f}",
     )
 
 

@@ -29,7 +29,10 @@ def routes_picture(routes: Sequence[Route], title: str, suffix: str) -> bytes:
         height = np.concatenate(([0.0], np.cumsum(np.sin(route.grade_rad)) * route.place_m))
         if len(routes) == 1:
             upper.fill_between(edges, height, min(height.min(), 0.0), color="#b2c19e")
-        upper.plot(edges, height, color="#566547" if index == 0 else "#b0b6bd", linewidth=2.0 if index == 0 else 1.0)
+        if index == 0:
+            upper.plot(edges, height, color="#566547", linewidth=2.0)
+        else:
+            upper.plot(edges, height, color="#b0b6bd", linewidth=1.0)
     route = routes[0]
     edges = np.arange(len(route.grade_rad) + 1) * route.place_m / 1000.0
     lower.stairs(route.interest, edges, fill=True, color="#6a51a3", alpha=0.7)
@@ -42,7 +45,9 @@ def routes_picture(routes: Sequence[Route], title: str, suffix: str) -> bytes:
         axis.grid(alpha=0.25, linewidth=0.6)
         axis.set_axisbelow(True)
         axis.margins(x=0.0)
-    count_note = f", {min(len(routes), _MOST)} of {len(routes)}" if len(routes) > 1 else ""
+    count_note = ""
+    if len(routes) > 1:
+        count_note = f", {min(len(routes), _MOST)} of {len(routes)}"
     figure.suptitle(f"{title}{count_note}", fontsize=11)
     buffer = io.BytesIO()
     figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)

@@ -88,24 +88,24 @@ def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.flo
         routes: The routes.
         robot: Its own model gives the energy.
     """
-    speed = float(optimal_speed(robot))
+    speed_mps = float(optimal_speed(robot))
     rows = []
     for route in routes:
         rise = route.place_m * np.sin(route.grade_rad)
-        charge_out = float((route.place_m / d_max(robot, speed, route.grade_rad)).sum())
-        charge_back = float((route.place_m / d_max(robot, speed, -route.grade_rad)).sum())
-        steepest = np.degrees(route.grade_rad)
+        charge_out = float((route.place_m / d_max(robot, speed_mps, route.grade_rad)).sum())
+        charge_back = float((route.place_m / d_max(robot, speed_mps, -route.grade_rad)).sum())
+        grade_deg = np.degrees(route.grade_rad)
         rows.append(
             {
                 ("length", "m"): route.length_m,
                 ("climb on the way out", "m"): rise[rise > 0.0].sum(),
                 ("descent on the way out", "m"): np.abs(rise[rise < 0.0]).sum(),
-                ("steepest climb", "°"): max(steepest.max(), 0.0),
-                ("steepest descent", "°"): max(0.0, -steepest.min()),
+                ("steepest climb", "°"): max(grade_deg.max(), 0.0),
+                ("steepest descent", "°"): max(0.0, -grade_deg.min()),
                 ("mean interest", ""): route.interest.mean(),
                 ("air temperature", "°C"): route.temperature_c,
                 ("wind", "m/s"): route.wind_mps,
-                (f"energy there, {robot.name} at {speed:.2f} m/s", "% of a charge"): 100.0 * charge_out,
+                (f"energy there, {robot.name} at {speed_mps:.2f} m/s", "% of a charge"): 100.0 * charge_out,
                 ("energy back, without wind", "% of a charge"): 100.0 * charge_back,
             }
         )
@@ -125,16 +125,21 @@ def generated_routes(robot: Robot, kind: str, count: int, seed: int) -> list[Rou
 
     env = HomewardVectorEnv(count, mission="OutAndBack", robot=robot, route=kind, difficulty="uncertain")
     env.reset(seed=seed)
-    shared, missions = env.batch.known.shared[0], env.batch.records
+    shared = env.batch.known.shared[0]
     drawn = env.batch.routes["places"][:, : int(shared["places"])]
     return [
         Route(
-            float(shared["place_m"]), np.arcsin(places["sin_grade"].astype(np.float64)), places["roughness"],
-            places["interest"], np.arctan2(places["north"], places["east"]), m["temperature_c"], m["wind_mps"],
-            m["wind_from_rad"],
+            place_m=float(shared["place_m"]),
+            grade_rad=np.arcsin(places["sin_grade"].astype(np.float64)),
+            roughness=places["roughness"],
+            interest=places["interest"],
+            heading_rad=np.arctan2(places["north"], places["east"]),
+            temperature_c=mission["temperature_c"],
+            wind_mps=mission["wind_mps"],
+            wind_from_rad=mission["wind_from_rad"],
         )
-        for places, m in zip(drawn, missions, strict=True)
-    ]  # fmt: skip
+        for places, mission in zip(drawn, env.batch.records, strict=True)
+    ]
 
 
 def _table() -> Table:
@@ -150,7 +155,9 @@ def _table() -> Table:
             route = load_route(name, _FINEST_M)
             low = float(np.degrees(route.grade_rad.min()))
             high = float(np.degrees(route.grade_rad.max()))
-            grade = f"{low:.2f}°" if high - low < 0.005 else f"{low:.2f} to {high:.2f}°"
+            grade = f"{low:.2f} to {high:.2f}°"
+            if high - low < 0.005:  # which is less than what is printed
+                grade = f"{low:.2f}°"
             table.add_row(name, f"{route.length_m:.2f} m", grade, _first_comment(name))
     return table
 
@@ -161,8 +168,11 @@ def _first_comment(name: str) -> str:
 
 
 def _spread(values: NDArray[np.float64], unit: str) -> str:
-    low, middle, high = (quantities.count(float(value)) for value in np.quantile(values, (0.05, 0.5, 0.95)))
-    return f"{middle} {unit}" if low == high else f"{middle} ({low} to {high}) {unit}"
+    quantiles = np.quantile(values, (0.05, 0.5, 0.95))
+    low, median, high = [quantities.count(float(value)) for value in quantiles]
+    if low == high:
+        return f"{median} {unit}"
+    return f"{median} ({low} to {high}) {unit}"
 
 
 def run() -> int:

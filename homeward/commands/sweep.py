@@ -45,7 +45,8 @@ MARK = "sweep.txt"
 PLOT = "sweep.png"
 """Learning curves of a sweep, in its folder."""
 _ONLY = "as given"  # name of the only settings where nothing varies
-TRIALS, STUDY = "trials.csv", "study.journal"
+TRIALS = "trials.csv"
+STUDY = "study.journal"
 """Files of a search in its folder."""
 _SHOWN = 10  # number of best trials; chosen: a screen
 _BATCHES = ("n_envs", "n_steps", "batch_size")
@@ -188,7 +189,8 @@ def _seeds_of(
     base: train.Args, seeds: tuple[int, ...], name: str, settings: Mapping[str, Any]
 ) -> dict[str, train.Args]:
     """A run for each seed, by the name of its folder."""
-    ppo, runs = dataclasses.replace(base.ppo, **settings), {}
+    ppo = dataclasses.replace(base.ppo, **settings)
+    runs = {}
     for seed in seeds:
         run = "/".join(part for part in (name, f"seed_{seed}") if part)
         runs[run] = dataclasses.replace(base, ppo=ppo, seed=seed, out=base.out.resolve() / run, resume=True)
@@ -205,12 +207,17 @@ def _choices(request: str) -> tuple[str, SearchRange | tuple[Any, ...]]:
     low, dots, high = values.partition("..")
     if dots and (kind is str or name in _BATCHES):
         raise SearchError(f"--vary {request}: is not searched between ends; give values, as {name}={defaults[name]}")
+    texts = values.split(",")
+    if dots:
+        texts = [low, high]
     try:
-        parsed = [kind(value) for value in ((low, high) if dots else values.split(","))]
+        parsed = [kind(text) for text in texts]
     except ValueError:
         raise TrainingError(f"--vary {request}: give {kind.__name__} values, as {name}={defaults[name]}") from None
+    if not dots:
+        return name, tuple(parsed)
     try:
-        return name, SearchRange(*parsed) if dots else tuple(parsed)
+        return name, SearchRange(*parsed)
     except SearchError as error:
         raise SearchError(f"--vary {request}: {error}") from None
 
@@ -235,14 +242,17 @@ def _search(args: Args, trials: int) -> dict[str, Path]:
 
     def keep(done: list[Trial]) -> None:
         _write_trials(base.out / TRIALS, done)
-        console.print(f"trial {done[-1].number}, score {done[-1].score:.4g}: {_flags(done[-1])}", soft_wrap=True)
+        newest = done[-1]
+        console.print(f"trial {newest.number}, score {newest.score:.4g}: {_flags(newest)}", soft_wrap=True)
 
     done = search(space, trials, objective, base.out / STUDY, keep)
-    ranked = sorted((trial for trial in done if not math.isnan(trial.score)), key=lambda trial: -trial.score)
+    ended = [trial for trial in done if not math.isnan(trial.score)]
+    ranked = sorted(ended, key=lambda trial: -trial.score)
     if not ranked:
         raise TrainingError("no trial ended with weights that are finite numbers: search smaller learning rates")
+    best_trial = ranked[0]
     cli.Terminal().show(_table(ranked[:_SHOWN]))
-    console.print(f"best: {_flags(ranked[0])}, in {args.train.out / f'trial_{ranked[0].number}'}", soft_wrap=True)
+    console.print(f"best: {_flags(best_trial)}, in {args.train.out / f'trial_{best_trial.number}'}", soft_wrap=True)
     return folders
 
 
@@ -255,11 +265,17 @@ def _space(args: Args, base: train.Args, trials: int) -> dict[str, SearchRange |
     space = dict(map(_choices, args.vary))
     if len(space) < len(args.vary):
         raise TrainingError(f"--vary {' '.join(args.vary)}: names a setting twice; give each once")
-    for ends in itertools.product(
-        *((choice.low, choice.high) if isinstance(choice, SearchRange) else choice for choice in space.values())
-    ):
+    # The settings check themselves: what holds at the ends of all ranges holds between them.
+    for ends in itertools.product(*map(_ends, space.values())):
         dataclasses.replace(base.ppo, **dict(zip(space, ends, strict=True)))
     return space
+
+
+def _ends(choice: SearchRange | tuple[Any, ...]) -> tuple[Any, ...]:
+    """Both ends of a range, or all values."""
+    if isinstance(choice, SearchRange):
+        return choice.low, choice.high
+    return choice
 
 
 def _write_trials(file: Path, done: list[Trial]) -> None:
@@ -272,9 +288,15 @@ def _table(ranked: list[Trial]) -> Table:
     for heading in ("trial", "score", *ranked[0].settings):
         table.add_column(heading, justify="right")
     for trial in ranked:
-        values = (f"{value:.4g}" if isinstance(value, float) else str(value) for value in trial.settings.values())
+        values = (_short(value) for value in trial.settings.values())
         table.add_row(str(trial.number), f"{trial.score:.4g}", *values)
     return table
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value)
 
 
 def _flags(trial: Trial) -> str:

@@ -20,11 +20,13 @@ def sweep_png(curves: Mapping[str, Sequence[Sequence[Point]]], env_id: str, miss
     figure, above, below = learning_axes(mission)
     figure.set_figwidth(8.0)  # names of settings are long
     for row, (settings, seeds) in enumerate(curves.items()):
-        for index, points in enumerate(seeds):
+        colour = colour_of(row)
+        label: str | None = settings
+        for points in seeds:
             millions = [point.steps / 1e6 for point in points]
-            label = settings if index == 0 else None
-            above.plot(millions, [point.score for point in points], color=colour_of(row), label=label, linewidth=1.2)
-            below.plot(millions, [100.0 * point.stranded_rate for point in points], color=colour_of(row), linewidth=1.2)
+            above.plot(millions, [point.score for point in points], color=colour, label=label, linewidth=1.2)
+            below.plot(millions, [100.0 * point.stranded_rate for point in points], color=colour, linewidth=1.2)
+            label = None  # one entry of the legend for all seeds
     above.legend(**LEGEND)
     figure.suptitle(f"{env_id}: a line for each training seed, on {EPISODES} missions", fontsize=11)
     return png(figure)

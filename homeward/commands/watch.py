@@ -112,13 +112,31 @@ def main(args: Args) -> list[Watched]:
         RobotError, RecordingError, CompanionError: The input cannot be used.
         OSError: The output folder cannot be written to.
     """
+    live = _live_option(args)
+    if live is None:
+        if not args.runs:
+            raise RecordingError("no recording is given; name at least one file, or --ros2, --mavlink or --stdin")
+        return _replay(args)
+    if args.runs:
+        raise RecordingError(f"{live} accepts no recordings: it receives a robot's messages")
+    _advise(args)
+    return []
+
+
+def _live_option(args: Args) -> str | None:
+    """Name of the option for a live robot, None for a replay.
+
+    Raises:
+        CompanionError: There are two, or another option does not go with it.
+    """
     ways = {"--ros2": args.ros2, "--mavlink": args.mavlink is not None, "--stdin": args.stdin}
     live = [name for name, is_given in ways.items() if is_given]
     if len(live) > 1:
         raise CompanionError(f"{' and '.join(live)} do not go together; give one of them")
     if not args.ros2 and args.domain is not None:
         raise CompanionError("--domain is for --ros2")
-    if not (args.ros2 or args.stdin) and (args.namespace or args.home is not None or args.docks):
+    has_place = bool(args.namespace) or args.home is not None or bool(args.docks)
+    if has_place and not (args.ros2 or args.stdin):
         raise CompanionError("--namespace, --home and --docks are for --ros2 and --stdin")
     if not live and args.state is not None:
         raise CompanionError("--state is for a live robot: --ros2, --mavlink or --stdin")
@@ -126,22 +144,22 @@ def main(args: Args) -> list[Watched]:
         raise CompanionError("--foxglove is for a live robot; --mcap FILE writes the advice of a replay for Foxglove")
     if args.namespace and not args.namespace.startswith("/"):
         raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
-    if live:
-        if args.runs:
-            raise RecordingError(f"{live[0]} accepts no recordings: it receives a robot's messages")
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # the state is saved then, too
-        robot = load_robot(args.robot)
-        with _streamed(args, robot) as outputs:
-            if args.mavlink is not None:
-                _advise_vehicle(args, args.mavlink, robot, outputs)
-            elif args.stdin:
-                _advise_by_lines(args, robot, outputs)
-            else:
-                _join(args, robot, outputs)
-        return []
-    if not args.runs:
-        raise RecordingError("no recording is given; name at least one file, or --ros2, --mavlink or --stdin")
-    return _replay(args)
+    if not live:
+        return None
+    return live[0]
+
+
+def _advise(args: Args) -> None:
+    """Advise a live robot until it is interrupted."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the state is saved then, too
+    robot = load_robot(args.robot)
+    with _streamed(args, robot) as outputs:
+        if args.mavlink is not None:
+            _advise_vehicle(args, args.mavlink, robot, outputs)
+        elif args.stdin:
+            _advise_by_lines(args, robot, outputs)
+        else:
+            _join(args, robot, outputs)
 
 
 def _replay(args: Args) -> list[Watched]:
@@ -157,32 +175,20 @@ def _replay(args: Args) -> list[Watched]:
     recordings = [within_top_speed(recording, robot.max_speed_mps) for recording in read]
     check_writable(args.out)
     notes = [(Path(recording.name).name, note) for recording in recordings for note in recording.notes]
-    for said in notes:
-        cli.remark(*said)
+    for name, note in notes:
+        cli.remark(name, note)
     console = cli.Terminal()
-    keywords = _of_companion(args)
-    with contextlib.ExitStack() as stack:
-        shows: list[Callable[[str, Advice, float, float], None]] = []
-        if console.is_terminal and not args.quiet:
-            shows.append(stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show)
-        for stream in stack.enter_context(_streamed(args, robot)):
-            shows.append(stream.replay(robot.usable_energy_j))
-
-        def show(name: str, advice: Advice, since_s: float, duration_s: float) -> None:
-            for each in shows:
-                each(name, advice, since_s, duration_s)
-
-        runs = run_all(recordings, robot, show if shows else None, **keywords)
+    with _shown(args, robot, console) as show:
+        runs = run_all(recordings, robot, show, **_of_companion(args))
     if runs[0].unit != "J":
-        of_battery = {"--soc": args.soc, "--cutoff-v": args.cutoff_v, "--capacity-j": args.capacity_j}
-        unused = [name for name, value in of_battery.items() if value is not None]
-        if unused:
-            cli.remark(", ".join(unused), "not used: motor currents alone say nothing of the battery")
-        if args.mcap is not None:
-            cli.remark(str(args.mcap), "holds no advice: motor currents alone give none")
+        _say_unused(args)
     rows = rows_of(runs)
-    console.show(table_of(rows), ("interval\nscore",) if rows[-1].crps is not None else ())
-    console.print(verdict(rows[-1]))
+    of_all = rows[-1]
+    expendable: tuple[str, ...] = ()
+    if of_all.crps is not None:
+        expendable = ("interval\nscore",)
+    console.show(table_of(rows), expendable)
+    console.print(verdict(of_all))
     lacking = missing()
     if lacking is not None:
         console.print(Padding(lacking, (0, 0, 0, 2)), style="dim", soft_wrap=True)
@@ -192,6 +198,40 @@ def _replay(args: Args) -> list[Watched]:
     page = write_files(args.out, texts)[0]
     console.print(f"Page: {page}", soft_wrap=True)
     return runs
+
+
+Show = Callable[[str, Advice, float, float], None]
+"""What shows an advice: name of the recording, advice, time since its start, s, and its duration, s."""
+
+
+@contextlib.contextmanager
+def _shown(args: Args, robot: Robot, console: cli.Terminal) -> Iterator[Show | None]:
+    """What shows the advice of a replay: in a terminal and for Foxglove, as asked for; None for neither."""
+    with contextlib.ExitStack() as stack:
+        views: list[Show] = []
+        if console.is_terminal and not args.quiet:
+            views.append(stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show)
+        for stream in stack.enter_context(_streamed(args, robot)):
+            views.append(stream.replay(robot.usable_energy_j))
+
+        def show(name: str, advice: Advice, since_s: float, duration_s: float) -> None:
+            for view in views:
+                view(name, advice, since_s, duration_s)
+
+        if views:
+            yield show
+        else:
+            yield None
+
+
+def _say_unused(args: Args) -> None:
+    """Say which options motor currents cannot use."""
+    of_battery = {"--soc": args.soc, "--cutoff-v": args.cutoff_v, "--capacity-j": args.capacity_j}
+    unused = [name for name, value in of_battery.items() if value is not None]
+    if unused:
+        cli.remark(", ".join(unused), "not used: motor currents alone say nothing of the battery")
+    if args.mcap is not None:
+        cli.remark(str(args.mcap), "holds no advice: motor currents alone give none")
 
 
 def _of_companion(args: Args) -> dict[str, Any]:
@@ -211,9 +251,12 @@ def _streamed(args: Args, robot: Robot) -> Iterator[list[Stream]]:
     try:
         from homeward.watch.foxglove.stream import LAYOUT, Stream, address_of  # only now: it needs a further package
     except ModuleNotFoundError:
-        option, advice = "--foxglove" if args.foxglove else "--mcap", installed.advice("foxglove", "foxglove-sdk")
+        option = "--foxglove" if args.foxglove else "--mcap"
+        advice = installed.advice("foxglove", "foxglove-sdk")
         raise CompanionError(f"{option} needs foxglove-sdk: {advice}") from None
-    address = address_of(args.foxglove_address) if args.foxglove else None
+    address = None
+    if args.foxglove:
+        address = address_of(args.foxglove_address)
     with contextlib.closing(Stream(robot.name, address, args.mcap)) as stream:
         if stream.url is not None:
             cli.remark("Foxglove", f"open a connection to {stream.url}, and import the layout {LAYOUT}")
@@ -268,7 +311,9 @@ def _advise_by_lines(args: Args, robot: Robot, outputs: Sequence[Output]) -> Non
 
 def _domain(domain_id: int | None) -> int:
     """Number of the domain."""
-    text = os.environ.get("ROS_DOMAIN_ID", "") if domain_id is None else str(domain_id)
+    text = str(domain_id)
+    if domain_id is None:
+        text = os.environ.get("ROS_DOMAIN_ID", "")
     if not text:
         return 0
     if not text.isdecimal() or int(text) > 232:
@@ -280,17 +325,22 @@ def table_of(rows: list[Row]) -> Table:
     """Coverage, bias and error by the way left; the last row is of all moments."""
     table = Table(box=box.SIMPLE_HEAD)
     scored = rows[-1].crps is not None
-    headings = ["way left", "moments", "in the 90 %\ninterval", "bias", "median\nerror", "half\ninterval"]
-    for heading in headings + ["CRPS", "interval\nscore"] * scored:
-        table.add_column(heading, justify="left" if heading == "way left" else "right")
+    headings = ["moments", "in the 90 %\ninterval", "bias", "median\nerror", "half\ninterval"]
+    if scored:
+        headings += ["CRPS", "interval\nscore"]
+    table.add_column("way left")
+    for heading in headings:
+        table.add_column(heading, justify="right")
     for row in rows:
+        nearest_m, furthest_m = row.metres
+        way_left = f"{quantities.distance(furthest_m)} to {quantities.distance(nearest_m)}"
         if row is rows[-1]:
+            way_left = "all"
             table.add_section()
-        low, high = (quantities.distance(metres) for metres in row.metres)
+        scores = [f"{score:.1%}" for score in (row.crps, row.interval_score) if score is not None]
         table.add_row(
-            "all" if row is rows[-1] else f"{high} to {low}", str(row.moments), f"{row.covered:.0%}",
-            f"{row.bias:+.1%}", f"{row.error:.1%}", f"{row.width:.1%}",
-            *(f"{score:.1%}" for score in (row.crps, row.interval_score) if score is not None),
+            way_left, str(row.moments), f"{row.covered:.0%}", f"{row.bias:+.1%}", f"{row.error:.1%}",
+            f"{row.width:.1%}", *scores,
         )  # fmt: skip
     return table
 
@@ -298,12 +348,14 @@ def table_of(rows: list[Row]) -> Table:
 def moments_of(runs: list[Watched]) -> pd.DataFrame:
     """Every moment of every run, one row each."""
     names = ("time_s", "left_m", "took_j", "mean_j", "low_j", "high_j")
-    tables = [
-        pd.DataFrame({"run": no_formula(run.name), **{name: getattr(run, name) for name in names}}) for run in runs
-    ]
+    tables = []
+    for run in runs:
+        columns = {name: getattr(run, name) for name in names}
+        tables.append(pd.DataFrame({"run": no_formula(run.name), **columns}))
     table = pd.concat(tables)
-    of_charge = {name: name.replace("_j", "_as") for name in names if runs[0].unit == "A s"}
-    return table.rename(columns=of_charge)
+    if runs[0].unit == "A s":  # a charge
+        table = table.rename(columns={name: name.replace("_j", "_as") for name in names})
+    return table
 
 
 def run() -> int:

@@ -95,15 +95,20 @@ class Curve(NamedTuple):
 def curve_of(points: Sequence[tuple[float, float]]) -> Curve:
     """The curve through points (share of charge, V of the pack); none: a constant voltage."""
     charge, volts = np.array(points or [(0.0, 1.0), (1.0, 1.0)], dtype=np.float64).T
-    below = np.concatenate([[0.0], np.cumsum(0.5 * (volts[1:] + volts[:-1]) * np.diff(charge))])
+    between = 0.5 * (volts[1:] + volts[:-1]) * np.diff(charge)  # energy between two points over the full charge
+    below = np.concatenate([[0.0], np.cumsum(between)])
     mean_v = below[-1]
+    relative_v = volts / mean_v
+    energy = below / mean_v
+    if not points:
+        mean_v = 0.0  # a constant voltage, which the curve does not tell
     beyond = MOST_KNOTS - len(charge)
     return Curve(
         knots=len(charge),
         charge=np.pad(charge, (0, beyond), constant_values=2.0),
-        relative_v=np.pad(volts / mean_v, (0, beyond), constant_values=1.0),
-        energy=np.pad(below / mean_v, (0, beyond), constant_values=2.0),
-        mean_v=float(mean_v) if points else 0.0,
+        relative_v=np.pad(relative_v, (0, beyond), constant_values=1.0),
+        energy=np.pad(energy, (0, beyond), constant_values=2.0),
+        mean_v=float(mean_v),
     )
 
 
@@ -115,7 +120,8 @@ def energy_share(curve: Any, charge: Any) -> Any:
     >>> [round(float(energy_share(lipo, share)), 3) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     [0.0, 0.238, 0.483, 0.736, 1.0]
     """
-    k = np.maximum(np.minimum(np.searchsorted(curve.charge, charge, side="right"), curve.knots - 1) - 1, 0)
+    above = np.minimum(np.searchsorted(curve.charge, charge, side="right"), curve.knots - 1)
+    k = np.maximum(above - 1, 0)  # the point at or below
     beyond = charge - curve.charge[k]
     rise = (curve.relative_v[k + 1] - curve.relative_v[k]) / (curve.charge[k + 1] - curve.charge[k])
     return curve.energy[k] + (curve.relative_v[k] + 0.5 * rise * beyond) * beyond
@@ -129,9 +135,11 @@ def charge_share(curve: Any, energy: Any) -> Any:
     >>> round(float(charge_share(lfp, energy_share(lfp, 0.3))), 12)
     0.3
     """
-    k = np.maximum(np.minimum(np.searchsorted(curve.energy, energy, side="right"), curve.knots - 1) - 1, 0)
+    above = np.minimum(np.searchsorted(curve.energy, energy, side="right"), curve.knots - 1)
+    k = np.maximum(above - 1, 0)  # the point at or below
     beyond = energy - curve.energy[k]
     rise = (curve.relative_v[k + 1] - curve.relative_v[k]) / (curve.charge[k + 1] - curve.charge[k])
+    # The root of a quadratic: energy is the integral of a voltage that is linear in the charge.
     root = np.sqrt(curve.relative_v[k] * curve.relative_v[k] + 2.0 * rise * beyond)
     return curve.charge[k] + 2.0 * beyond / (curve.relative_v[k] + root)
 
@@ -172,6 +180,8 @@ def charge_at(curve: Curve, open_circuit: Any) -> Any:
 @inline
 def open_circuit_v(curve: Any, charge: Any) -> Any:
     """Open-circuit voltage at a share of charge within 0 and 1, V; 0 for a battery of constant voltage."""
-    k = np.maximum(np.minimum(np.searchsorted(curve.charge, charge, side="right"), curve.knots - 1) - 1, 0)
+    above = np.minimum(np.searchsorted(curve.charge, charge, side="right"), curve.knots - 1)
+    k = np.maximum(above - 1, 0)  # the point at or below
+    beyond = charge - curve.charge[k]
     rise = (curve.relative_v[k + 1] - curve.relative_v[k]) / (curve.charge[k + 1] - curve.charge[k])
-    return curve.mean_v * (curve.relative_v[k] + rise * (charge - curve.charge[k]))
+    return curve.mean_v * (curve.relative_v[k] + rise * beyond)

@@ -43,7 +43,9 @@ class CellFacts(NamedTuple):
     cutoff_sd: float = 0.0
 
 
-_LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H = (0.002, 0.007), (1.0, 1.05), (1.0, 5.0)
+_LITHIUM_COLD = (0.002, 0.007)
+_LITHIUM_PEUKERT = (1.0, 1.05)
+_LITHIUM_LABEL_H = (1.0, 5.0)
 """Lithium-ion cells lose 15 to 30 % at -20 C (biolng.com.pl; with less at 0 C: Waag, Kaebitz & Sauer, Applied Energy
 102, 2013). Victron's battery monitors take an exponent of 1.05 for them. Data sheets draw the label in 1 to 5 h."""
 
@@ -70,7 +72,8 @@ WARM_C = 25.0
 """Temperature of labels, C."""
 
 _COLD_C = -20.0
-COLD_TIMES, MOST_COLD_TIMES = 4.0, 5.0
+COLD_TIMES = 4.0
+MOST_COLD_TIMES = 5.0
 """Resistance at -20 C over that of a warm cell: three to five times (ansh-bohrey.github.io)."""
 
 
@@ -86,8 +89,11 @@ def cold_resistance(temperature_c: float, times: float = COLD_TIMES) -> float:
     """
     if not temperature_c < WARM_C:
         return 1.0
-    warm_per_k, cold_per_k, here_per_k = (1.0 / (ZERO_CELSIUS_K + at_c) for at_c in (WARM_C, _COLD_C, temperature_c))
-    return float(times ** ((here_per_k - warm_per_k) / (cold_per_k - warm_per_k)))
+    # The logarithm of the resistance is linear in the inverse of the absolute temperature.
+    warm_per_k = 1.0 / (ZERO_CELSIUS_K + WARM_C)
+    cold_per_k = 1.0 / (ZERO_CELSIUS_K + _COLD_C)
+    present_per_k = 1.0 / (ZERO_CELSIUS_K + temperature_c)
+    return float(times ** ((present_per_k - warm_per_k) / (cold_per_k - warm_per_k)))
 
 
 _LABEL_V = {"nmc": 3.6, "lipo": 3.7, "lfp": 3.2, "lead_acid": 2.0}
@@ -104,8 +110,8 @@ def any_cell(charge: NDArray[np.float64]) -> NDArray[np.float64]:
     >>> any_cell(np.array([1.0, 0.5, 0.0])).round(2)
     array([1.1 , 1.03, 0.89])
     """
-    each = [open_circuit_v(_CURVES[name], charge) / label_v for name, label_v in _LABEL_V.items()]
-    return np.asarray(np.mean(each, axis=0))
+    of_chemistries = [open_circuit_v(_CURVES[name], charge) / label_v for name, label_v in _LABEL_V.items()]
+    return np.asarray(np.mean(of_chemistries, axis=0))
 
 
 def most_fall(charge: NDArray[np.float64], drawn: float) -> NDArray[np.float64]:
@@ -118,9 +124,9 @@ def most_fall(charge: NDArray[np.float64], drawn: float) -> NDArray[np.float64]:
     >>> most_fall(np.array([1.0, 0.5, 0.1]), 0.1).round(3)
     array([0.027, 0.021, 0.123])
     """
-    after = np.maximum(charge - drawn, 0.0)
+    charge_left = np.maximum(charge - drawn, 0.0)
     falls = [
-        (open_circuit_v(_CURVES[name], charge) - open_circuit_v(_CURVES[name], after)) / label_v
+        (open_circuit_v(_CURVES[name], charge) - open_circuit_v(_CURVES[name], charge_left)) / label_v
         for name, label_v in _LABEL_V.items()
     ]
     return np.asarray(np.max(falls, axis=0))
@@ -148,7 +154,9 @@ class Cells(NamedTuple):
         """What cells they are."""
         if self.chemistry == FLAT:
             return "cells of unknown chemistry"
-        return "cells with a curve of their own" if self.chemistry == OWN_CURVE else f"{self.chemistry} cells"
+        if self.chemistry == OWN_CURVE:
+            return "cells with a curve of their own"
+        return f"{self.chemistry} cells"
 
     @property
     def has_curve(self) -> bool:
@@ -164,7 +172,10 @@ class Cells(NamedTuple):
 
         A battery of constant voltage has no resistance but that of its file.
         """
-        return max(rate_per_h - 1.0 / self.facts.label_h[1], 0.0) if self.has_curve else 0.0
+        if not self.has_curve:
+            return 0.0
+        _, longest_h = self.facts.label_h
+        return max(rate_per_h - 1.0 / longest_h, 0.0)
 
     def derating(self, temperature_c: float, rate_per_h: float) -> tuple[float, float]:
         """Least and most share of the label's charge that the cells give in the cold and at a rate.
@@ -173,21 +184,30 @@ class Cells(NamedTuple):
             temperature_c: Of the air, C; NaN: they are warm.
             rate_per_h: Mean rate of the discharge.
         """
-        cold_k = max(WARM_C - temperature_c, 0.0) if math.isfinite(temperature_c) else 0.0
-        least_cold, most_cold = self.facts.cold_per_k
-        gentle, steep = self.facts.peukert
-        soon_h, late_h = self.facts.label_h
-        # Peukert: the charge given falls with the rate over the label's, to the power of the exponent less 1.
-        at_rate_most = min((max(rate_per_h, 0.0) * soon_h) ** (1.0 - gentle), 1.0) if rate_per_h > 0.0 else 1.0
-        at_rate_least = min((rate_per_h * late_h) ** (1.0 - steep), 1.0) if rate_per_h > 0.0 else 1.0
-        return (1.0 - most_cold * cold_k) * at_rate_least, (1.0 - least_cold * cold_k) * at_rate_most
+        cold_k = 0.0
+        if math.isfinite(temperature_c):
+            cold_k = max(WARM_C - temperature_c, 0.0)
+        least_per_k, most_per_k = self.facts.cold_per_k
+        at_rate_least = 1.0
+        at_rate_most = 1.0
+        if rate_per_h > 0.0:
+            # Peukert: the charge given falls with the rate over the label's, to the power of the exponent less 1.
+            gentle, steep = self.facts.peukert
+            shortest_h, longest_h = self.facts.label_h
+            at_rate_least = min((rate_per_h * longest_h) ** (1.0 - steep), 1.0)
+            at_rate_most = min((rate_per_h * shortest_h) ** (1.0 - gentle), 1.0)
+        in_cold_least = 1.0 - most_per_k * cold_k
+        in_cold_most = 1.0 - least_per_k * cold_k
+        return in_cold_least * at_rate_least, in_cold_most * at_rate_most
 
     def cutoff(self, cutoff_v: float | None) -> tuple[float, float]:
         """Cut-off under load, relative, and its standard deviation: the one that is known, or the usual one."""
         if cutoff_v is not None:
             return cutoff_v / self.mean_v, 0.0
-        empty = float(self.curve.relative_v[0])
-        return (self.facts.cutoff if math.isfinite(self.facts.cutoff) else empty), self.facts.cutoff_sd
+        if math.isfinite(self.facts.cutoff):
+            return self.facts.cutoff, self.facts.cutoff_sd
+        voltage_when_empty = float(self.curve.relative_v[0])
+        return voltage_when_empty, self.facts.cutoff_sd
 
 
 def cells_of(robot: Robot) -> Cells:
@@ -197,4 +217,10 @@ def cells_of(robot: Robot) -> Cells:
     if chemistry == FLAT and curve.mean_v > 0.0:
         chemistry = OWN_CURVE
     mean_v = curve.mean_v or robot.nominal_voltage_v
-    return Cells(chemistry, FACTS[chemistry], curve, mean_v, robot.rated_energy_j / mean_v)
+    return Cells(
+        chemistry=chemistry,
+        facts=FACTS[chemistry],
+        curve=curve,
+        mean_v=mean_v,
+        rated_as=robot.rated_energy_j / mean_v,
+    )

@@ -20,7 +20,8 @@ _MASS_SD = "mass_sd_kg"
 _SD_OF = {"a_sd_n": "a_n", "b_sd_ns_per_m": "b_ns_per_m", "c_sd_ns2_per_m2": "c_ns2_per_m2"}
 _NAMES = {"a_n": "rolling", "b_ns_per_m": f"{VISCOUS.id}.{_DRAG.name}", "c_ns2_per_m2": "drag"}
 """Names in `[uncertainty]`."""
-_FORCE, _SD = Bounds(0.0, 1e6), Bounds(0.0, 1e6, open_low=True)
+_FORCE = Bounds(0.0, 1e6)
+_SD = Bounds(0.0, 1e6, open_low=True)
 _BOUNDS = {"b_ns_per_m": Bounds(_DRAG.low, _DRAG.high), **dict.fromkeys((*_SD_OF, _MASS_SD), _SD)}
 _KNOWN = ("source", *_SD_OF.values(), *_SD_OF, _MASS_SD)
 
@@ -49,14 +50,7 @@ def from_table(table: Any, mass_kg: Any) -> CoastDown:
     Raises:
         UncertaintyError: A field is unknown or a value not allowed.
     """
-    if not isinstance(table, Mapping):
-        raise UncertaintyError(f"coast_down = {table!r} is not a table")
-    for name in table:
-        if name not in _KNOWN:
-            raise UncertaintyError(f"coast_down.{name} is not a known field; known: {', '.join(_KNOWN)}")
-    if not isinstance(table.get("source", ""), str):
-        raise UncertaintyError(f"coast_down.source = {table['source']!r} is not a text")
-    values = {name: _checked(name, value) for name, value in table.items() if name != "source"}
+    values = _values(table)
     if not _is_number(mass_kg) or not mass_kg > 0.0:
         raise UncertaintyError("coast_down needs body.mass_kg, the mass of the robot in the test; give it in kg")
     body: dict[str, float] = {}
@@ -64,18 +58,39 @@ def from_table(table: Any, mass_kg: Any) -> CoastDown:
         body["rolling_resistance"] = values["a_n"] / (mass_kg * GRAVITY_MPS2)
     if "c_ns2_per_m2" in values:
         body["drag_ns2_per_m2"] = values["c_ns2_per_m2"]
-    effects = {VISCOUS.id: {_DRAG.name: values["b_ns_per_m"]}} if "b_ns_per_m" in values else {}
+    effects: dict[str, dict[str, float]] = {}
+    if "b_ns_per_m" in values:
+        effects[VISCOUS.id] = {_DRAG.name: values["b_ns_per_m"]}
     shares = {_NAMES[size]: _share(values, sd, size) for sd, size in _SD_OF.items() if sd in values}
     if _MASS_SD in values:
         shares["mass"] = values[_MASS_SD] / float(mass_kg)
-    covariance = tuple(
-        tuple(share**2 if row == column else 0.0 for column in range(len(shares)))
-        for row, share in enumerate(shares.values())
-    )
-    if not shares:
-        return CoastDown(body, effects, None)
-    source = table.get("source") or "a coast-down test; no source given"
-    return CoastDown(body, effects, Uncertainty(source, tuple(shares), covariance, of="force"))
+    uncertainty = None
+    if shares:
+        source = table.get("source") or "a coast-down test; no source given"
+        uncertainty = Uncertainty(source=source, fitted=tuple(shares), covariance=_diagonal(shares), of="force")
+    return CoastDown(body, effects, uncertainty)
+
+
+def _values(table: Any) -> dict[str, float]:
+    """The numbers of the table by field, checked."""
+    if not isinstance(table, Mapping):
+        raise UncertaintyError(f"coast_down = {table!r} is not a table")
+    for name in table:
+        if name not in _KNOWN:
+            raise UncertaintyError(f"coast_down.{name} is not a known field; known: {', '.join(_KNOWN)}")
+    if not isinstance(table.get("source", ""), str):
+        raise UncertaintyError(f"coast_down.source = {table['source']!r} is not a text")
+    return {name: _checked(name, value) for name, value in table.items() if name != "source"}
+
+
+def _diagonal(shares: Mapping[str, float]) -> tuple[tuple[float, ...], ...]:
+    """Covariance of independent errors of these standard deviations."""
+    rows = []
+    for row, share in enumerate(shares.values()):
+        variances = [0.0] * len(shares)
+        variances[row] = share**2
+        rows.append(tuple(variances))
+    return tuple(rows)
 
 
 def _share(values: Mapping[str, float], sd: str, size: str) -> float:
@@ -88,7 +103,9 @@ def _share(values: Mapping[str, float], sd: str, size: str) -> float:
 def _checked(name: str, value: Any) -> float:
     bounds = _BOUNDS.get(name, _FORCE)
     if not _is_number(value) or not bounds.hold(value):
-        remedy = "; fit F = a + c v^2 without b" if name == "b_ns_per_m" else ""
+        remedy = ""
+        if name == "b_ns_per_m":
+            remedy = "; fit F = a + c v^2 without b"
         raise UncertaintyError(f"coast_down.{name} = {value!r} is not allowed; give a number in {bounds}{remedy}")
     return float(value)
 

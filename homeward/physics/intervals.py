@@ -24,7 +24,9 @@ class Bounds:
         return above & below
 
     def __str__(self) -> str:
-        return f"{'(' if self.open_low else '['}{self.low:g}, {self.high:g}{')' if self.open_high else ']'}"
+        left = "(" if self.open_low else "["
+        right = ")" if self.open_high else "]"
+        return f"{left}{self.low:g}, {self.high:g}{right}"
 
 
 FINITE = Bounds(-np.inf, np.inf, open_low=True, open_high=True)

@@ -38,7 +38,7 @@ def called(function: Function) -> Function:
 
 
 def pasted(function: Function) -> Function:
-    """As `inline`, before types are known: arrays and records enter a loop, also a parallel one, as if written there."""
+    """As `inline`, before types are known: also in a parallel loop it is as if written there, with arrays and records."""
     marked: Function = register_jitable(inline="always")(function)
     return marked
 
@@ -86,8 +86,8 @@ def uninterrupted() -> Iterator[None]:
     numba 0.68.1 crashes, or raises SystemError, if an exception comes while it reads a NumPy generator: its
     `unbox_numpy_random_bitgenerator` releases references that it does not have.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if not callable(before) or threading.current_thread() is not threading.main_thread():  # nothing would be raised
+    handler = signal.getsignal(signal.SIGINT)
+    if not callable(handler) or threading.current_thread() is not threading.main_thread():  # nothing would be raised
         yield
         return
     pressed = False
@@ -100,7 +100,7 @@ def uninterrupted() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, handler)
         if pressed:
             signal.raise_signal(signal.SIGINT)
 
@@ -119,20 +119,29 @@ class _Announcement(event.Listener):
     """
 
     def __init__(self) -> None:
-        self._depth, self._collects = 0, False
+        self._depth = 0
+        self._collects = False
 
     def on_start(self, event: Any) -> None:
         kernel = event.data["dispatcher"].py_func
         if self._depth == 0:
             self._collects = gc.isenabled()
             gc.disable()
-        if self._depth == 0 and str(kernel.__module__).startswith("homeward."):
-            often = "once" if cache_base() else "at every start, because no folder can keep it"
-            name = f"{kernel.__module__}.{kernel.__qualname__}".removeprefix("homeward.")
-            print(f"homeward: compiling {name}, {often} (1 to 5 seconds) ...", file=sys.stderr, flush=True)
+            _announce(kernel)
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
         if self._depth == 0 and self._collects:
             gc.enable()
+
+
+def _announce(kernel: Any) -> None:
+    """Print that a kernel is compiled, if it is of this project."""
+    if not str(kernel.__module__).startswith("homeward."):
+        return
+    often = "at every start, because no folder can keep it"
+    if cache_base():
+        often = "once"
+    name = f"{kernel.__module__}.{kernel.__qualname__}".removeprefix("homeward.")
+    print(f"homeward: compiling {name}, {often} (1 to 5 seconds) ...", file=sys.stderr, flush=True)

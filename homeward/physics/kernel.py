@@ -27,9 +27,13 @@ slope drives the robot alone, no force is booked. `braking` is regenerated energ
 `charger` is negative: what a charger supplied, of which the battery stores what the other causes leave."""
 
 SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING, CHARGER = range(len(BASE_CAUSES))
-_BASE, _EFFECTS, _FORCES = len(BASE_CAUSES), len(EFFECTS), sum(effect.kind == "force" for effect in EFFECTS)
+_BASE = len(BASE_CAUSES)
+_EFFECTS = len(EFFECTS)
+_FORCES = len([effect for effect in EFFECTS if effect.kind == "force"])
 _INTERMITTENT = np.uint64(1 << [effect.id for effect in EFFECTS].index("intermittent_load"))
-_GUESSES, _HALVINGS, _ROUNDING = 20, 60, 1e-14  # of the moment of depletion; chosen: halvings reach rounding
+_GUESSES = 20  # of the moment of depletion; chosen, as are the next two: halvings reach rounding
+_HALVINGS = 60
+_ROUNDING = 1e-14
 _FULL = 1e-12
 """Share of the capacity within which a battery counts as full. Chosen: above rounding, and no energy."""
 
@@ -100,10 +104,11 @@ def _compose(kind: Kind, *, cumulative: bool) -> Callable[..., float]:
     function for each effect.
     """
     names: dict[str, Any] = {"__name__": __name__}
-    terms, masks = "", 0
+    terms = ""
+    masks = 0
+    load = "load + added" if cumulative else "load"
     for index, effect in enumerate(EFFECTS):
         if effect.kind == kind:
-            load = "load + added" if cumulative else "load"
             terms += _TERM.format(id=effect.id, load=load, column=_BASE + index)
             names |= {effect.id: effect.function, f"mask_of_{effect.id}": np.uint64(1 << index)}
             masks |= 1 << index
@@ -128,7 +133,9 @@ def _paper_demand(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
     drive_w = np.maximum(force_n, 0.0) * watts_per_n
     power_w = ancillary_w + drive_w - s.charger_w
-    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, power_w
+    s.traction_n = force_n
+    s.drive_w = drive_w
+    s.power_w = power_w
     return power_w
 
 
@@ -142,7 +149,9 @@ def _demand_with_effects(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     drive_w = np.maximum(force_n, 0.0) * watts_per_n + _extra_drive(on, p, s, x, force_n, 1.0)
     power_w = ancillary_w + drive_w - s.charger_w
     power_w += _extra_battery(on, p, s, x, power_w, 1.0)
-    s.traction_n, s.drive_w, s.power_w = force_n, drive_w, power_w
+    s.traction_n = force_n
+    s.drive_w = drive_w
+    s.power_w = power_w
     return power_w
 
 
@@ -176,11 +185,14 @@ def _stepper(effects: bool) -> Callable[..., Any]:
             s.depleted = True
             if effects:
                 power_w = _demand_until_empty(p, s, x, watts_per_n)
-            passed_s = s.energy_j / power_w if power_w > 0.0 else 0.0
+            passed_s = 0.0
+            if power_w > 0.0:
+                passed_s = s.energy_j / power_w
             spent_j = s.energy_j
         elif spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j and not s.endless:
             # A full battery stores nothing: the brakes take the energy, or the charger keeps it.
-            s.ledger_j[CHARGER if s.charger_w > 0.0 else BRAKING] += s.energy_j - spent_j - s.capacity_j
+            cause = CHARGER if s.charger_w > 0.0 else BRAKING
+            s.ledger_j[cause] += s.energy_j - spent_j - s.capacity_j
             spent_j = s.energy_j - s.capacity_j
         s.energy_j -= spent_j
         _book(p, s, x, passed_s, watts_per_n)
@@ -194,7 +206,8 @@ def _stepper(effects: bool) -> Callable[..., Any]:
     return step
 
 
-_paper_step, _step_with_effects = _stepper(effects=False), _stepper(effects=True)
+_paper_step = _stepper(effects=False)
+_step_with_effects = _stepper(effects=True)
 
 
 @inline
@@ -249,12 +262,15 @@ def connect(p: Any, s: Any, x: Any, charger_w: float, dt_s: float) -> Any:
 @inline
 def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
     """Cut a step where an intermittent load switches, so that the power is constant within each part."""
-    left_s, drive_j, spent_j = dt_s, 0.0, 0.0
+    left_s = dt_s
+    drive_j = 0.0
+    spent_j = 0.0
     while True:
         part_s = left_s
         if p.effects & _INTERMITTENT:
             switch_s = intermittent_load.until_switch(p, s)
-            part_s = switch_s if switch_s < left_s - intermittent_load.ROUNDING_S else left_s
+            if switch_s < left_s - intermittent_load.ROUNDING_S:
+                part_s = switch_s
         passed_s = _step_with_effects(p, s, x, part_s)
         if part_s == dt_s:
             return passed_s
@@ -263,18 +279,25 @@ def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
         if s.depleted or part_s == left_s:
             break
         left_s -= passed_s
-    total_s = dt_s - left_s + passed_s if s.depleted else dt_s
-    s.drive_w, s.power_w = drive_j / max(total_s, 1e-9), spent_j / max(total_s, 1e-9)
+    total_s = dt_s
+    if s.depleted:
+        total_s = dt_s - left_s + passed_s
+    s.drive_w = drive_j / max(total_s, 1e-9)
+    s.power_w = spent_j / max(total_s, 1e-9)
     return total_s
 
 
 @inline
 def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     """Mean power until the battery is empty, W: effects that act at the start or build up change it within the step."""
-    low_s, high_s, power_w = 0.0, s.step_s, s.power_w
+    low_s = 0.0
+    high_s = s.step_s
+    power_w = s.power_w
     for trial in range(_GUESSES + _HALVINGS):
         # The power rarely changes with the length of the step, and the first guesses usually agree.
-        guess_s = s.energy_j / power_w if power_w > 0.0 else high_s
+        guess_s = high_s
+        if power_w > 0.0:
+            guess_s = s.energy_j / power_w
         if trial >= _GUESSES or not low_s < guess_s <= high_s:
             guess_s = 0.5 * (low_s + high_s)
         s.step_s = guess_s
@@ -307,8 +330,8 @@ def _book(p: Any, s: Any, x: Any, passed_s: float, watts_per_n: float) -> None:
 def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
     """Add the effects' part of the energy to the ledger, and update effects that have a state."""
     # Effects that are off have no power. The forces come first, and are booked while the drive works.
-    first = _BASE if s.traction_n > 0.0 else _BASE + _FORCES
-    for column in range(first, _BASE + _EFFECTS):
+    start = _BASE if s.traction_n > 0.0 else _BASE + _FORCES
+    for column in range(start, _BASE + _EFFECTS):
         s.ledger_j[column] += s.parts_w[column] * passed_s
     motor_heating.remember(p, s, x)
     breakaway.remember(p, s, x)
@@ -324,6 +347,8 @@ def full_charge(robot: Robot, energy_j: float | None = None) -> NDArray[np.void]
     """
     state = np.zeros(1, ROBOT_STATE_DTYPE)
     state["endless"] = energy_j == np.inf
-    state["energy_j"] = robot.usable_energy_j if energy_j in (None, np.inf) else energy_j
+    state["energy_j"] = robot.usable_energy_j
+    if energy_j is not None and energy_j != np.inf:
+        state["energy_j"] = energy_j
     state["capacity_j"] = np.maximum(state["energy_j"], robot.usable_energy_j)
     return state

@@ -72,14 +72,15 @@ def cache_of(function: Callable[..., Any]) -> KernelCache | None:
     if folder is None:
         return None
     config: Any = numba.config
-    before = config.CACHE_DIR
+    usual_folder = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:
         cache = KernelCache(function)
     finally:
-        config.CACHE_DIR = before
-    # Where numba cannot write, it takes another folder, which nobody has checked.
-    return cache if Path(cache.cache_path).is_relative_to(folder) else None
+        config.CACHE_DIR = usual_folder
+    if not Path(cache.cache_path).is_relative_to(folder):
+        return None  # where numba cannot write, it takes another folder, which nobody has checked
+    return cache
 
 
 @functools.cache
@@ -92,7 +93,9 @@ def cache_folder(module: str, source: Path) -> Path | None:
     for file in sources(module, source):
         digest.update(f"\0{file.name}\0{_read(file)}".encode())
     folder = base / f"kernels-{digest.hexdigest()[:16]}"
-    return folder if _made_private(folder) else None
+    if not _made_private(folder):
+        return None
+    return folder
 
 
 def sources(module: str, source: Path) -> list[Path]:
@@ -100,11 +103,13 @@ def sources(module: str, source: Path) -> list[Path]:
     import, and that of an effect of one's own."""
     root = Path(__file__).parents[1]
     package = module.removeprefix("homeward.").split(".")[0]
-    folders = [root / name for name in _PACKAGES.get(package, ("physics",))]
-    own = own_file()
-    of_one_s_own = [] if own is None else [own]
-    files = (file for folder in folders for file in folder.rglob("*.py"))
-    return sorted({source, *root.glob("*.py"), *files, *of_one_s_own})
+    files = {source, *root.glob("*.py")}
+    for name in _PACKAGES.get(package, ("physics",)):
+        files.update((root / name).rglob("*.py"))
+    effect_file = own_file()
+    if effect_file is not None:
+        files.add(effect_file)
+    return sorted(files)
 
 
 @functools.cache
@@ -122,16 +127,17 @@ def cache_base() -> Path | None:
     """
     home = os.path.expanduser(os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or "~/.cache")
     user = os.getuid() if os.name == "posix" else 0
-    first, second = Path(home) / "homeward", Path(tempfile.gettempdir()) / f"homeward-{user}"
-    for base, instead in ((first, "in a private temporary folder"), (second, "nowhere")):
+    temporary = Path(tempfile.gettempdir()) / f"homeward-{user}"
+    bases = {Path(home) / "homeward": "in a private temporary folder", temporary: "nowhere"}
+    for base, where_instead in bases.items():
         if not _made_private(base):
             continue
         exposed = _open_to_others(base.resolve())
         if exposed is None:
             return base.resolve()
         print(
-            f"homeward: other users may change {exposed}: compiled kernels are kept {instead}; fix it with chown and "
-            "chmod go-rwx, or name another folder in HOMEWARD_CACHE",
+            f"homeward: other users may change {exposed}: compiled kernels are kept {where_instead}; fix it with chown "
+            "and chmod go-rwx, or name another folder in HOMEWARD_CACHE",
             file=sys.stderr,
             flush=True,
         )
@@ -161,12 +167,17 @@ def _open_to_others(base: Path) -> Path | None:
             status = place.lstat()
         except FileNotFoundError:  # another process has put it in its place meanwhile
             continue
-        if place in base.parents and status.st_mode & stat.S_ISVTX:
-            open_to = 0  # in a sticky folder such as /tmp only its owner can rename or replace an entry
-        elif place.parent == base:
-            open_to = 0o077  # a folder of kernels lets nobody in, so the modes of what it holds do not matter
-        else:
-            open_to = 0o022 if place == base or place in base.parents else 0
-        if status.st_uid not in trusted or status.st_mode & open_to:
+        if status.st_uid not in trusted or status.st_mode & _forbidden_mode(place, base, status.st_mode):
             return place
     return None
+
+
+def _forbidden_mode(place: Path, base: Path, mode: int) -> int:
+    """Bits of a mode by which others may change a place on the way to the base, or in it."""
+    if place in base.parents and mode & stat.S_ISVTX:
+        return 0  # in a sticky folder such as /tmp only its owner can rename or replace an entry
+    if place.parent == base:
+        return 0o077  # a folder of kernels lets nobody in, so the modes of what it holds do not matter
+    if place == base or place in base.parents:
+        return 0o022
+    return 0

@@ -35,17 +35,25 @@ class Recorded:
 
     def replay(self, robot: Robot) -> Replay:
         """Drive a robot through these conditions."""
-        record, samples = robot.record(), self.samples
-        if self.usual_roughness and (usual := float(record["surface_usual"][0])) != 0.0:
+        record = robot.record()
+        samples = self.samples
+        usual_roughness = float(record["surface_usual"][0])
+        if self.usual_roughness and usual_roughness != 0.0:
             samples = samples.copy()
-            samples[Conditions._fields.index("roughness")] = usual
+            samples[Conditions._fields.index("roughness")] = usual_roughness
         output = np.empty((4, len(self.time_s)))
         state = full_charge(robot, np.inf)
         state["speed_mps"] = abs(samples[0, 0])  # a robot that moves at the first sample does not start there
         _replay(record, state, self.time_s, samples, output)
         power_w, drive_w, traction_n, wheel_force_n = output
         energy_j = dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True))
-        return Replay(power_w, drive_w, traction_n, wheel_force_n, energy_j)
+        return Replay(
+            power_w=power_w,
+            drive_w=drive_w,
+            traction_n=traction_n,
+            wheel_force_n=wheel_force_n,
+            energy_j=energy_j,
+        )
 
 
 def replay(
@@ -111,41 +119,43 @@ def conditions(
     grade_rad = _channel("grade_rad", grade_rad, time_s)
     if accel_mps2 is None:
         accel_mps2 = np.gradient(speed_mps, time_s)
-    samples = np.empty((len(Conditions._fields), len(time_s)))
-    for row, values in zip(
-        samples,
-        Conditions(
-            speed_mps=speed_mps,
-            sensing_hz=_channel("sensing_hz", sensing_hz, time_s),
-            accel_mps2=_channel("accel_mps2", accel_mps2, time_s),
-            sin_grade=np.sin(grade_rad),
-            cos_grade=np.cos(grade_rad),
-            yaw_rate_radps=_channel("yaw_rate_radps", yaw_rate_radps, time_s),
-            roughness=_channel("roughness", 0.0 if roughness is None else roughness, time_s),
-            headwind_mps=_channel("headwind_mps", headwind_mps, time_s),
-            temperature_c=_channel("temperature_c", temperature_c, time_s),
-            base_distance_m=base_distance_m,
-            direction=_direction(direction, base_distance_m, speed_mps, time_s),
-        ),
-        strict=True,
-    ):
+    usual_roughness = roughness is None
+    if usual_roughness:
+        roughness = 0.0  # until a robot is replayed, whose file says it
+    channels = Conditions(
+        speed_mps=speed_mps,
+        sensing_hz=_channel("sensing_hz", sensing_hz, time_s),
+        accel_mps2=_channel("accel_mps2", accel_mps2, time_s),
+        sin_grade=np.sin(grade_rad),
+        cos_grade=np.cos(grade_rad),
+        yaw_rate_radps=_channel("yaw_rate_radps", yaw_rate_radps, time_s),
+        roughness=_channel("roughness", roughness, time_s),
+        headwind_mps=_channel("headwind_mps", headwind_mps, time_s),
+        temperature_c=_channel("temperature_c", temperature_c, time_s),
+        base_distance_m=base_distance_m,
+        direction=_direction(direction, base_distance_m, speed_mps, time_s),
+    )
+    samples = np.empty((len(channels), len(time_s)))
+    for row, values in zip(samples, channels, strict=True):
         row[:] = values
-    return Recorded(time_s, samples, usual_roughness=roughness is None)
+    return Recorded(time_s, samples, usual_roughness)
 
 
 def _channel(name: str, values: Any, time_s: NDArray[np.float64]) -> Any:
     channel = np.asarray(values, dtype=np.float64)
     if channel.shape not in ((), time_s.shape):
         raise ValueError(f"{name} has shape {channel.shape}; allowed: one number or shape {time_s.shape}, as time_s")
-    if not np.isfinite(channel).all():
-        first = int(np.flatnonzero(~np.isfinite(channel))[0])
-        raise ValueError(f"{name} = {channel.flat[first]} at sample {first} is not finite; fill or cut the gap first")
+    gaps = np.flatnonzero(~np.isfinite(channel))
+    if len(gaps):
+        sample = int(gaps[0])
+        raise ValueError(f"{name} = {channel.flat[sample]} at sample {sample} is not finite; fill or cut the gap first")
     return channel
 
 
-def _direction(given: Any, base_distance_m: Any, speed_mps: Any, time_s: NDArray[np.float64]) -> Any:
-    if given is not None:
-        direction = _channel("direction", given, time_s)
+def _direction(direction: Any, base_distance_m: Any, speed_mps: Any, time_s: NDArray[np.float64]) -> Any:
+    """The direction as recorded or, if it was not (None), by the distance from base or the speed."""
+    if direction is not None:
+        direction = _channel("direction", direction, time_s)
         wrong = direction[np.abs(direction) != 1.0]
         if len(wrong):
             raise ValueError(f"direction = {wrong[0]:g} is not allowed; give 1 on the way out and -1 on the way home")
@@ -155,15 +165,18 @@ def _direction(given: Any, base_distance_m: Any, speed_mps: Any, time_s: NDArray
     if not changing.any():
         return np.where(speed_mps < 0.0, -1.0, 1.0)
     # Where the distance is constant, the direction is that before or, at the start, that after.
-    last = np.maximum.accumulate(np.where(changing, np.arange(len(time_s)), changing.argmax()))
-    return np.sign(growth[last])
+    sample = np.where(changing, np.arange(len(time_s)), changing.argmax())
+    latest_change = np.maximum.accumulate(sample)
+    return np.sign(growth[latest_change])
 
 
 @compiled
 def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any) -> None:
-    p, s = robots[0], states[0]
+    p = robots[0]
+    s = states[0]
     speed, sensing, accel, sine, cosine, yaw_rate, roughness, headwind, temperature, distance, direction = samples
     for i in range(len(time_s)):
+        # Backwards a robot meets the slope and the acceleration with the other sign.
         forward = 1.0 if speed[i] >= 0.0 else -1.0
         x = Conditions(
             abs(speed[i]),
@@ -178,9 +191,12 @@ def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any) ->
             distance[i],
             direction[i],
         )
-        dt_s = time_s[i + 1] - time_s[i] if i + 1 < len(time_s) else time_s[i] - time_s[i - 1]
+        end = min(i + 1, len(time_s) - 1)  # the last sample holds as long as the one before
+        dt_s = time_s[end] - time_s[end - 1]
         advance(p, s, x, dt_s)
-        output[0, i], output[1, i], output[2, i] = s.power_w, s.drive_w, s.traction_n
+        output[0, i] = s.power_w
+        output[1, i] = s.drive_w
+        output[2, i] = s.traction_n
         output[3, i] = np.maximum(s.traction_n, 0.0)
         if p.turning_scrub != 0.0:
             output[3, i] += turning.wheel_force(p, x)

@@ -191,8 +191,10 @@ def usable_energy(robot: Any, cycles: Any, age: Any) -> Any:
     >>> round(float(1 - usable_energy(rusti, 10.0, 0.0) / 55440.0), 2)
     0.71
     """
-    cycles, age = checked("cycles", cycles, NOT_NEGATIVE), checked("age", age, NOT_NEGATIVE)
-    return robot.rated_energy_j * np.exp(-(robot.cycle_fade * cycles + robot.age_fade * age))
+    cycles = checked("cycles", cycles, NOT_NEGATIVE)
+    age = checked("age", age, NOT_NEGATIVE)
+    fade = robot.cycle_fade * cycles + robot.age_fade * age
+    return robot.rated_energy_j * np.exp(-fade)
 
 
 def ideal_range(robot: Any) -> Any:
@@ -216,8 +218,8 @@ def composition(parts_w: Mapping[str, tuple[float, float]]) -> dict[str, tuple[f
 
     >>> rusti_w = {"manoeuvring": (4.8158, 6.8456), "sensing": (0.0293, 0.0348), "radio": (0.165, 0.166),
     ...     "micro-controller": (0.3928, 0.3928)}
-    >>> for name, (least, most) in composition(rusti_w).items():
-    ...     print(f"{name} {least:.2%} to {most:.2%}")
+    >>> for name, (low, high) in composition(rusti_w).items():
+    ...     print(f"{name} {low:.2%} to {high:.2%}")
     manoeuvring 89.03% to 92.10%
     sensing 0.39% to 0.64%
     radio 2.22% to 3.07%
@@ -226,9 +228,11 @@ def composition(parts_w: Mapping[str, tuple[float, float]]) -> dict[str, tuple[f
     >>> f"{6.8456 / (most_w + 15.0):.1%}"  # manoeuvring beside a 15 W computer, all at their maximum
     '30.5%'
     """
-    all_least_w = sum(least for least, _ in parts_w.values())
-    all_most_w = sum(most for _, most in parts_w.values())
-    return {
-        name: (least / (least + all_most_w - most), most / (most + all_least_w - least))
-        for name, (least, most) in parts_w.items()
-    }
+    all_low_w = sum(low_w for low_w, _ in parts_w.values())
+    all_high_w = sum(high_w for _, high_w in parts_w.values())
+    shares = {}
+    for name, (low_w, high_w) in parts_w.items():
+        lowest_share = low_w / (low_w + all_high_w - high_w)
+        highest_share = high_w / (high_w + all_low_w - low_w)
+        shares[name] = lowest_share, highest_share
+    return shares

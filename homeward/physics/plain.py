@@ -13,7 +13,9 @@ class PlainRecord(np.record):  # type: ignore[misc] # NumPy's types call the bas
 
     def __getattribute__(self, name: str) -> Any:
         value = super().__getattribute__(name)
-        return float(value) if isinstance(value, np.float32) else value
+        if isinstance(value, np.float32):
+            return float(value)
+        return value
 
 
 def plain(records: NDArray[np.void]) -> NDArray[Any]:

@@ -22,31 +22,36 @@ def implausible(robot: Any) -> list[str]:
     >>> implausible(load_robot("husky"))
     []
     """
-    found = [
-        f"{name} = {getattr(robot, name):g}, where {low:g} to {high:g}{unit and ' ' + unit} is known"
-        for name, (low, high, unit) in thresholds.PLAUSIBLE.items()
-        if not low <= getattr(robot, name) <= high
-    ]
+    phrases = []
+    for name, (low, high, unit) in thresholds.PLAUSIBLE.items():
+        value = getattr(robot, name)
+        if not low <= value <= high:
+            usual = f"{low:g} to {high:g} {unit}".rstrip()  # some have no unit
+            phrases.append(f"{name} = {value:g}, where {usual} is known")
     ancillary_w = sum(getattr(robot, name) for name in _ANCILLARY)
     if ancillary_w > thresholds.MOST_ANCILLARY_W:
-        most = f"where at most {thresholds.MOST_ANCILLARY_W:g} W is known"
-        found.append(f"{' + '.join(_ANCILLARY)} = {ancillary_w:g} W, {most}")
-    low, high, per_kg = thresholds.LEAST_J_PER_KG, thresholds.MOST_J_PER_KG, robot.rated_energy_j / robot.mass_kg
-    if not low <= per_kg <= high:
-        found.append(f"rated_energy_j / mass_kg = {per_kg:.3g} J/kg, where {low:g} to {high:g} is known")
-    return found
+        usual = f"at most {thresholds.MOST_ANCILLARY_W:g} W"
+        phrases.append(f"{' + '.join(_ANCILLARY)} = {ancillary_w:g} W, where {usual} is known")
+    j_per_kg = robot.rated_energy_j / robot.mass_kg
+    if not thresholds.LEAST_J_PER_KG <= j_per_kg <= thresholds.MOST_J_PER_KG:
+        usual = f"{thresholds.LEAST_J_PER_KG:g} to {thresholds.MOST_J_PER_KG:g}"
+        phrases.append(f"rated_energy_j / mass_kg = {j_per_kg:.3g} J/kg, where {usual} is known")
+    return phrases
 
 
 def warn_of_implausible(robot: Any, source: str) -> None:
     """Warn of implausible values in a robot that was read from a source."""
-    if found := implausible(robot):
-        message = f"{source}: {'; '.join(found)}: is the unit right?"
+    phrases = implausible(robot)
+    if phrases:
+        message = f"{source}: {'; '.join(phrases)}: is the unit right?"
         warnings.warn(message, PlausibilityWarning, stacklevel=_outside())
 
 
 def _outside() -> int:
     """Number of frames up to the caller outside this package, whose line the warning names."""
-    level, frame = 1, sys._getframe(1)
+    level = 1
+    frame = sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("homeward"):
-        level, frame = level + 1, frame.f_back
+        level += 1
+        frame = frame.f_back
     return level

@@ -124,16 +124,20 @@ def optimal_speed(robot: Robot, grade_rad: Any = 0.0, duty: Any = 1.0, sensing_h
     grade_rad, duty, sensing_hz = _checked_way(grade_rad, duty, sensing_hz)
     if robot.active_effects:
         speeds = np.linspace(robot.min_speed_mps, robot.max_speed_mps, _SPEED_GRID)
-        axes = (np.asarray(a, dtype=np.float64)[..., None] for a in np.broadcast_arrays(grade_rad, duty, sensing_hz))
-        return speeds[np.argmax(d_max(robot, speeds, *axes), axis=-1)]
+        arguments = np.broadcast_arrays(grade_rad, duty, sensing_hz)
+        # The speeds vary along an axis of their own, the last.
+        columns = [np.asarray(argument, dtype=np.float64)[..., None] for argument in arguments]
+        return speeds[np.argmax(d_max(robot, speeds, *columns), axis=-1)]
     drag = robot.drag_ns2_per_m2
     if drag == 0.0:
         return np.full(np.broadcast(grade_rad, duty, sensing_hz).shape, robot.max_speed_mps)[()]
-    balance = (model.ancillary_power(robot, sensing_hz) * robot.traction_efficiency / (2.0 * drag * duty)) ** (
-        1.0 / 3.0
-    )
-    rolling = np.sqrt(np.maximum(-model.traction_force(robot, 0.0, grade_rad), 0.0) / drag)
-    return np.minimum(np.maximum(np.maximum(balance, rolling), robot.min_speed_mps), robot.max_speed_mps)
+    ancillary_w = model.ancillary_power(robot, sensing_hz)
+    cube = ancillary_w * robot.traction_efficiency / (2.0 * drag * duty)
+    balance_mps = cube ** (1.0 / 3.0)
+    downhill_n = np.maximum(-model.traction_force(robot, 0.0, grade_rad), 0.0)
+    rolling_mps = np.sqrt(downhill_n / drag)  # where drag balances gravity
+    unlimited_mps = np.maximum(balance_mps, rolling_mps)
+    return np.minimum(np.maximum(unlimited_mps, robot.min_speed_mps), robot.max_speed_mps)
 
 
 def d_max(
@@ -170,8 +174,10 @@ def d_max(
     grade_rad, duty, sensing_hz = _checked_way(grade_rad, duty, sensing_hz)
     if speed_mps is None:
         speed_mps = optimal_speed(robot, grade_rad, duty, sensing_hz)
+    if energy_j is None:
+        energy_j = robot.usable_energy_j
     speed_mps = checked("speed_mps", speed_mps, _SPEEDS)
-    energy_j = checked("energy_j", robot.usable_energy_j if energy_j is None else energy_j, NOT_NEGATIVE)
+    energy_j = checked("energy_j", energy_j, NOT_NEGATIVE)
     if robot.active_effects:
         return _range_by_kernel(robot, speed_mps, grade_rad, duty, sensing_hz, energy_j)
     per_metre = _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
@@ -210,10 +216,14 @@ def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.
     sensing_hz = float(checked("sensing_hz", sensing_hz, NOT_NEGATIVE))
     length_m, driven = _driven(route, speed_mps, sensing_hz)
     mean_j = _consumed(robot, driven)
-    variance = _variance(robot, driven, mean_j, length_m)
-    sd_j = math.sqrt(variance)
-    low_j, high_j = max(mean_j - _HALF_90 * sd_j, 0.0), mean_j + _HALF_90 * sd_j
-    return Leg(mean_j, sd_j, low_j, high_j, length_m / speed_mps)
+    sd_j = math.sqrt(_variance(robot, driven, mean_j, length_m))
+    return Leg(
+        mean_j=mean_j,
+        sd_j=sd_j,
+        low_j=max(mean_j - _HALF_90 * sd_j, 0.0),
+        high_j=mean_j + _HALF_90 * sd_j,
+        time_s=length_m / speed_mps,
+    )
 
 
 def _driven(route: RouteLike, speed_mps: float, sensing_hz: float) -> tuple[float, Recorded]:
@@ -223,7 +233,9 @@ def _driven(route: RouteLike, speed_mps: float, sensing_hz: float) -> tuple[floa
     place_m = float(checked("place_m", route.place_m, _SPEEDS))
     length_m = place_m * len(grade_rad)
     if len(grade_rad) == 1:  # of one place: two halves, because a drive has two samples
-        grade_rad, heading_rad, place_m = np.repeat(grade_rad, 2), np.repeat(heading_rad, 2), 0.5 * place_m
+        grade_rad = np.repeat(grade_rad, 2)
+        heading_rad = np.repeat(heading_rad, 2)
+        place_m *= 0.5
     place_s = place_m / speed_mps
     time_s = place_s * np.arange(len(grade_rad), dtype=np.float64)
     turned_rad = np.append(np.diff(heading_rad), 0.0)
@@ -241,23 +253,30 @@ def _consumed(robot: Robot, driven: Recorded) -> float:
 
 def _variance(robot: Robot, driven: Recorded, mean_j: float, length_m: float) -> float:
     """Variance of the energy of a leg, J^2."""
-    given = robot.uncertainty
+    in_file = robot.uncertainty
 
     def per_share(name: str) -> float:
         """Change of the energy by the relative change of a parameter, J; downwards, so that a share stays one."""
         return (mean_j - _consumed(_changed(robot, name, 1.0 - _STEP), driven)) / _STEP
 
-    stated = Uncertainty() if given is None or given.of == "charge" else given
-    slopes_j = np.array([per_share(name) for name in stated.fitted])
-    own = float(slopes_j @ np.array(stated.covariance).reshape(len(slopes_j), -1) @ slopes_j) if len(slopes_j) else 0.0
-    if given is None or given.of != "energy":
-        generic = (share * per_share(name) for name, share in _not_stated(stated.fitted).items())
-        return own + sum(joules**2 for joules in generic) + (thresholds.OMITTED * mean_j) ** 2
-    between_runs = thresholds.BETWEEN_RUNS if given.between_runs is None else given.between_runs
-    # The spread between runs, where it was measured, includes the file's own error.
-    runs = (between_runs * mean_j) ** 2
-    runs = runs + own if given.between_runs is None else max(runs, own)
-    return runs + (given.unexplained_over(length_m) * mean_j) ** 2
+    stated = in_file
+    if stated is None or stated.of == "charge":
+        stated = Uncertainty()
+    of_parameters = 0.0
+    if stated.fitted:
+        slopes_j = np.array([per_share(name) for name in stated.fitted])
+        of_parameters = float(slopes_j @ np.array(stated.covariance) @ slopes_j)
+    if in_file is None or in_file.of != "energy":
+        generic_sds_j = (share * per_share(name) for name, share in _not_stated(stated.fitted).items())
+        generic = sum(sd_j**2 for sd_j in generic_sds_j)
+        omitted_j = thresholds.OMITTED * mean_j
+        return of_parameters + generic + omitted_j**2
+    unexplained_j = in_file.unexplained_over(length_m) * mean_j
+    if in_file.between_runs is None:
+        runs = (thresholds.BETWEEN_RUNS * mean_j) ** 2 + of_parameters
+    else:  # the spread between runs, where it was measured, includes the file's own error
+        runs = max((in_file.between_runs * mean_j) ** 2, of_parameters)
+    return runs + unexplained_j**2
 
 
 def _not_stated(measured: tuple[str, ...]) -> dict[str, float]:
@@ -265,9 +284,13 @@ def _not_stated(measured: tuple[str, ...]) -> dict[str, float]:
 
     A payload is rolled, too; where the resistance was measured, with the load of the test, it changes the climbs alone.
     """
-    shares = {} if "rolling" in measured else {"rolling": thresholds.GENERIC_ROLLING_SD}
+    shares = {}
+    load = "mass"
+    if "rolling" not in measured:
+        shares["rolling"] = thresholds.GENERIC_ROLLING_SD
+        load = "payload"
     if "mass" not in measured:
-        shares["mass" if "rolling" in measured else "payload"] = thresholds.GENERIC_PAYLOAD_SD
+        shares[load] = thresholds.GENERIC_PAYLOAD_SD
     if "idle_power" not in measured:
         shares["power_at_rest"] = thresholds.GENERIC_IDLE_SD
     return shares
@@ -283,8 +306,8 @@ def _changed(robot: Robot, name: str, factor: float) -> Robot:
     if name == "rolling":
         return dataclasses.replace(robot, rolling_resistance=robot.rolling_resistance * factor)
     if name == "mass":
-        held = robot.rolling_resistance / factor
-        return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor, rolling_resistance=min(held, 1.0))
+        rolling_resistance = min(robot.rolling_resistance / factor, 1.0)
+        return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor, rolling_resistance=rolling_resistance)
     if name == "payload":
         return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor)
     fields_of = {
@@ -296,9 +319,10 @@ def _changed(robot: Robot, name: str, factor: float) -> Robot:
     effect, _, parameter = name.partition(".")
     if parameter == "track_m":
         return dataclasses.replace(robot, track_m=robot.track_m * factor)
-    if parameter not in robot.effects.get(effect, {}):
+    numbers = dict(robot.effects.get(effect, {}))
+    if parameter not in numbers:
         raise ValueError(f"uncertainty.fitted names {name!r}, which robot {robot.name!r} does not have")
-    numbers = {**robot.effects[effect], parameter: robot.effects[effect][parameter] * factor}
+    numbers[parameter] *= factor
     return dataclasses.replace(robot, effects={**robot.effects, effect: numbers})
 
 
@@ -319,16 +343,16 @@ def _range_by_kernel(
     robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any, energy_j: Any
 ) -> NDArray[np.float64]:
     announce_compilation()
-    speed, grade, share, rate, energy = np.broadcast_arrays(speed_mps, grade_rad, duty, sensing_hz, energy_j)
-    distance_m = np.empty(speed.shape)
+    arguments = np.broadcast(speed_mps, grade_rad, duty, sensing_hz, energy_j)
+    ranges_m = []
     record = robot.record()
     roughness = float(record["surface_usual"][0])
-    for place in np.ndindex(speed.shape):
-        driving = _steady(float(speed[place]), float(rate[place]), float(grade[place]), roughness)
+    for speed, grade, duty_cycle, rate, energy in arguments:
+        driving = _steady(float(speed), float(rate), float(grade), roughness)
         standing = driving._replace(speed_mps=0.0)
-        state = full_charge(robot, float(energy[place]))
-        distance_m[place] = _drive_until_empty(record, state, driving, standing, float(share[place]))
-    return distance_m[()]
+        state = full_charge(robot, float(energy))
+        ranges_m.append(_drive_until_empty(record, state, driving, standing, float(duty_cycle)))
+    return np.array(ranges_m, np.float64).reshape(arguments.shape)[()]
 
 
 def _steady(speed_mps: float, sensing_hz: float, grade_rad: float, roughness: float) -> Conditions:
@@ -350,13 +374,18 @@ def _steady(speed_mps: float, sensing_hz: float, grade_rad: float, roughness: fl
 @compiled
 def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, duty: float) -> Any:
     """Distance on one charge, m: drives and stands in turn, in cycles that consume a thousandth of the charge each."""
-    p, s = robots[0], states[0]
+    p = robots[0]
+    s = states[0]
     charge_j = s.energy_j
-    s.speed_mps, s.step_s = driving.speed_mps, 1.0
-    cycle_s = 1e-3 * charge_j / max(abs(demand(p, s, driving)), abs(demand(p, s, standing)), 1e-9)
+    s.speed_mps = driving.speed_mps
+    s.step_s = 1.0
+    driving_w = abs(demand(p, s, driving))
+    standing_w = abs(demand(p, s, standing))
+    cycle_s = 1e-3 * charge_j / max(driving_w, standing_w, 1e-9)
     spent_j = 0.0
     while s.energy_j > 0.0:
-        before_j, before_m = s.energy_j, s.distance_m
+        before_j = s.energy_j
+        before_m = s.distance_m
         s.speed_mps = driving.speed_mps  # an average speed: the range excludes stops and starts
         advance(p, s, driving, duty * cycle_s)
         if duty < 1.0:
@@ -367,5 +396,6 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
         if spent_j <= 0.0 and cycle_s > thresholds.LONGEST_MEMORY_S:
             return np.inf
         if spent_j < 1e-3 * charge_j:
-            cycle_s, spent_j = 2.0 * cycle_s, 2.0 * spent_j
+            cycle_s = 2.0 * cycle_s
+            spent_j = 2.0 * spent_j
     return s.distance_m

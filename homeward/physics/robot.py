@@ -35,7 +35,9 @@ class RobotError(ValueError):
 def _quantity(section: str, meaning: str, bounds: Bounds, default: float | None = None) -> Any:
     """Declare one number of the robot file: section, meaning and allowed values."""
     metadata = {"section": section, "meaning": meaning, "bounds": bounds}
-    return field(metadata=metadata) if default is None else field(default=default, metadata=metadata)
+    if default is None:
+        return field(metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 # Chosen: far beyond any robot, and safe from overflow; `homeward.physics.plausible` has the typical ranges.
@@ -99,7 +101,8 @@ class Robot:
             if not isinstance(text, str) or (name == "name" and not text):
                 raise RobotError(f"{name} = {text!r} is not a text; allowed: a text in quotes")
         for quantity in _QUANTITIES:
-            value, bounds = getattr(self, quantity.name), quantity.metadata["bounds"]
+            value = getattr(self, quantity.name)
+            bounds = quantity.metadata["bounds"]
             # Fits make thousands of robots, nearly all of whose numbers are floats that are allowed.
             if type(value) is not float or not bounds.hold(value):
                 checked = _checked(f"{quantity.metadata['section']}.{quantity.name}", value, bounds)
@@ -156,13 +159,16 @@ class Robot:
 
     @functools.cached_property
     def _record(self) -> NDArray[np.void]:
-        active, tables = 0, [(effect, self.effects.get(effect.id, _OFF)) for effect in EFFECTS]
-        for bit, (effect, table) in enumerate(tables):
-            active |= (table.get(effect.switch.name, 0.0) != 0.0) << bit
-        own = (getattr(self, quantity.name) for quantity in _QUANTITIES)
-        of_effects = (table.get(one.name, one.default) for effect, table in tables for one in effect.parameters)
+        active = 0
+        of_effects = []
+        for bit, effect in enumerate(EFFECTS):
+            table = self.effects.get(effect.id, _OFF)
+            if table.get(effect.switch.name, 0.0) != 0.0:
+                active |= 1 << bit
+            of_effects += [table.get(parameter.name, parameter.default) for parameter in effect.parameters]
+        of_robot = (getattr(self, quantity.name) for quantity in _QUANTITIES)
         squares_v2 = _squares_v2(self.chemistry, self.cells_in_series, self.open_circuit_v)
-        return np.array([(active, *own, *of_effects, squares_v2)], ROBOT_DTYPE)
+        return np.array([(active, *of_robot, *of_effects, squares_v2)], ROBOT_DTYPE)
 
     def to_toml(self, comments: Mapping[str, str] = MappingProxyType({})) -> str:
         """Text of a robot file that `load_robot` reads back as an equal robot.
@@ -176,15 +182,18 @@ class Robot:
             for quantity in _QUANTITIES:
                 if quantity.metadata["section"] == section:
                     note = comments.get(quantity.name, quantity.metadata["meaning"])
-                    printable = "".join(c if c.isprintable() else " " for c in note)  # nor a second line
+                    printable = "".join(sign if sign.isprintable() else " " for sign in note)  # nor a second line
                     lines.append(f"{quantity.name} = {getattr(self, quantity.name)!r}  # {printable}")
             if section == "battery":
                 lines += self._curve_lines()
         for effect_id, parameters in self.effects.items():
             lines += ["", f"[effects.{effect_id}]"]
             for name, value in parameters.items():
+                line = f"{name} = {value!r}"
                 note = comments.get(f"{effect_id}.{name}")
-                lines.append(f"{name} = {value!r}" + (f"  # {note}" if note else ""))
+                if note:
+                    line += f"  # {note}"
+                lines.append(line)
         if self.uncertainty is not None:
             lines += ["", self.uncertainty.to_toml().rstrip("\n")]
         return "\n".join(lines) + "\n"
@@ -255,10 +264,14 @@ def load_robot(robot: str | Path | Robot) -> Robot:
         return robot
     if not isinstance(robot, str | Path):
         raise RobotError(f"robot = {robot!r} is not a preset name, a path or a Robot")
-    source = _preset_folder() / f"{robot}.toml" if robot in preset_names() else Path(robot)
+    source: Any = Path(robot)
+    if robot in preset_names():
+        source = _preset_folder() / f"{robot}.toml"
     if str(source) != STANDARD_INPUT and not os.path.isfile(source):
+        hint = _did_you_mean(str(robot), preset_names())
         near = f"{os.path.splitext(source)[0]}.toml"
-        hint = f" (did you mean {near!r}?)" if os.path.isfile(near) else _did_you_mean(str(robot), preset_names())
+        if os.path.isfile(near):
+            hint = f" (did you mean {near!r}?)"
         raise RobotError(
             f"robot {str(robot)!r} is neither a preset nor a file; presets: {', '.join(preset_names())}{hint}"
         )
@@ -285,38 +298,58 @@ def _from_tables(data: dict[str, Any]) -> Robot:
     _refuse_unknown(data, ["name", "description", "effects", "uncertainty", "coast_down", *sections], "")
     if "coast_down" in data:
         data = _with_coast_down(data)
+    data = _with_rest_current(data)
     values: dict[str, Any] = {"effects": data.get("effects", {}), "description": data.get("description", "")}
     if "uncertainty" in data:
-        table = data["uncertainty"]
-        if isinstance(table, Mapping) and "rest_current_a" in table:  # where older files have it
-            table = dict(table)
-            data = {**data, "drive": {"rest_current_a": table.pop("rest_current_a"), **data.get("drive", {})}}
-        try:
-            values["uncertainty"] = table if isinstance(table, Uncertainty) else from_table(table)
-        except UncertaintyError as error:
-            raise RobotError(f"uncertainty.{error}") from None
+        values["uncertainty"] = _uncertainty_of(data["uncertainty"])
     if "name" not in data:
         raise RobotError('name is missing; give the robot a name, such as name = "my_robot"')
     values["name"] = data["name"]
     for section, quantities in sections.items():
-        table = data.get(section, {})
-        if not isinstance(table, dict):
-            raise RobotError(f"{section} = {table!r} is not a table; write [{section}] with {', '.join(quantities)}")
-        of_curve = _CURVE_FIELDS if section == "battery" else ()
-        _refuse_unknown(table, [*quantities, *of_curve], f"{section}.")
-        values |= {name: table[name] for name in of_curve if name in table}
-        for name, quantity in quantities.items():
-            if name in table:
-                values[name] = table[name]
-            elif quantity.default is dataclasses.MISSING:
-                meaning, bounds = quantity.metadata["meaning"], quantity.metadata["bounds"]
-                raise RobotError(f"{section}.{name} is missing ({meaning}); give a number in {bounds}")
+        values |= _numbers_of(section, data.get(section, {}), quantities)
     return Robot(**values)
+
+
+def _with_rest_current(data: dict[str, Any]) -> dict[str, Any]:
+    """Tables of a file with the motors' current at rest in `[drive]`; older files have it in `[uncertainty]`."""
+    table = data.get("uncertainty")
+    if not isinstance(table, Mapping) or "rest_current_a" not in table:
+        return data
+    uncertainty = dict(table)
+    rest_current_a = uncertainty.pop("rest_current_a")
+    drive = {"rest_current_a": rest_current_a, **data.get("drive", {})}
+    return {**data, "uncertainty": uncertainty, "drive": drive}
+
+
+def _uncertainty_of(table: Any) -> Uncertainty:
+    if isinstance(table, Uncertainty):  # that of a coast-down test
+        return table
+    try:
+        return from_table(table)
+    except UncertaintyError as error:
+        raise RobotError(f"uncertainty.{error}") from None
+
+
+def _numbers_of(section: str, table: Any, quantities: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of a section by field; none is missing or unknown."""
+    if not isinstance(table, dict):
+        raise RobotError(f"{section} = {table!r} is not a table; write [{section}] with {', '.join(quantities)}")
+    of_curve = _CURVE_FIELDS if section == "battery" else ()
+    _refuse_unknown(table, [*quantities, *of_curve], f"{section}.")
+    values = {name: table[name] for name in of_curve if name in table}
+    for name, quantity in quantities.items():
+        if name in table:
+            values[name] = table[name]
+        elif quantity.default is dataclasses.MISSING:
+            meaning = quantity.metadata["meaning"]
+            raise RobotError(f"{section}.{name} is missing ({meaning}); give a number in {quantity.metadata['bounds']}")
+    return values
 
 
 def _with_coast_down(data: dict[str, Any]) -> dict[str, Any]:
     """Tables of a file with what its `[coast_down]` gives."""
-    body, effects = data.get("body", {}), data.get("effects", {})
+    body = data.get("body", {})
+    effects = data.get("effects", {})
     if not isinstance(body, Mapping) or not isinstance(effects, Mapping):
         return data  # which is refused
     try:
@@ -325,30 +358,39 @@ def _with_coast_down(data: dict[str, Any]) -> dict[str, Any]:
         raise RobotError(str(error)) from None
     twice = [f"body.{name}" for name in measured.body if name in body]
     twice += [f"effects.{name}" for name in measured.effects if name in effects]
-    twice += ["uncertainty"] if measured.uncertainty is not None and "uncertainty" in data else []
+    if measured.uncertainty is not None and "uncertainty" in data:
+        twice.append("uncertainty")
     if twice:
         raise RobotError(f"coast_down gives {', '.join(twice)} too; remove one of them")
-    data = data | {"body": {**body, **measured.body}, "effects": {**effects, **measured.effects}}
-    return data if measured.uncertainty is None else data | {"uncertainty": measured.uncertainty}
+    tables = {**data, "body": {**body, **measured.body}, "effects": {**effects, **measured.effects}}
+    if measured.uncertainty is not None:
+        tables["uncertainty"] = measured.uncertainty
+    return tables
 
 
-def _refuse_unknown(table: Mapping[str, Any], known: list[str], prefix: str, remedy: str = "") -> None:
+def _refuse_unknown(table: Mapping[str, Any], allowed: list[str], prefix: str, remedy: str = "") -> None:
     for name in table:
-        if name not in known:
+        if name not in allowed:
+            hint = _belongs_in(str(name)) or _did_you_mean(str(name), allowed) or remedy
             raise RobotError(
-                f"{prefix}{name} = {table[name]!r} is not a known field; known: {', '.join(known)}"
-                f"{_belongs_in(str(name)) or _did_you_mean(str(name), known) or remedy}"
+                f"{prefix}{name} = {table[name]!r} is not a known field; known: {', '.join(allowed)}{hint}"
             )
 
 
 def _belongs_in(name: str) -> str:
-    sections = [quantity.metadata["section"] for quantity in _QUANTITIES if quantity.name == name]
-    return f" ({name} belongs in [{sections[0]}])" if sections else ""
+    """A hint where a field stands in the wrong section, empty otherwise."""
+    for quantity in _QUANTITIES:
+        if quantity.name == name:
+            return f" ({name} belongs in [{quantity.metadata['section']}])"
+    return ""
 
 
-def _did_you_mean(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    return f" (did you mean {close[0]!r}?)" if close else ""
+def _did_you_mean(name: str, allowed: list[str]) -> str:
+    """A hint where a name is close to one that is allowed, empty otherwise."""
+    close = difflib.get_close_matches(name, allowed, n=1)
+    if not close:
+        return ""
+    return f" (did you mean {close[0]!r}?)"
 
 
 def _checked(name: str, value: Any, bounds: Bounds) -> float:
@@ -361,28 +403,34 @@ def _checked(name: str, value: Any, bounds: Bounds) -> float:
 
 def _checked_curve(robot: Robot) -> tuple[tuple[float, float], ...]:
     """The points of a robot's own open-circuit curve, none if its chemistry has one."""
-    known = (battery.FLAT, *battery.CHEMISTRIES)
-    if robot.chemistry not in known:
-        raise RobotError(f"battery.chemistry = {robot.chemistry!r} is not known; choose {', '.join(known)}")
+    allowed = (battery.FLAT, *battery.CHEMISTRIES)
+    if robot.chemistry not in allowed:
+        raise RobotError(f"battery.chemistry = {robot.chemistry!r} is not known; choose {', '.join(allowed)}")
     if robot.chemistry != battery.FLAT:
         _check_cells(robot)
         return ()
     if robot.cells_in_series:
         raise RobotError("battery.cells_in_series needs a chemistry; add one, or remove it")
-    points = robot.open_circuit_v
+    return _checked_points(robot.open_circuit_v)
+
+
+def _checked_points(points: Any) -> tuple[tuple[float, float], ...]:
+    """Points (share of charge, V of the pack) of an open-circuit curve, none for a constant voltage."""
     if not isinstance(points, list | tuple) or not all(isinstance(point, list | tuple) for point in points):
         raise RobotError(f"battery.open_circuit_v = {points!r} is no list of [share of charge, V] pairs")
     if not points:
         return ()
     checked = tuple(_checked_point(point) for point in points)
     shares, volts = zip(*checked, strict=True)
-    if len(checked) not in range(2, battery.MOST_KNOTS + 1) or (shares[0], shares[-1]) != (0.0, 1.0):
+    has_ends = shares[0] == 0.0 and shares[-1] == 1.0
+    if not has_ends or not 2 <= len(checked) <= battery.MOST_KNOTS:
         raise RobotError(
             f"battery.open_circuit_v has {len(checked)} points from share {shares[0]:g} to {shares[-1]:g}; give 2 to "
             f"{battery.MOST_KNOTS} points from 0 (empty) to 1 (full)"
         )
-    rises = all(low < high for low, high in itertools.pairwise(shares))
-    if not rises or any(low > high for low, high in itertools.pairwise(volts)):
+    share_rises = all(low < high for low, high in itertools.pairwise(shares))
+    voltage_falls = any(low > high for low, high in itertools.pairwise(volts))
+    if voltage_falls or not share_rises:
         raise RobotError("battery.open_circuit_v does not rise with the share of charge; sort its points")
     return checked
 
@@ -390,10 +438,9 @@ def _checked_curve(robot: Robot) -> tuple[tuple[float, float], ...]:
 def _checked_point(point: Any) -> tuple[float, float]:
     if len(point) != 2:
         raise RobotError(f"battery.open_circuit_v has the point {point!r}; give [share of charge, V of the pack]")
-    share, volts = point
-    return _checked("battery.open_circuit_v share", share, Bounds(0.0, 1.0)), _checked(
-        "battery.open_circuit_v voltage", volts, _POSITIVE
-    )
+    share = _checked("battery.open_circuit_v share", point[0], Bounds(0.0, 1.0))
+    volts = _checked("battery.open_circuit_v voltage", point[1], _POSITIVE)
+    return share, volts
 
 
 def _check_cells(robot: Robot) -> None:
@@ -406,8 +453,11 @@ def _check_cells(robot: Robot) -> None:
         )
     if robot.open_circuit_v:
         raise RobotError("battery has a chemistry and an open_circuit_v; keep one of them")
-    cell = battery.CHEMISTRIES[robot.chemistry]
-    empty_v, full_v = cells * cell[0][1], cells * cell[-1][1]
+    curve = battery.CHEMISTRIES[robot.chemistry]
+    _, empty_cell_v = curve[0]
+    _, full_cell_v = curve[-1]
+    empty_v = cells * empty_cell_v
+    full_v = cells * full_cell_v
     if not empty_v <= robot.nominal_voltage_v <= full_v:
         raise RobotError(
             f"battery.cells_in_series = {cells} of {robot.chemistry} have {empty_v:.3g} to {full_v:.3g} V, but "
@@ -431,16 +481,24 @@ def _checked_effects(effects: Any) -> Mapping[str, Mapping[str, float]]:
                 f"effects.{effect_id}.{effect.switch.name} is missing ({effect.switch.meaning}); "
                 f"give a number in {Bounds(effect.switch.low, effect.switch.high)}, 0 switches the effect off"
             )
-        checked[effect_id] = {
-            parameter.name: _checked(
-                f"effects.{effect_id}.{parameter.name}", parameters.get(parameter.name, parameter.default),
-                Bounds(parameter.low, parameter.high))
-            for parameter in effect.parameters
-        }  # fmt: skip
+        values = {}
+        for parameter in effect.parameters:
+            value = parameters.get(parameter.name, parameter.default)
+            bounds = Bounds(parameter.low, parameter.high)
+            values[parameter.name] = _checked(f"effects.{effect_id}.{parameter.name}", value, bounds)
+        checked[effect_id] = values
     return checked
 
 
 def _toml_string(text: str) -> str:
-    escaped = "".join(c if c.isprintable() and c not in '"\\' else f"\\u{ord(c):04X}" if ord(c) < 0x10000 else
-                      f"\\U{ord(c):08X}" for c in text)  # fmt: skip
+    escaped = "".join(map(_escaped, text))
     return f'"{escaped}"'
+
+
+def _escaped(sign: str) -> str:
+    """A sign of a text in TOML: quotes, backslashes and what cannot be printed by their code points."""
+    if sign.isprintable() and sign not in '"\\':
+        return sign
+    if ord(sign) < 0x10000:
+        return f"\\u{ord(sign):04X}"
+    return f"\\U{ord(sign):08X}"

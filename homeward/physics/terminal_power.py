@@ -25,4 +25,5 @@ def at_terminals(robot: Robot) -> Robot:
     inside = {effect.id for effect in EFFECTS if lost_inside(effect)}
     if not inside & set(robot.effects):
         return robot
-    return dataclasses.replace(robot, effects={name: one for name, one in robot.effects.items() if name not in inside})
+    outside = {name: parameters for name, parameters in robot.effects.items() if name not in inside}
+    return dataclasses.replace(robot, effects=outside)

@@ -70,11 +70,10 @@ class Uncertainty:
         if not names or count > _MOST_NUMBERS or len(set(self.fitted)) != count:
             raise UncertaintyError(f"fitted = {list(self.fitted)!r}; give at most {_MOST_NUMBERS} names, each once")
         self._check_covariance(count)
-        for name, value, most in (
-            ("between_runs", 0.0 if self.between_runs is None else self.between_runs, 10.0),
-            ("unexplained", self.unexplained, 100.0), ("unexplained_m", self.unexplained_m, 1e6),
-        ):  # fmt: skip
-            _check(name, value, most)
+        if self.between_runs is not None:
+            _check("between_runs", self.between_runs, highest=10.0)
+        _check("unexplained", self.unexplained, highest=100.0)
+        _check("unexplained_m", self.unexplained_m, highest=1e6)
         for name, value in self.instruments:
             if name not in _INSTRUMENTS:
                 raise UncertaintyError(
@@ -91,9 +90,10 @@ class Uncertainty:
             matrix = np.full((1, 1), np.nan)
         if matrix.shape != (count, count) or not np.isfinite(matrix).all():
             raise UncertaintyError(f"covariance is not a table of {count} x {count} numbers, one for each of fitted")
-        if np.abs(matrix - matrix.T).max() > 1e-6 * max(np.abs(matrix).max(), 1e-300):
+        rounding = 1e-6 * max(np.abs(matrix).max(), 1e-300)
+        if np.abs(matrix - matrix.T).max() > rounding:
             raise UncertaintyError("covariance is not symmetric; give the covariance of each pair twice")
-        if np.linalg.eigvalsh(matrix).min() < -1e-6 * max(np.abs(matrix).max(), 1e-300):
+        if np.linalg.eigvalsh(matrix).min() < -rounding:
             raise UncertaintyError("covariance has a negative eigenvalue: no numbers vary so together")
 
     def variance(self, name: str) -> float | None:
@@ -102,7 +102,10 @@ class Uncertainty:
         >>> Uncertainty(fitted=("mass",), covariance=((0.01,),)).variance("mass")
         0.01
         """
-        return self.covariance[self.fitted.index(name)][self.fitted.index(name)] if name in self.fitted else None
+        if name not in self.fitted:
+            return None
+        index = self.fitted.index(name)
+        return self.covariance[index][index]
 
     def unexplained_over(self, way_m: float) -> float:
         """Standard deviation of unexplained power averaged over a distance, relative to the mean power.
@@ -110,14 +113,17 @@ class Uncertainty:
         For an exponential correlation of length L, the mean over a distance x has the variance 2 L / x - 2 (L / x)^2 (1
         - exp(-x / L)), relative to that at a point.
 
-        >>> one = Uncertainty(unexplained=0.3, unexplained_m=10.0)
-        >>> round(one.unexplained_over(0.001), 3), round(one.unexplained_over(2000.0), 4)
+        >>> uncertainty = Uncertainty(unexplained=0.3, unexplained_m=10.0)
+        >>> round(uncertainty.unexplained_over(0.001), 3), round(uncertainty.unexplained_over(2000.0), 4)
         (0.3, 0.0299)
         """
-        if self.unexplained == 0.0 or self.unexplained_m == 0.0 or way_m <= 1e-6 * self.unexplained_m:
-            return self.unexplained if way_m <= 1e-6 * self.unexplained_m else 0.0
+        if way_m <= 1e-6 * self.unexplained_m:  # a point
+            return self.unexplained
+        if self.unexplained == 0.0 or self.unexplained_m == 0.0:
+            return 0.0
         share = self.unexplained_m / way_m
-        return self.unexplained * math.sqrt(max(2.0 * share * (1.0 - share * -math.expm1(-1.0 / share)), 0.0))
+        variance = 2.0 * share * (1.0 - share * -math.expm1(-1.0 / share))
+        return self.unexplained * math.sqrt(max(variance, 0.0))
 
     def to_toml(self) -> str:
         """Text of the table, readable by `from_table`."""
@@ -125,8 +131,8 @@ class Uncertainty:
         if self.of != "energy":
             lines.append(f'of = "{self.of}"  # {_MEANT[self.of]}')
         lines.append(f"fitted = [{', '.join(map(_quoted, self.fitted))}]")
-        rows = (f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in self.covariance)
-        lines.append(f"covariance = [{', '.join(rows)}]  # of their relative errors")
+        rows = ", ".join(map(_row_text, self.covariance))
+        lines.append(f"covariance = [{rows}]  # of their relative errors")
         if self.between_runs is not None:
             lines.append(f"between_runs = {self.between_runs:.6g}  # relative standard deviation of a run's {self.of}")
         lines.append(f"unexplained = {self.unexplained:.6g}  # relative standard deviation of unexplained power")
@@ -144,10 +150,10 @@ def from_table(table: Any) -> Uncertainty:
     """
     if not isinstance(table, Mapping):
         raise UncertaintyError(f"uncertainty = {table!r} is not a table")
-    known = [one.name for one in fields(Uncertainty)]
+    allowed = [table_field.name for table_field in fields(Uncertainty)]
     for name in table:
-        if name not in known:
-            raise UncertaintyError(f"{name} is not a known field; known: {', '.join(known)}")
+        if name not in allowed:
+            raise UncertaintyError(f"{name} is not a known field; known: {', '.join(allowed)}")
     values = dict(table)
     instruments = values.pop("instruments", {})
     if not isinstance(instruments, Mapping):
@@ -158,16 +164,24 @@ def from_table(table: Any) -> Uncertainty:
     rows = values.pop("covariance", [])
     if not all(isinstance(row, list) for row in rows):
         raise UncertaintyError("covariance is not a list of lists of numbers")
-    return Uncertainty(
-        **{**values, "fitted": tuple(values.get("fitted", ()))}, covariance=tuple(map(tuple, rows)),
-        instruments=tuple(instruments.items()),
-    )  # fmt: skip
+    values["fitted"] = tuple(values.get("fitted", ()))
+    values["covariance"] = tuple(map(tuple, rows))
+    values["instruments"] = tuple(instruments.items())
+    return Uncertainty(**values)
 
 
-def _check(name: str, value: Any, most: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= most:
-        raise UncertaintyError(f"{name} = {value!r} is not allowed; give a number in [0, {most:g}]")
+def _check(name: str, value: Any, highest: float) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= highest:
+        raise UncertaintyError(f"{name} = {value!r} is not allowed; give a number in [0, {highest:g}]")
+
+
+def _row_text(row: tuple[float, ...]) -> str:
+    """A row of a matrix in TOML."""
+    values = ", ".join(f"{value:.6g}" for value in row)
+    return f"[{values}]"
 
 
 def _quoted(text: str) -> str:
-    return '"' + "".join(c if c.isprintable() and c not in '"\\' else "?" for c in text) + '"'
+    """A text in quotes, with a question mark for each sign that would need an escape."""
+    plain = "".join(sign if sign.isprintable() and sign not in '"\\' else "?" for sign in text)
+    return f'"{plain}"'

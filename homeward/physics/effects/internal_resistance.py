@@ -13,8 +13,8 @@ from homeward.physics.jit import inline
 def internal_resistance(p: Any, s: Any, x: Any, load: Any) -> Any:
     open_circuit_v2 = p.nominal_voltage_v * p.nominal_voltage_v
     if p.squares_v2[0] > 0.0:
-        left = s.energy_j / s.capacity_j
-        open_circuit_v2 = battery.square_v2(p.squares_v2, np.minimum(np.maximum(left, 0.0), 1.0))
+        energy_share = s.energy_j / s.capacity_j
+        open_circuit_v2 = battery.square_v2(p.squares_v2, np.minimum(np.maximum(energy_share, 0.0), 1.0))
     # No current delivers more than V^2 / 4R, where half of the energy is lost. Above that the load is still supplied,
     # with half of the energy lost, because the model has no brown-out.
     relative = load * (4.0 * p.internal_resistance_ohm / open_circuit_v2)

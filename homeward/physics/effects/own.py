@@ -10,7 +10,9 @@ from homeward import loading
 from homeward.own_effects import own_file
 from homeward.physics.effects.base import Effect, Parameter
 
-_KINDS = ("force", "drive", "ancillary", "battery")
+_NEXT = {"force": "slip", "drive": "copper_loss", "ancillary": "intermittent_load", "battery": "breakaway"}
+"""Effect before which one of one's own acts, by its kind."""
+_KINDS = tuple(_NEXT)
 
 
 class OwnEffectError(ImportError):
@@ -29,23 +31,25 @@ def with_own(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
     if path is None:
         return effects
     try:
-        own = _loaded(path, {effect.id for effect in effects})
+        own_effect = _loaded(path, {effect.id for effect in effects})
     except OwnEffectError as error:
         program = loading.program()
         if program is None:
             raise
         print(f"{program}: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    before = {"force": "slip", "drive": "copper_loss", "ancillary": "intermittent_load", "battery": "breakaway"}
-    place = [effect.id for effect in effects].index(before[own.kind])
-    return (*effects[:place], own, *effects[place:])
+    next_id = _NEXT[own_effect.kind]
+    place = [effect.id for effect in effects].index(next_id)
+    return (*effects[:place], own_effect, *effects[place:])
 
 
-def _loaded(path: Path, taken: set[str]) -> Effect:
+def _loaded(path: Path, taken_ids: set[str]) -> Effect:
     """The effect of a file, which is run."""
     # Below this package, so that other processes import this package, and with it the file, before what is in it.
-    name = f"{__package__}.own_{''.join(sign if sign.isalnum() else '_' for sign in path.stem)}"
-    spec = importlib.util.spec_from_file_location(name, path) if path.suffix == ".py" and path.is_file() else None
+    name = f"{__package__}.own_{_as_name(path.stem)}"
+    spec = None
+    if path.suffix == ".py" and path.is_file():
+        spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise OwnEffectError(f"effects of {path}: no such Python file; give a file.py with an EFFECT")
     module = importlib.util.module_from_spec(spec)
@@ -58,14 +62,20 @@ def _loaded(path: Path, taken: set[str]) -> Effect:
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise OwnEffectError(f"effects of {path}: has no EFFECT = Effect(...) of homeward.physics.effects.base")
-    if fault := _fault(effect, taken):
+    fault = _fault(effect, taken_ids)
+    if fault is not None:
         raise OwnEffectError(f"effects of {path}: {fault}")
     return effect
 
 
-def _fault(effect: Effect, taken: set[str]) -> str | None:
+def _as_name(text: str) -> str:
+    """A text as a part of a module's name."""
+    return "".join(sign if sign.isalnum() else "_" for sign in text)
+
+
+def _fault(effect: Effect, taken_ids: set[str]) -> str | None:
     """What is wrong with an effect, None if nothing is."""
-    if not effect.id.isidentifier() or effect.id in taken:
+    if not effect.id.isidentifier() or effect.id in taken_ids:
         return f"its id {effect.id!r} is taken or no name; give one of your own"
     if effect.kind not in _KINDS:
         return f"its kind {effect.kind!r} is none of {', '.join(_KINDS)}"
