@@ -13,14 +13,17 @@ import numba
 _MISSIONS_A_THREAD = 128
 """Missions below which stepping is faster than waking a thread: two threads gain from twice as many on
 (benchmarks/speed.py --only-threads of commit 8a8e0e2, docs/results.md: 1.15 times at 256)."""
-_CALIBRATION_S, _CALIBRATION_STEPS = 0.004, 8
+_CALIBRATION_S = 0.004
+_CALIBRATION_STEPS = 8
 """Shortest time, and fewest steps, for which one thread is timed. Chosen: 0.8 % of the next, and a mean of eight."""
 _TRUST_S = 0.5
 """Time for which that measurement is used. Chosen: other work may begin or end within a second."""
-_PATIENCE_S, _CREDIT_S = 0.001, 0.01
+_PATIENCE_S = 0.001
+_CREDIT_S = 0.01
 """Time, s, that several threads may lose against one before they are no longer used; and time, s, saved since they were
 tried that offsets such losses. The operating system occasionally lets any thread wait for some milliseconds. Chosen."""
-_PAYBACK, _MOST_PAYBACK = 20.0, 320.0
+_PAYBACK = 20.0
+_MOST_PAYBACK = 320.0
 """Ratio of time on one thread to time lost by several, before these are tried again; the share lost is at most its
 inverse, 5 %. The ratio doubles with every try that fails, down to a share of 0.3 %. Chosen."""
 
@@ -110,10 +113,12 @@ def _start_threads() -> None:
     would be undone by the first step on several threads.
     """
     torch = sys.modules.get("torch")
-    torch_threads = None if torch is None else torch.get_num_threads()
+    if torch is None:
+        numba.get_num_threads()
+        return
+    torch_threads = torch.get_num_threads()
     numba.get_num_threads()
-    if torch is not None:
-        torch.set_num_threads(torch_threads)
+    torch.set_num_threads(torch_threads)
 
 
 _AT_WORK = threading.Lock()

@@ -84,13 +84,13 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             OptionError: The seeds or the mask have the wrong length or type, or an option is not known.
         """
         check_reset_options(options, ("reset_mask",))
-        chosen = self._chosen(options)
-        self._seed(seed, chosen)
+        restarts = self._restarts(options)
+        self._seed(seed, restarts)
         observations = np.empty(self._observation_shape, np.float32)
         if self._last_observations is not None:
             observations[:] = self._last_observations
-        self.batch.reset(chosen, observations)
-        self._over[chosen] = False
+        self.batch.reset(restarts, observations)
+        self._over[restarts] = False
         self._any_over = bool(self._over.any())
         self._last_observations = observations
         return observations, self._info()
@@ -108,16 +108,18 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             raise ResetNeeded("no mission has begun; call reset() before step()")
         count = self.num_envs
         observations = np.empty(self._observation_shape, np.float32)
-        rewards, terminated, truncated = np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_)
+        rewards = np.empty(count)
+        terminated = np.empty(count, np.bool_)
+        truncated = np.empty(count, np.bool_)
         if self._any_over and self.autoreset_mode is AutoresetMode.DISABLED:
             over = np.flatnonzero(self._over).tolist()
             raise OptionError(
                 f"missions {over} are over; reset them with options={{'reset_mask': mask}} before the step"
             )
-        parts = unflatten_actions(actions, count) if self._flat else actions
-        ended = self.batch.step(
-            parts, observations, rewards, terminated, truncated, self._over if self._any_over else None
-        )
+        if self._flat:
+            actions = unflatten_actions(actions, count)
+        begin = self._over if self._any_over else None
+        ended = self.batch.step(actions, observations, rewards, terminated, truncated, begin)
         info = self._info()
         if ended or self._any_over:
             self._any_over = ended > 0
@@ -127,7 +129,8 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self._last_observations = observations
         return observations, rewards, terminated, truncated, info
 
-    def _chosen(self, options: dict[str, Any] | None) -> NDArray[np.bool_]:
+    def _restarts(self, options: dict[str, Any] | None) -> NDArray[np.bool_]:
+        """Which missions a reset restarts, shape (num_envs,)."""
         if not options or "reset_mask" not in options:
             return self._everyone
         mask = np.asarray(options["reset_mask"])
@@ -137,22 +140,23 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             raise OptionError("a reset_mask needs missions that have begun; call reset() without one first")
         return mask
 
-    def _seed(self, seed: int | Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> None:
+    def _seed(self, seed: int | Sequence[int | None] | None, restarts: NDArray[np.bool_]) -> None:
         seeds = self._one_each(seed)
         if self.batch.generators and all(generator_seed is None for generator_seed in seeds):
             return
         generators = list(self.batch.generators) or [seeding.np_random(generator_seed)[0] for generator_seed in seeds]
-        for i in np.flatnonzero(chosen):
+        for i in np.flatnonzero(restarts):
             if seeds[i] is not None:
                 generators[i] = seeding.np_random(seeds[i])[0]
         self.batch.generators = generators
 
     def _one_each(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        numbers: Sequence[int | None]
         try:
-            if seed is None:
-                return [None] * self.num_envs
-            given = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
-            seeds = [None if number is None else operator.index(number) for number in given]
+            numbers = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+            seeds = [None if number is None else operator.index(number) for number in numbers]
         except TypeError:
             raise OptionError(f"seed = {seed!r} is not allowed; give a whole number, or one a mission") from None
         if len(seeds) != self.num_envs:
@@ -168,7 +172,8 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         for i in over:
             final[i] = observations[i].copy()
         mask = self._over.copy()
-        info["final_obs"], info["_final_obs"] = final, mask
+        info["final_obs"] = final
+        info["_final_obs"] = mask
         info["final_info"] = info_of(self.batch.records, live=False) | {f"_{key}": mask for key in INFO_KEYS}
         info["_final_info"] = mask
         self.batch.reset(mask, observations)

@@ -53,7 +53,9 @@ def run() -> int:
     Returns:
         Exit code, see `homeward.cli.run`; 2 for an unknown subcommand.
     """
-    name = sys.argv[1] if len(sys.argv) > 1 else "--help"
+    name = "--help"
+    if len(sys.argv) > 1:
+        name = sys.argv[1]
     if name in ("-h", "--help", "help"):
         print(usage(), end="")
         return 0
@@ -61,8 +63,10 @@ def run() -> int:
         print(f"homeward {__version__}")
         return 0
     if name not in COMMANDS:
+        hint = ""
         close = difflib.get_close_matches(name, COMMANDS, n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        if close:
+            hint = f" (did you mean {close[0]!r}?)"
         print(f"homeward: unknown command {name!r}{hint}; commands: {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     code: int = importlib.import_module(f"homeward.commands.{name}").run()

@@ -47,18 +47,18 @@ class Terminal(Console):
             table: The table; columns are removed from it. If the output is not a terminal it gets its full width.
             expendable: Headings of columns that may be omitted, the least important first.
         """
-        wide = not self.is_terminal and "COLUMNS" not in os.environ
+        is_file = not self.is_terminal and "COLUMNS" not in os.environ
+        if is_file:
+            self._print_whole(table)
+            return
         left_out = []
-        for heading in () if wide else expendable:
+        for heading in expendable:
             if self._natural_width(table) <= self.width:
                 break
-            column = next(one for one in table.columns if one.header == heading)
+            column = next(column for column in table.columns if column.header == heading)
             table.columns.remove(column)
             left_out.append(" ".join(heading.split()))
-        if wide:
-            self._print_whole(table)
-        else:
-            self.print(table)
+        self.print(table)
         if left_out:
             self.print(f"Left out in a terminal of {self.width} columns: {', '.join(left_out)}.")
 
@@ -85,7 +85,7 @@ def printable(text: str) -> str:
     >>> printable("husky\\x1b[31m")
     'husky?[31m'
     """
-    return "".join(c if c.isprintable() else "?" for c in text)
+    return "".join(sign if sign.isprintable() else "?" for sign in text)
 
 
 def remark(source: str, text: str) -> None:
@@ -118,7 +118,7 @@ def run(
             stream.reconfigure(errors="replace")
     program, arguments = _called()
     for argument in arguments:  # the parser prints unknown arguments literally
-        if any(unicodedata.category(character) == "Cc" for character in argument):
+        if _has_control_character(argument):
             _say(program, f"argument '{argument}' holds a control character: type it again, or rename the file")
             return 2
     pressed: list[int] = []
@@ -128,25 +128,28 @@ def run(
             main(tyro.cli(args, prog=program, args=arguments, description=description))
     except (Exception, KeyboardInterrupt) as error:
         if pressed or isinstance(error, KeyboardInterrupt):  # compiled code may turn it into another error
-            code, message = INTERRUPTED, f"interrupted: {interrupted}"
-        elif isinstance(error, refused):
-            code, message = getattr(error, "exit_code", 2), str(error)
-        elif isinstance(error, OSError):
-            code = 2
-            message = f"cannot write {error.filename or 'the output'}: {error.strerror or error}; choose another --out"
-        else:
-            raise
-    else:
-        return 0
-    _say(program, message)
-    return code
+            _say(program, f"interrupted: {interrupted}")
+            return INTERRUPTED
+        if isinstance(error, refused):
+            _say(program, str(error))
+            return int(getattr(error, "exit_code", 2))
+        if isinstance(error, OSError):
+            file = error.filename or "the output"
+            _say(program, f"cannot write {file}: {error.strerror or error}; choose another --out")
+            return 2
+        raise
+    return 0
+
+
+def _has_control_character(text: str) -> bool:
+    return any(unicodedata.category(character) == "Cc" for character in text)
 
 
 @contextlib.contextmanager
 def _ctrl_c_noted(pressed: list[int]) -> Iterator[None]:
     """Append to a list when Ctrl-C is pressed, which still raises KeyboardInterrupt."""
-    before = signal.getsignal(signal.SIGINT)
-    ends = before in (signal.default_int_handler, end_at_once)
+    handler = signal.getsignal(signal.SIGINT)
+    ends = handler in (signal.default_int_handler, end_at_once)
     if not ends or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -159,7 +162,7 @@ def _ctrl_c_noted(pressed: list[int]) -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, handler)
 
 
 def _say(program: str, message: str) -> None:
@@ -176,7 +179,9 @@ def _say_warning(message: Warning | str, category: type[Warning], *_: Any, **__:
 
 def _called() -> tuple[str, list[str]]:
     """Name and arguments of the called script or subcommand of `homeward`."""
-    path, arguments = Path(sys.argv[0]), sys.argv[1:]
-    if arguments and (path.stem == "homeward" or (path.parent.name, path.name) == ("homeward", "__main__.py")):
+    path = Path(sys.argv[0])
+    arguments = sys.argv[1:]
+    is_main_module = path.parent.name == "homeward" and path.name == "__main__.py"
+    if arguments and (path.stem == "homeward" or is_main_module):
         return f"homeward {arguments[0]}", arguments[1:]
     return path.name, arguments

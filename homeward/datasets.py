@@ -8,7 +8,6 @@ import re
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import pooch
 from rich.console import Console
@@ -98,11 +97,17 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
     local = os.environ.get(LOCAL_FOLDER)
     if local:
         return [_local(Path(local) / name, file, registry[file]) for file in wanted]
+    return _downloaded(name, wanted, registry, progress)
+
+
+def _downloaded(name: str, wanted: list[str], registry: dict[str, str], progress: bool) -> list[Path]:
+    """Paths of files in the cache, downloaded where they are not there yet; arguments and errors as of `fetch`."""
     source = pooch.create(
         path=pooch.os_cache("homeward") / name, base_url=DATASETS[name].base_url, registry=registry,
         urls={file: url_of(name, file) for file in registry}, retry_if_failed=2,
     )  # fmt: skip
-    downloader = pooch.HTTPDownloader(progressbar=_Bar() if progress else False, timeout=30)
+    bar = _Bar() if progress else False
+    downloader = pooch.HTTPDownloader(progressbar=bar, timeout=30)
     pooch.get_logger().setLevel("WARNING")
     import requests  # only now, as in pooch: it is slow to load
 
@@ -186,7 +191,10 @@ class _Bar:
 
 def _group(name: str, file: str) -> str:
     folders = file.split("/")[:-1]
-    return re.sub(r"^\d+_", "", (folders[DATASETS[name].group_folder :] or [""])[0])
+    index = DATASETS[name].group_folder
+    if index >= len(folders):
+        return ""
+    return re.sub(r"^\d+_", "", folders[index])
 
 
 def _registry(name: str) -> dict[str, str]:
@@ -202,10 +210,10 @@ def _lines(name: str) -> list[list[str]]:
 
 def _local(folder: Path, file: str, digest: str) -> Path:
     """A file of a local copy, by its path in the data set or by the name that prefixes it with the folder."""
-    found: Any = [path for path in (folder / file, *folder.glob(f"*_{file}")) if path.is_file()]
-    if not found:
+    paths = [path for path in (folder / file, *folder.glob(f"*_{file}")) if path.is_file()]
+    if not paths:
         raise DatasetError(f"{LOCAL_FOLDER}: {folder / file} does not exist")
-    if pooch.file_hash(found[0]) != digest:
-        raise DatasetError(f"{LOCAL_FOLDER}: {found[0]} differs from its checksum")
-    path: Path = found[0]
+    path = paths[0]
+    if pooch.file_hash(str(path)) != digest:
+        raise DatasetError(f"{LOCAL_FOLDER}: {path} differs from its checksum")
     return path

@@ -119,12 +119,19 @@ _NUMBERS = re.compile(r"\s*\w+\s*=[-+\de.,\s\[\]]*(#.*)?", re.ASCII)
 
 def refuse_deep(data: Any) -> None:
     """Raise ValueError if lists and tables are nested deeper than in settings files; they could not be shown."""
-    level, depth = [data], 0
+    level = [data]
+    depth = 0
     while level:
         if depth > _DEEPEST:
             raise ValueError("nested too deeply")
-        inner = [one.values() if isinstance(one, Mapping) else one for one in level if isinstance(one, Mapping | list)]
-        level, depth = [value for values in inner for value in values], depth + 1
+        next_level: list[Any] = []
+        for value in level:
+            if isinstance(value, Mapping):
+                next_level.extend(value.values())
+            elif isinstance(value, list):
+                next_level.extend(value)
+        level = next_level
+        depth += 1
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
@@ -138,14 +145,15 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         OSError: The folder cannot be written to; an older file remains.
     """
     path = Path(path)
+    if isinstance(content, str):  # names of files that are no UTF-8 cannot be written as such
+        content = content.encode("utf-8", "replace")
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         # As any file of the user, so that the umask says who may read it.
         handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         with os.fdopen(handle, "wb") as file:
-            # Names of files that are no UTF-8 cannot be written as such.
-            file.write(content.encode("utf-8", "replace") if isinstance(content, str) else content)
+            file.write(content)
         temporary.replace(path)
     except BaseException as error:
         with contextlib.suppress(OSError):

@@ -38,11 +38,14 @@ def advice(extra: str, package: str) -> str:
     True
     """
     try:
-        about = metadata.metadata("homeward")
-    except metadata.PackageNotFoundError:  # a checkout on the path, and not a homeward from an index
-        return f"pip install -e '{_ROOT}[{extra}]'" if _is_checkout() else f"pip install {package}"
-    known = extra in (about.get_all("Provides-Extra") or ())
-    return f"pip install 'homeward[{extra}]'" if known else f"pip install {package}"
+        extras = metadata.metadata("homeward").get_all("Provides-Extra") or ()
+    except metadata.PackageNotFoundError:
+        if _is_checkout():  # on the path, and not a homeward from an index
+            return f"pip install -e '{_ROOT}[{extra}]'"
+        return f"pip install {package}"
+    if extra in extras:
+        return f"pip install 'homeward[{extra}]'"
+    return f"pip install {package}"
 
 
 def needed(extra: str, *packages: str) -> None:
@@ -62,38 +65,52 @@ def _is_checkout() -> bool:
 
 def _refuse_incomplete() -> None:
     """End a program of this project, like `needed`, if a package of every installation is missing."""
-    if _is_own_program() and (missing := _missing(NEEDED)):
-        python = _ROOT / ".venv" / "bin" / "python"
-        install = (
-            f"pip install -e '{_ROOT}'"
-            if _is_checkout()
-            else f"pip install {' '.join(_PACKAGE.get(name, name) for name in missing)}"
-        )
-        known = f"run it with {python}" if python.is_file() else f"install it with {install}"
-        _end(f"{sys.executable} does not have {', '.join(missing)}: {known}")
-    if _is_own_program() and _command() in OF_COMMANDS:
+    if not _is_own_program():
+        return
+    missing = _missing(NEEDED)
+    if missing:
+        _end(f"{sys.executable} does not have {', '.join(missing)}: {_remedy(missing)}")
+    if _command() in OF_COMMANDS:
         extra, packages = OF_COMMANDS[_command()]
         needed(extra, *packages)
+
+
+def _remedy(missing: list[str]) -> str:
+    """What to do about missing packages of every installation: run the Python that has them, or install them."""
+    python = _ROOT / ".venv" / "bin" / "python"
+    if python.is_file():
+        return f"run it with {python}"
+    if _is_checkout():
+        return f"install it with pip install -e '{_ROOT}'"
+    packages = " ".join(_PACKAGE.get(name, name) for name in missing)
+    return f"install it with pip install {packages}"
 
 
 def _command() -> str:
     """Name of the subcommand, or of the script that is one."""
     program = Path(sys.argv[0])
-    if program.name in ("-m", "homeward"):
-        return sys.argv[1] if len(sys.argv) > 1 else ""
-    return program.stem
+    if program.name not in ("-m", "homeward"):
+        return program.stem
+    if len(sys.argv) == 1:
+        return ""
+    return sys.argv[1]
 
 
 def _is_own_program() -> bool:
-    module = sys.orig_argv[sys.orig_argv.index("-m") + 1 :] if "-m" in sys.orig_argv else []
     if sys.argv[0] == "-m":  # while `python -m` imports the package, before it knows the file
+        if "-m" not in sys.orig_argv:
+            return False
+        module = sys.orig_argv[sys.orig_argv.index("-m") + 1 :]
         return module[:1] == ["homeward"]
     program = Path(sys.argv[0])
     return program.name == "homeward" or (_is_checkout() and program.resolve().is_relative_to(_ROOT))
 
 
 def _end(message: str) -> None:
-    print(f"{Path(sys.argv[0]).name if sys.argv[0] != '-m' else 'homeward'}: {message}", file=sys.stderr)
+    program = Path(sys.argv[0]).name
+    if program == "-m":
+        program = "homeward"
+    print(f"{program}: {message}", file=sys.stderr)
     raise SystemExit(2)
 
 

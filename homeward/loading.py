@@ -23,10 +23,14 @@ def program() -> str | None:
     """
     if sys.argv[0] == "-m":  # while `python -m` imports the package, before it knows the file
         module = sys.orig_argv[sys.orig_argv.index("-m") + 1]
-        return "homeward" if module.split(".")[0] == "homeward" else None
+        if module.split(".")[0] == "homeward":
+            return "homeward"
+        return None
     path = Path(sys.argv[0])
-    ours = path.name == "homeward" or path.resolve() in [_ROOT / name for name in _PROGRAMS]
-    return path.name if ours and sys.argv[0] in sys.orig_argv else None
+    is_ours = path.name == "homeward" or path.resolve() in [_ROOT / name for name in _PROGRAMS]
+    if is_ours and sys.argv[0] in sys.orig_argv:
+        return path.name
+    return None
 
 
 _PROGRAM = program()

@@ -19,8 +19,10 @@ REMEDY = f"an effect of your own needs {_OPTION} FILE.py (diagnose) or {VARIABLE
 
 def own_file() -> Path | None:
     """The file, None if none is named."""
-    name = os.environ.get(VARIABLE, "")
-    return Path(name) if name else None
+    name = os.environ.get(VARIABLE)
+    if not name:
+        return None
+    return Path(name)
 
 
 def _take_from_command_line() -> None:
@@ -29,9 +31,12 @@ def _take_from_command_line() -> None:
         return
     for place, argument in enumerate(sys.argv[1:], 1):
         name, _, value = argument.partition("=")
-        if name == _OPTION:
-            value = value or next(iter(sys.argv[place + 1 :]), "")
-            os.environ[VARIABLE] = str(Path(value).absolute()) if value else ""
+        if name != _OPTION:
+            continue
+        file = value or next(iter(sys.argv[place + 1 :]), "")
+        os.environ[VARIABLE] = ""
+        if file:
+            os.environ[VARIABLE] = str(Path(file).absolute())
 
 
 _take_from_command_line()

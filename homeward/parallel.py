@@ -113,8 +113,10 @@ def check_workers(jobs: int, cluster: str | None) -> None:
     """
     cores = os.cpu_count() or 1
     if not 1 <= jobs <= _MOST_PER_CORE * cores:
-        most = f"{_MOST_PER_CORE * cores}, as this machine has {cores} {'core' if cores == 1 else 'cores'}"
-        raise ClusterError(f"jobs = {jobs} is not allowed; give 1 to {most}")
+        noun = "core" if cores == 1 else "cores"
+        raise ClusterError(
+            f"jobs = {jobs} is not allowed; give 1 to {_MOST_PER_CORE * cores}, as this machine has {cores} {noun}"
+        )
     if cluster is None:
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
@@ -139,16 +141,16 @@ def _on_this_machine(
         for name, task in tasks.items():
             yield name, _result(name, _attempt(function, task))
         return
-    left = set(tasks)
+    unfinished = set(tasks)
     calls = (joblib.delayed(_work)(name, order) for name, order in _orders(function, tasks))
     outcomes = joblib.Parallel(n_jobs=max(min(jobs, len(tasks)), 1), return_as="generator_unordered")(calls)
     try:
         for name, outcome in outcomes:
-            left.remove(name)
+            unfinished.remove(name)
             yield name, _result(name, cloudpickle.loads(outcome))
     except BrokenProcessPool:
         raise TaskError(
-            f"a process died, perhaps from lack of memory, before these were done: {', '.join(sorted(left))}; "
+            f"a process died, perhaps from lack of memory, before these were done: {', '.join(sorted(unfinished))}; "
             "try fewer jobs"
         ) from None
     finally:
@@ -174,8 +176,8 @@ def _on_cluster(
                     raise TaskError(f"{name}: {_last_line(error)}") from error
                 yield name, _result(name, cloudpickle.loads(outcome))
         finally:
-            for one in running:
-                ray.cancel(one, force=True)
+            for reference in running:
+                ray.cancel(reference, force=True)
 
 
 @contextlib.contextmanager

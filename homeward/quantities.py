@@ -13,7 +13,9 @@ def distance(metres: float) -> str:
         return f"{metres:.1f} m"
     if abs(metres) < 1000.0:
         return f"{metres:.0f} m"
-    return f"{metres / 1000.0:.{2 if abs(metres) < 1e4 else 1}f} km"
+    if abs(metres) < 1e4:
+        return f"{metres / 1000.0:.2f} km"
+    return f"{metres / 1000.0:.1f} km"
 
 
 def duration(seconds: float) -> str:
@@ -25,7 +27,9 @@ def duration(seconds: float) -> str:
     if seconds < 120.0:
         return f"{seconds:.0f} s"
     hours, minutes = divmod(round(seconds / 60.0), 60)
-    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min"
+    if not hours:
+        return f"{minutes} min"
+    return f"{hours} h {minutes:02d} min"
 
 
 def energy(joules: float) -> str:
@@ -46,7 +50,9 @@ def power(watts: float) -> str:
     >>> power(4.2), power(9880.0)
     ('4.2 W', '9.88 kW')
     """
-    return f"{watts / 1000.0:.3g} kW" if abs(watts) >= 999.5 else f"{watts:.3g} W"
+    if abs(watts) >= 999.5:  # three digits would round it to 1000 W
+        return f"{watts / 1000.0:.3g} kW"
+    return f"{watts:.3g} W"
 
 
 def count(number: float) -> str:
@@ -55,4 +61,6 @@ def count(number: float) -> str:
     >>> count(1234.5), count(3.14159)
     ('1,234', '3.14')
     """
-    return f"{number:,.0f}" if abs(number) >= 100.0 else f"{number:.3g}"
+    if abs(number) >= 100.0:
+        return f"{number:,.0f}"
+    return f"{number:.3g}"

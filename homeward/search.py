@@ -75,7 +75,7 @@ def search(
     optuna = import_optuna()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(direction="maximize", study_name="homeward")
-    distributions = {name: _distribution(one) for name, one in space.items()}
+    distributions = {name: _distribution(choice) for name, choice in space.items()}
     done: list[Trial] = []
     for number in range(trials):
         study.sampler = optuna.samplers.TPESampler(seed=number)
@@ -104,15 +104,17 @@ def import_optuna() -> Any:
     return optuna
 
 
-def _distribution(one: SearchRange | tuple[Any, ...]) -> optuna.distributions.BaseDistribution:
+def _distribution(choice: SearchRange | tuple[Any, ...]) -> optuna.distributions.BaseDistribution:
     from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
-    if not isinstance(one, SearchRange):
-        return CategoricalDistribution(one)
-    log = one.low > 0.0 and one.high >= LOG_FROM * one.low
-    if isinstance(one.low, int) and isinstance(one.high, int):
-        return IntDistribution(one.low, one.high, log=log)
-    return FloatDistribution(one.low, one.high, log=log)
+    if not isinstance(choice, SearchRange):
+        return CategoricalDistribution(choice)
+    low = choice.low
+    high = choice.high
+    log = low > 0.0 and high >= LOG_FROM * low
+    if isinstance(low, int) and isinstance(high, int):
+        return IntDistribution(low, high, log=log)
+    return FloatDistribution(low, high, log=log)
 
 
 def _write_study(study: optuna.Study, file: Path) -> None:

@@ -38,16 +38,20 @@ def record(robot: Robot, seed: int = 20) -> pd.DataFrame:
     speed = _levels(rng, (0.0, 0.3, 0.5, 0.7, 0.9), 6.0, 20.0)
     speed = uniform_filter1d(speed, 15, mode="nearest")
     speed[speed < 0.02] = 0.0
-    yaw_rate = uniform_filter1d(_levels(rng, (0.0, 0.0, 0.0, 0.3, -0.3, 0.6, -0.6), 3.0, 9.0), 9, mode="nearest")
-    yaw_rate = yaw_rate * (speed > 0.0)
-    grade = uniform_filter1d(_levels(rng, (-0.06, 0.0, 0.0, 0.06, 0.1), 15.0, 40.0), 40, mode="nearest")
+    yaw_rate = _levels(rng, (0.0, 0.0, 0.0, 0.3, -0.3, 0.6, -0.6), 3.0, 9.0)
+    yaw_rate = uniform_filter1d(yaw_rate, 9, mode="nearest")
+    yaw_rate = yaw_rate * (speed > 0.0)  # a standing robot does not turn
+    grade = _levels(rng, (-0.06, 0.0, 0.0, 0.06, 0.1), 15.0, 40.0)
+    grade = uniform_filter1d(grade, 40, mode="nearest")
     sensing_hz = _levels(rng, (0.0, 10.0, 25.0), 30.0, 60.0)
     power_w = replay(
         robot, time_s, speed, grade_rad=grade, yaw_rate_radps=yaw_rate, accel_mps2=np.gradient(speed, time_s),
         sensing_hz=sensing_hz,
     ).power_w  # fmt: skip
+    # First-order autoregression with a variance of 1.
     drift = lfilter([np.sqrt(1.0 - 0.98**2)], [1.0, -0.98], rng.standard_normal(SAMPLES))
-    power_w = power_w * (1.0 + 0.02 * drift) + 3.0 * rng.standard_normal(SAMPLES)
+    ripple_w = 3.0 * rng.standard_normal(SAMPLES)
+    power_w = power_w * (1.0 + 0.02 * drift) + ripple_w
     columns = {
         "time_s": time_s,
         "speed_mps": speed + 0.003 * rng.standard_normal(SAMPLES) * (speed > 0.0),

@@ -91,7 +91,9 @@ def _root_of(path: Path) -> ElementTree.Element:
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise unexpanded if "<xacro:" in text else RobotError(f"is not a whole XML file: {error}") from None
+        if "<xacro:" in text:
+            raise unexpanded from None
+        raise RobotError(f"is not a whole XML file: {error}") from None
     if root.tag != "robot":
         raise RobotError(f"its element is <{root.tag}>, not <robot>; give a URDF")
     for element in root.iter():
@@ -108,9 +110,12 @@ def _described(root: ElementTree.Element) -> Described:
     values: dict[str, float] = {}
     sources: dict[str, str] = {}
     mass_kg, source = _mass(links)
+    said = []
     if mass_kg > 0.0:
-        values["mass_kg"], sources["mass_kg"] = mass_kg, source
-    said = [] if mass_kg > 0.0 else ["mass_kg is not taken: no link states a mass"]
+        values["mass_kg"] = mass_kg
+        sources["mass_kg"] = source
+    else:
+        said.append("mass_kg is not taken: no link states a mass")
     wheels = list(_wheels(root, links))
     radius_m = math.nan
     if wheels:
@@ -118,8 +123,14 @@ def _described(root: ElementTree.Element) -> Described:
         said += _take_wheels(wheels, values, sources)
     else:
         said.append("wheels are not taken: no continuous joint turns about the lateral axis (y)")
-    taken = [f"{name} = {value:.6g}: {sources[name]}" for name, value in values.items()]
-    return Described(root.get("name") or "robot", values, sources, taken + said, radius_m)
+    value_lines = [f"{name} = {value:.6g}: {sources[name]}" for name, value in values.items()]
+    return Described(
+        name=root.get("name") or "robot",
+        values=values,
+        sources=sources,
+        said=value_lines + said,
+        radius_m=radius_m,
+    )
 
 
 def _mass(links: dict[str, ElementTree.Element]) -> tuple[float, str]:
@@ -131,22 +142,15 @@ def _mass(links: dict[str, ElementTree.Element]) -> tuple[float, str]:
             masses_kg[name] = _number(element, "value", f"link {name!r}")
             if masses_kg[name] < 0.0:
                 raise RobotError(f"link {name!r} has the mass {masses_kg[name]:g} kg; correct it")
-    without = [name for name in links if masses_kg.get(name, 0.0) == 0.0]
-    source = f"sum of the masses of {len(links) - len(without)} of {len(links)} links"
-    if without:
-        source += f"; none is stated for {_listed(without)}"
+    massless = [name for name in links if masses_kg.get(name, 0.0) == 0.0]
+    source = f"sum of the masses of {len(links) - len(massless)} of {len(links)} links"
+    if massless:
+        source += f"; none is stated for {_listed(massless)}"
     return sum(masses_kg.values()), source
 
 
 def _wheels(root: ElementTree.Element, links: dict[str, ElementTree.Element]) -> Iterator[Wheel]:
-    joints = {}
-    for joint in root.findall("joint"):
-        ends = [joint.find(end) for end in ("parent", "child")]
-        names = [None if end is None else end.get("link") for end in ends]
-        for name in names:
-            if name not in links:
-                raise RobotError(f"joint {_name(joint)!r} leads to the link {name!r}, which does not exist")
-        joints[names[1]] = joint, names[0]  # a link has one parent
+    joints = _joints(root, links)
     for child, (joint, _) in joints.items():
         if joint.get("type") != "continuous":
             continue
@@ -154,23 +158,63 @@ def _wheels(root: ElementTree.Element, links: dict[str, ElementTree.Element]) ->
         axis = turned.apply(_vector(joint.find("axis"), "xyz", (1.0, 0.0, 0.0), f"joint {_name(joint)!r}"))
         if abs(axis[1]) < _LATERAL * float(np.linalg.norm(axis)) or not axis.any():
             continue
-        assert child is not None
-        limit = joint.find("limit")
-        limit_radps = 0.0 if limit is None else _number(limit, "velocity", f"joint {_name(joint)!r}", 0.0)
+        limit_radps = _limit_radps(joint)
         radius_m, shape = _radius(links[child])
-        yield Wheel(_name(joint), float(place_m[1]), radius_m, shape, limit_radps if limit_radps > 0.0 else math.inf)
+        yield Wheel(
+            joint=_name(joint),
+            lateral_m=float(place_m[1]),
+            radius_m=radius_m,
+            shape=shape,
+            limit_radps=limit_radps,
+        )
 
 
-def _pose(link: str | None, joints: dict[str | None, tuple[ElementTree.Element, str | None]]) -> tuple[Array, Rotation]:
+def _joints(
+    root: ElementTree.Element, links: dict[str, ElementTree.Element]
+) -> dict[str, tuple[ElementTree.Element, str]]:
+    """Joint above each link, by the link's name, with the name of the link above; a link has one parent."""
+    joints = {}
+    for joint in root.findall("joint"):
+        parent = _linked(joint, "parent", links)
+        child = _linked(joint, "child", links)
+        joints[child] = joint, parent
+    return joints
+
+
+def _linked(joint: ElementTree.Element, end: str, links: dict[str, ElementTree.Element]) -> str:
+    """Name of the link at an end of a joint, `parent` or `child`."""
+    element = joint.find(end)
+    name = None
+    if element is not None:
+        name = element.get("link")
+    if name is None or name not in links:
+        raise RobotError(f"joint {_name(joint)!r} leads to the link {name!r}, which does not exist")
+    return name
+
+
+def _limit_radps(joint: ElementTree.Element) -> float:
+    """Limit of the speed of a joint, rad/s; infinite if none is stated, or 0."""
+    limit = joint.find("limit")
+    if limit is None:
+        return math.inf
+    limit_radps = _number(limit, "velocity", f"joint {_name(joint)!r}", 0.0)
+    if limit_radps <= 0.0:
+        return math.inf
+    return limit_radps
+
+
+def _pose(link: str, joints: dict[str, tuple[ElementTree.Element, str]]) -> tuple[Array, Rotation]:
     """Place, m, and direction of a link in the frame of the root, with all joints at zero."""
-    place_m, turned = np.zeros(3), Rotation.identity()
+    place_m = np.zeros(3)
+    turned = Rotation.identity()
     seen = set()
     while link in joints:
         if link in seen:
             raise RobotError(f"link {link!r} is its own ancestor; correct the joints")
         seen.add(link)
         joint, parent = joints[link]
-        origin, where = joint.find("origin"), f"joint {_name(joint)!r}"
+        origin = joint.find("origin")
+        where = f"joint {_name(joint)!r}"
         step = Rotation.from_euler("xyz", _vector(origin, "rpy", (0.0, 0.0, 0.0), where))  # about fixed axes
         place_m = _vector(origin, "xyz", (0.0, 0.0, 0.0), where) + step.apply(place_m)
         turned = step * turned
@@ -190,30 +234,38 @@ def _radius(link: ElementTree.Element) -> tuple[float, str]:
 
 def _take_wheels(wheels: list[Wheel], values: dict[str, float], sources: dict[str, str]) -> list[str]:
     """Take what the wheels say; lines on the wheels, and on what is not clear."""
+    return [_take_speed(wheels, values, sources), *_take_track(wheels, values, sources)]
+
+
+def _take_speed(wheels: list[Wheel], values: dict[str, float], sources: dict[str, str]) -> str:
+    """Take the top speed, if radius and limit are stated; a line on the radius."""
     joints = _listed([wheel.joint for wheel in wheels])
     radii_m = [wheel.radius_m for wheel in wheels]
-    said = []
-    if _agree(radii_m):
-        radius_m = float(np.mean(radii_m))
-        said.append(f"wheels of {radius_m:.6g} m radius: {wheels[0].shape} of {joints}")
-        limit_radps = min(wheel.limit_radps for wheel in wheels)
-        if limit_radps < math.inf:
-            values["max_speed_mps"] = limit_radps * radius_m
-            sources["max_speed_mps"] = f"limit of the wheels' speed, {limit_radps:.6g} rad/s, times their radius"
-    else:
-        each = ", ".join(f"{wheel.joint} {wheel.radius_m:.6g} m" for wheel in wheels if wheel.radius_m > 0.0)
-        said.append(f"wheels {joints}: {f'their radii differ ({each})' if each else 'their radius is not stated'}")
-    sides_m = [[wheel.lateral_m for wheel in wheels if sign * wheel.lateral_m > 0.0] for sign in (1.0, -1.0)]
-    left_m, right_m = sides_m
+    if not _agree(radii_m):
+        radii = ", ".join(f"{wheel.joint} {wheel.radius_m:.6g} m" for wheel in wheels if wheel.radius_m > 0.0)
+        if radii:
+            return f"wheels {joints}: their radii differ ({radii})"
+        return f"wheels {joints}: their radius is not stated"
+    radius_m = float(np.mean(radii_m))
+    limit_radps = min(wheel.limit_radps for wheel in wheels)
+    if limit_radps < math.inf:
+        values["max_speed_mps"] = limit_radps * radius_m
+        sources["max_speed_mps"] = f"limit of the wheels' speed, {limit_radps:.6g} rad/s, times their radius"
+    return f"wheels of {radius_m:.6g} m radius: {wheels[0].shape} of {joints}"
+
+
+def _take_track(wheels: list[Wheel], values: dict[str, float], sources: dict[str, str]) -> list[str]:
+    """Take the track, if the wheels are equally far from the middle; otherwise a line that says why not."""
+    left_m = [wheel.lateral_m for wheel in wheels if wheel.lateral_m > 0.0]
+    right_m = [wheel.lateral_m for wheel in wheels if wheel.lateral_m < 0.0]
     if not left_m or not right_m:
-        said.append("track_m is not taken: no wheels on the left and the right of the middle")
-    elif _agree([abs(place_m) for place_m in left_m + right_m]):
-        values["track_m"] = float(np.mean(left_m) - np.mean(right_m))
-        sources["track_m"] = f"between the wheels of {joints}"
-    else:
-        each = ", ".join(f"{wheel.joint} {wheel.lateral_m:.6g} m" for wheel in wheels)
-        said.append(f"track_m is not taken: the wheels are at different distances from the middle ({each})")
-    return said
+        return ["track_m is not taken: no wheels on the left and the right of the middle"]
+    if not _agree([abs(place_m) for place_m in left_m + right_m]):
+        places = ", ".join(f"{wheel.joint} {wheel.lateral_m:.6g} m" for wheel in wheels)
+        return [f"track_m is not taken: the wheels are at different distances from the middle ({places})"]
+    values["track_m"] = float(np.mean(left_m) - np.mean(right_m))
+    sources["track_m"] = f"between the wheels of {_listed([wheel.joint for wheel in wheels])}"
+    return []
 
 
 def _agree(sizes: list[float]) -> bool:
@@ -226,11 +278,13 @@ def robot_file(described: Described) -> str:
     for section in _SECTIONS:
         lines += ["", f"[{section}]"]
         for quantity in _quantities(section):
-            meaning, bounds = quantity.metadata["meaning"], quantity.metadata["bounds"]
             if quantity.name in described.values:
-                value, source = described.values[quantity.name], described.sources[quantity.name]
-                lines.append(f"{quantity.name} = {value:.6g}  # URDF: {_printable(source)}")
+                value = described.values[quantity.name]
+                source = _printable(described.sources[quantity.name])
+                lines.append(f"{quantity.name} = {value:.6g}  # URDF: {source}")
             elif quantity.default is dataclasses.MISSING:
+                meaning = quantity.metadata["meaning"]
+                bounds = quantity.metadata["bounds"]
                 lines.append(f"# {quantity.name} =   # FILL IN: {meaning}; a number in {bounds}")
             elif quantity.name == "traction_n_per_a" and described.radius_m > 0.0:
                 with_radius = (
@@ -281,7 +335,9 @@ def _number(element: ElementTree.Element, attribute: str, where: str, default: f
 def _vector(
     element: ElementTree.Element | None, attribute: str, default: tuple[float, float, float], where: str
 ) -> Array:
-    text = None if element is None else element.get(attribute)
+    if element is None:
+        return np.array(default)
+    text = element.get(attribute)
     if text is None:
         return np.array(default)
     try:
@@ -294,8 +350,10 @@ def _vector(
 
 
 def _listed(names: list[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+    listed = ", ".join(names[:_NAMED])
+    if len(names) > _NAMED:
+        listed += f" and {len(names) - _NAMED} more"
+    return listed
 
 
 def _printable(text: str) -> str:
@@ -303,4 +361,5 @@ def _printable(text: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    return '"' + "".join("?" if sign in '"\\' else sign for sign in _printable(text)) + '"'
+    plain = "".join("?" if sign in '"\\' else sign for sign in _printable(text))
+    return f'"{plain}"'

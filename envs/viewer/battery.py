@@ -42,6 +42,7 @@ def _shown(scene: Scene) -> dict[str, float]:
 
 
 def _draw_column(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]) -> None:
+    """Draw the battery: what is used by cause above what is left, of which a part is for the way home."""
     left, top, width, height = box
     canvas.box((left + 0.3 * width, top - 7.0, 0.4 * width, 9.0), palette.EDGE, radius=2.0)
     canvas.box((left - 3.0, top - 3.0, width + 6.0, height + 6.0), palette.EDGE, radius=5.0)
@@ -51,12 +52,12 @@ def _draw_column(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]
         return height * joules / scene.full_j
 
     bottom = top + height
-    home_j = min(scene.home_j, scene.left_j)
-    canvas.box((left, bottom - height_of(scene.left_j), width, height_of(scene.left_j)), palette.GREEN)
-    for_home = (left, bottom - height_of(home_j), width, height_of(home_j))
+    level = bottom - height_of(scene.left_j)
+    canvas.box((left, level, width, height_of(scene.left_j)), palette.GREEN)
+    home_height = height_of(min(scene.home_j, scene.left_j))
+    for_home = (left, bottom - home_height, width, home_height)
     canvas.box(for_home, palette.DARK_GREEN)
     canvas.hatch(for_home, _HATCHED_GREEN, 8.0)
-    level = bottom - height_of(scene.left_j)
     positive = {name: used for name, used in shown.items() if used > 0.0}
     used_j = scene.full_j - scene.worn_j - scene.left_j
     # If a descent returned energy, the others share the rest.
@@ -68,29 +69,34 @@ def _draw_column(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]
         canvas.box((left, level - part, width, part), COLOURS[name])
         level -= part
     if scene.worn_j > _WORTH_SHOWING * scene.full_j:
-        canvas.box((left, top, width, height_of(scene.worn_j)), palette.GRID)
-        canvas.hatch((left, top, width, height_of(scene.worn_j)), palette.FAINT)
+        worn = (left, top, width, height_of(scene.worn_j))
+        canvas.box(worn, palette.GRID)
+        canvas.hatch(worn, palette.FAINT)
     if scene.home_j > scene.left_j and not scene.over:
         y = max(bottom - height_of(scene.home_j), top)
         canvas.dashes((left - 4.0, y), (left + width + 4.0, y), palette.RED, 2.0)
     gauge = bottom - height_of(scene.gauge_j)
-    canvas.polygon([(left - 4.0, gauge), (left - 13.0, gauge - 5.0), (left - 13.0, gauge + 5.0)], palette.INK)
+    pointer = [(left - 4.0, gauge), (left - 13.0, gauge - 5.0), (left - 13.0, gauge + 5.0)]
+    canvas.polygon(pointer, palette.INK)
 
 
 def _draw_legend(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]) -> None:
+    """Draw the energy of each use, what is left, and what of it the way home consumes."""
     left, top, width, height = box
     y = top + 6.0
     step = 18.0
 
     def row(name: str, joules: float, colour: Colour | None, bold: bool = False, hatched: Colour | None = None) -> None:
         nonlocal y
+        swatch = (left, y - 5.5, 11.0, 11.0)
         if colour is not None:
-            canvas.box((left, y - 5.5, 11.0, 11.0), colour, radius=2.0)
-            if hatched is not None:
-                canvas.hatch((left, y - 5.5, 11.0, 11.0), hatched, 5.0)
-        share = 100.0 * joules / scene.full_j
-        canvas.text((left + 18.0, y), name, 12, palette.INK if bold else palette.MUTED, bold=bold)
-        canvas.text((left + width, y), f"{share:.1f} %".replace("-", "−"), 12, palette.INK, bold=bold, align="right")
+            canvas.box(swatch, colour, radius=2.0)
+        if hatched is not None:
+            canvas.hatch(swatch, hatched, 5.0)
+        text_colour = palette.INK if bold else palette.MUTED
+        canvas.text((left + 18.0, y), name, 12, text_colour, bold=bold)
+        percent = f"{100.0 * joules / scene.full_j:.1f} %".replace("-", "−")
+        canvas.text((left + width, y), percent, 12, palette.INK, bold=bold, align="right")
         y += step
 
     if scene.worn_j > _WORTH_SHOWING * scene.full_j:

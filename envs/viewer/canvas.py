@@ -20,7 +20,8 @@ Point = tuple[float, float]
 Box = tuple[float, float, float, float]
 """Left, top, width and height."""
 
-WIDTH, HEIGHT = 960, 540
+WIDTH = 960
+HEIGHT = 540
 """Pixels of the picture: a quarter of Full HD, 16 to 9."""
 _FINE = 2  # drawn pixels per pixel of the picture; chosen: edges look smooth
 
@@ -84,9 +85,10 @@ class Canvas:
 
     def arc(self, centre: Point, radius: float, start_deg: float, end_deg: float, colour: Colour, width: float) -> None:
         """An arc, counter-clockwise from the right."""
+        x, y = centre
         angles = np.radians(np.linspace(start_deg, end_deg, 24))
-        self.line([(centre[0] + radius * float(np.cos(a)), centre[1] - radius * float(np.sin(a))) for a in angles],
-                  colour, width)  # fmt: skip
+        points = [(x + radius * float(np.cos(angle)), y - radius * float(np.sin(angle))) for angle in angles]
+        self.line(points, colour, width)
 
     def hatch(self, box: Box, colour: Colour, gap: float = 6.0) -> None:
         """Diagonal lines over a rectangle."""
@@ -99,7 +101,7 @@ class Canvas:
 
     def text(
         self,
-        at: Point,
+        anchor: Point,
         text: str,
         size: int = 12,
         colour: Colour = palette.INK,
@@ -109,8 +111,10 @@ class Canvas:
         """Text whose first, middle or last letter stands at a point, upright around it; returns its width."""
         image = self._font(size, bold).render(text, True, colour)
         width = image.get_width() / _FINE
-        left = at[0] - {"left": 0.0, "centre": 0.5, "right": 1.0}[align] * width
-        self._surface.blit(image, self._fine((left, at[1] - image.get_height() / _FINE / 2.0)))
+        height = image.get_height() / _FINE
+        x, y = anchor
+        share_before = {"left": 0.0, "centre": 0.5, "right": 1.0}[align]
+        self._surface.blit(image, self._fine((x - share_before * width, y - height / 2.0)))
         return width
 
     def width_of(self, text: str, size: int = 12, bold: bool = False) -> float:
@@ -130,4 +134,5 @@ def _font_file(bold: bool) -> Path:
     """DejaVu Sans, which comes with matplotlib; it is found without loading that."""
     spec = importlib.util.find_spec("matplotlib")
     assert spec is not None and spec.origin is not None  # a dependency
-    return Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / f"DejaVuSans{'-Bold' if bold else ''}.ttf"
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / name

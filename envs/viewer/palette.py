@@ -5,12 +5,27 @@ from __future__ import annotations
 Colour = tuple[int, int, int]
 """Red, green and blue, 0 to 255. All are chosen by eye."""
 
-BACKGROUND, PANEL, EDGE, GRID = (241, 243, 246), (255, 255, 255), (216, 222, 229), (231, 235, 240)  # boxes
-INK, MUTED, FAINT = (31, 41, 55), (91, 103, 120), (165, 174, 186)  # text
-SKY, GROUND, DRIVEN, ROUGH = (238, 245, 251), (214, 217, 209), (178, 193, 158), (150, 112, 77)  # the route
-BLUE, GREEN, DARK_GREEN, AMBER, RED, VIOLET = (
-    (0, 100, 165), (79, 176, 126), (30, 122, 82), (222, 143, 5), (200, 50, 40), (106, 81, 163),
-)  # fmt: skip
+# Boxes.
+BACKGROUND = (241, 243, 246)
+PANEL = (255, 255, 255)
+EDGE = (216, 222, 229)
+GRID = (231, 235, 240)
+# Text.
+INK = (31, 41, 55)
+MUTED = (91, 103, 120)
+FAINT = (165, 174, 186)
+# The route.
+SKY = (238, 245, 251)
+GROUND = (214, 217, 209)
+DRIVEN = (178, 193, 158)
+ROUGH = (150, 112, 77)
+# States and quantities.
+BLUE = (0, 100, 165)
+GREEN = (79, 176, 126)
+DARK_GREEN = (30, 122, 82)
+AMBER = (222, 143, 5)
+RED = (200, 50, 40)
+VIOLET = (106, 81, 163)
 
 
 def mix(colour: Colour, second_colour: Colour, share: float) -> Colour:

@@ -24,8 +24,11 @@ STATE_COLOURS: dict[str, Colour] = {
     "out of time": palette.RED,
 }
 
-_MARGIN, _GAP = 12.0, 8.0  # around and between panels; these and the next in pixels, chosen by eye
-_TOP, _MIDDLE, _BOTTOM = 52.0, 436.0, 528.0  # y of the panels' top, of the dials' top and bottom
+_MARGIN = 12.0  # around panels; this and the next in pixels, chosen by eye
+_GAP = 8.0  # between panels
+_TOP = 52.0  # y of the panels' top
+_MIDDLE = 436.0  # y of the dials' top
+_BOTTOM = 528.0  # y of the dials' bottom
 _SPLIT = 676.0  # x between the route and the battery
 _INTEREST_TOP = 330.0  # y of the panel of a survey's interest
 

@@ -49,12 +49,15 @@ class PointOfNoReturn:
         Returns:
             Distance along the route, m; None if it lies beyond the end of the route.
         """
-        s = self._known.shared[0]
-        there_and_back = self._cost(self._known_sines(m, places)) + self._cost(-self._known_sines(m, places))
-        edges = np.arange(len(places) + 1) * float(s["place_m"])
-        needed = np.concatenate(([0.0], np.cumsum(there_and_back * float(s["place_m"]))))
-        affordable_j = float(np.interp(m["position_m"], edges, needed)) + margin_j
-        return None if affordable_j >= needed[-1] else float(np.interp(affordable_j, needed, edges))
+        place_m = float(self._known.shared[0]["place_m"])
+        sines = self._known_sines(m, places)
+        there_and_back_j_per_m = self._cost(sines) + self._cost(-sines)
+        edges_m = np.arange(len(places) + 1) * place_m
+        needed_j = np.concatenate(([0.0], np.cumsum(there_and_back_j_per_m * place_m)))
+        affordable_j = float(np.interp(m["position_m"], edges_m, needed_j)) + margin_j
+        if affordable_j >= needed_j[-1]:
+            return None
+        return float(np.interp(affordable_j, needed_j, edges_m))
 
     def runs_out_m(self, m: Any, places: NDArray[np.void], margin_j: float) -> float | None:
         """Place on the way home where the battery will be empty, by the robot's own model; None if it gets home.
@@ -64,22 +67,26 @@ class PointOfNoReturn:
         if margin_j >= 0.0:
             return None
         driven = places[: int(m["mapped"])]
-        edges = np.arange(len(driven) + 1) * float(self._known.shared[0]["place_m"])
-        end_cost_j = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * edges[1]
+        place_m = float(self._known.shared[0]["place_m"])
+        edges_m = np.arange(len(driven) + 1) * place_m
+        end_cost_j = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * place_m
+        home_cost_j = np.append(driven["home_cost_j"], end_cost_j)
         # The uncovered part is the distance left when the battery is empty.
-        return float(np.interp(-margin_j, np.append(driven["home_cost_j"], end_cost_j), edges))
+        return float(np.interp(-margin_j, home_cost_j, edges_m))
 
     def laps_left(self, m: Any, places: NDArray[np.void], margin_j: float) -> float:
         """Laps of a patrol for which the margin is enough; arguments as in `no_return_m`."""
         s = self._known.shared[0]
         sines = self._known_sines(m, places)
-        lap_j = float((self._cost(sines) + self._cost(-sines)).sum() * s["place_m"]) + self._pit_stops_j
+        there_and_back_j_per_m = self._cost(sines) + self._cost(-sines)
+        lap_j = float(there_and_back_j_per_m.sum() * s["place_m"]) + self._pit_stops_j
         return max(margin_j, 0.0) / lap_j
 
     def _known_sines(self, m: Any, places: NDArray[np.void]) -> NDArray[np.float64]:
         sines = places["sine_read"].astype(np.float64)
         if not self._known.shared[0]["route_is_known"]:
-            sines[max(int(m["mapped"]), int(m["place"]) + 1 + IN_SIGHT) :] = m["mean_grade"]
+            first_unseen = max(int(m["mapped"]), int(m["place"]) + 1 + IN_SIGHT)
+            sines[first_unseen:] = m["mean_grade"]
         return sines
 
     def _cost(self, sines: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -54,24 +54,28 @@ def draw_interest(canvas: Canvas, box: Box, scene: Scene) -> None:
     to_x, _ = _scales(plot, scene)
     bottom = plot[1] + plot[3]
     scale = plot[3] / max(float(scene.interest.max()), 1e-9)
+
+    def bar(start_m: float, end_m: float, bar_height: float, colour: Colour) -> None:
+        x = to_x(start_m)
+        # Half a pixel wider, so that neighbours touch.
+        canvas.box((x, bottom - bar_height, to_x(end_m) - x + 0.5, bar_height), colour)
+
     for k, interest in enumerate(scene.interest):
-        start = to_x(scene.edges_m[k])
-        end = to_x(scene.edges_m[k + 1])
-        canvas.box((start, bottom - scale * interest, end - start + 0.5, scale * interest), _LIGHT_VIOLET)
+        bar(scene.edges_m[k], scene.edges_m[k + 1], scale * interest, _LIGHT_VIOLET)
     for start_m, end_m, share in scene.sensed:
         for k in range(*_places(scene, start_m, end_m)):
-            start = to_x(max(start_m, scene.edges_m[k]))
-            end = to_x(min(end_m, scene.edges_m[k + 1]))
+            gathered_from_m = max(start_m, scene.edges_m[k])
+            gathered_to_m = min(end_m, scene.edges_m[k + 1])
             gathered = scale * share * float(scene.interest[k])
-            canvas.box((start, bottom - gathered, end - start + 0.5, gathered), palette.VIOLET)
+            bar(gathered_from_m, gathered_to_m, gathered, palette.VIOLET)
     canvas.line([(plot[0], bottom), (plot[0] + plot[2], bottom)], palette.FAINT)
     x = to_x(scene.position_m)
     canvas.line([(x, plot[1]), (x, bottom)], palette.INK, 1.5)
     if scene.no_return_m is not None:
         x = to_x(scene.no_return_m)
         canvas.dashes((x, plot[1]), (x, bottom), palette.RED, 1.5)
-    canvas.text((plot[0] - 8.0, plot[1] + 5.0),
-                f"{scene.interest.max():.1f}", 11, palette.MUTED, align="right")  # fmt: skip
+    highest = f"{scene.interest.max():.1f}"
+    canvas.text((plot[0] - 8.0, plot[1] + 5.0), highest, 11, palette.MUTED, align="right")
     canvas.text((plot[0] - 8.0, bottom - 4.0), "0", 11, palette.MUTED, align="right")
 
 
@@ -119,7 +123,8 @@ def _slope(scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float],
     """Angle of the ground under the robot as it is drawn, rad."""
     k = min(int(scene.position_m / scene.edges_m[1]), len(scene.interest) - 1)
     rise = to_y(scene.elevation_m[k]) - to_y(scene.elevation_m[k + 1])
-    return float(np.arctan2(rise, to_x(scene.edges_m[k + 1]) - to_x(scene.edges_m[k])))
+    run = to_x(scene.edges_m[k + 1]) - to_x(scene.edges_m[k])
+    return float(np.arctan2(rise, run))
 
 
 def _draw_axes(
@@ -181,7 +186,8 @@ def _draw_ground(
         points = surface(scene.edges_m[k], scene.edges_m[k + 1])
         canvas.line([(x, y + 2.0) for x, y in points], shade, 5.0)
     if scene.rough.max() > 0.01:
-        canvas.line([(plot[0] + 6.0, bottom - 9.0), (plot[0] + 24.0, bottom - 9.0)], palette.ROUGH, 5.0)
+        sample_stroke = [(plot[0] + 6.0, bottom - 9.0), (plot[0] + 24.0, bottom - 9.0)]
+        canvas.line(sample_stroke, palette.ROUGH, 5.0)
         canvas.text((plot[0] + 32.0, bottom - 9.5), "rough ground", 11, mix(palette.MUTED, palette.INK, 0.4))
 
 
@@ -206,7 +212,9 @@ def _draw_limit(
     x = to_x(limit_m)
     label = f"{words} {quantities.distance(limit_m)}"
     width = canvas.width_of(label, 12, bold=True) + 14.0
-    left = min(max(x - 0.5 * width, plot[0] + 4.0), plot[0] + plot[2] - width - 4.0)
+    leftmost = plot[0] + 4.0
+    rightmost = plot[0] + plot[2] - width - 4.0
+    left = min(max(x - 0.5 * width, leftmost), rightmost)
     canvas.dashes((x, plot[1] + 26.0), (x, to_y(_elevation(scene, limit_m))), palette.RED, 2.0)
     canvas.box((left, plot[1] + 6.0, width, 20.0), palette.RED, radius=4.0)
     canvas.text((left + 0.5 * width, plot[1] + 16.0), label, 12, palette.PANEL, bold=True, align="centre")
@@ -217,9 +225,13 @@ def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour:
     sine = float(np.sin(slope))
     facing = 1.0 if scene.direction >= 0.0 else -1.0
 
+    foot_x, foot_y = foot
+
     def at(along: float, above: float) -> Point:
         along *= facing
-        return foot[0] + along * cosine - above * sine, foot[1] - along * sine - above * cosine
+        x = foot_x + along * cosine - above * sine
+        y = foot_y - along * sine - above * cosine
+        return x, y
 
     body = [(-13.0, 6.0), (13.0, 6.0), (13.0, 11.0), (9.0, 16.0), (-13.0, 16.0)]
     canvas.polygon([at(*point) for point in body], colour)
@@ -239,8 +251,8 @@ def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour:
         for ring in range(2):
             canvas.arc(at(-7.0, 24.0), 6.0 + 4.5 * ring, 50.0, 130.0, colour, 1.5)
     if scene.position_m > 0.0:
-        canvas.text((foot[0], foot[1] - 47.0), quantities.distance(scene.position_m), 12, colour, bold=True,
-                    align="centre")  # fmt: skip
+        label = quantities.distance(scene.position_m)
+        canvas.text((foot_x, foot_y - 47.0), label, 12, colour, bold=True, align="centre")
 
 
 def _draw_ending(canvas: Canvas, plot: Box, scene: Scene, colour: Colour) -> None:

@@ -32,7 +32,8 @@ def _where(scene: Scene) -> str:
 
 
 def _route(scene: Scene) -> str:
-    line = ["#" if _metres(scene, column) < scene.furthest_m else "." for column in range(_WIDTH)]
+    driven = [_metres(scene, column) < scene.furthest_m for column in range(_WIDTH)]
+    line = ["#" if is_driven else "." for is_driven in driven]
     note = ""
     if scene.runs_out_m is not None:
         line[_column(scene, scene.runs_out_m)] = "!"

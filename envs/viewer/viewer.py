@@ -40,7 +40,8 @@ class Viewer:
         if mode != "ansi" and importlib.util.find_spec("pygame") is None:
             raise RenderModeError(f"render_mode = {mode!r} needs pygame: {advice('view', 'pygame-ce')}")
         self.mode = mode
-        self._batch, self._index = batch, index
+        self._batch = batch
+        self._index = index
         self._trail: list[bytes] = []
         self._point_of_no_return: PointOfNoReturn | None = None
         self._canvas: Any = None

@@ -45,7 +45,9 @@ class Screen:
         """Handle the user's input; returns whether the next frame was requested."""
         go_on = False
         for event in pygame.event.get():
-            key = event.key if event.type == pygame.KEYDOWN else None
+            key = None
+            if event.type == pygame.KEYDOWN:
+                key = event.key
             if event.type == pygame.QUIT or key == pygame.K_ESCAPE:
                 self.close()
                 break

@@ -38,7 +38,7 @@ def called(function: Function) -> Function:
 
 
 def pasted(function: Function) -> Function:
-    """As `inline`, before types are known: also in a parallel loop it is as if written there, with arrays and records."""
+    """As `inline`, before types are known: also in a parallel loop it is as if written there, records and all."""
     marked: Function = register_jitable(inline="always")(function)
     return marked
 
