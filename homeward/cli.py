@@ -45,7 +45,7 @@ class Terminal(Console):
 
         Args:
             table: The table; columns are removed from it. If the output is not a terminal it gets its full width.
-            expendable: Headings of columns that may be omitted, the least important first.
+            expendable: Headings of columns that may be omitted, the least important first; the table may lack some.
         """
         is_file = not self.is_terminal and "COLUMNS" not in os.environ
         if is_file:
@@ -55,9 +55,10 @@ class Terminal(Console):
         for heading in expendable:
             if self._natural_width(table) <= self.width:
                 break
-            column = next(column for column in table.columns if column.header == heading)
-            table.columns.remove(column)
-            left_out.append(" ".join(heading.split()))
+            unneeded = [column for column in table.columns if column.header == heading]
+            for column in unneeded:
+                table.columns.remove(column)
+                left_out.append(" ".join(heading.split()))
         self.print(table)
         if left_out:
             self.print(f"Left out in a terminal of {self.width} columns: {', '.join(left_out)}.")

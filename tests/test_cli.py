@@ -152,6 +152,17 @@ def test_a_table_that_is_piped_has_its_full_width(
     assert "cells " * 19 in capsys.readouterr().out and console.width == 80
 
 
+def test_a_table_leaves_out_only_columns_that_it_has(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "24")
+    table = Table("agent", "score", "us")
+    table.add_row("a long name", "123456789", "123456789")
+    cli.Terminal().show(table, ("us", "optimum", "score"))
+    output = " ".join(capsys.readouterr().out.split())
+    assert "Left out in a terminal of 24 columns: us, score." in output
+
+
 def test_a_long_message_is_cut(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["/somewhere/tool.py"])
 
