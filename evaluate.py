@@ -131,6 +131,7 @@ def main(args: Args) -> Evaluation:
     optimum = None
     if args.optimum:
         optimum = _optimum(args, options, seeds)
+    # The bare policies are kept: the warning and the learning curves ask whether they are trained ones.
     agents: dict[str, Sequence[Policy]] = dict(bare)
     for label, agent in asked.items():
         if agent.shielded:
@@ -150,12 +151,10 @@ def main(args: Args) -> Evaluation:
     learning_curves = _learning_curves(args, asked, bare, env, seeds)
     if learning_curves:
         files["learning.png"] = learning_png(evaluation, summary, learning_curves)
+    curves: dict[str, Curve] = {}
     if args.margins:
         curves = _margins(args, asked, env, seeds)
-        title = f"{args.env}, {args.difficulty}: {args.episodes} episodes, seed {args.seed}, by reserve"
-        files["margins.png"] = margins_png(curves, options.mission, title)
-        plain_curves = {name: dataclasses.asdict(curve) for name, curve in curves.items()}
-        files["margins.json"] = json.dumps(plain_curves, indent=1)
+        files |= _margin_files(args, options.mission, curves)
     for name, content in files.items():
         write_whole(args.out / name, content)
     _print(summary, args.out, list(files))
@@ -181,6 +180,16 @@ def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, see
         runs = run_agents(agents, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
         curves[label] = curve_of({reserve: runs[str(reserve)] for reserve in reserves})
     return curves
+
+
+def _margin_files(args: Args, mission: str, curves: Mapping[str, Curve]) -> dict[str, str | bytes]:
+    """Plot and numbers of the agents with several reserves, by name."""
+    title = f"{args.env}, {args.difficulty}: {args.episodes} episodes, seed {args.seed}, by reserve"
+    plain_curves = {name: dataclasses.asdict(curve) for name, curve in curves.items()}
+    return {
+        "margins.png": margins_png(curves, mission, title),
+        "margins.json": json.dumps(plain_curves, indent=1),
+    }
 
 
 def _print_margins(curves: Mapping[str, Curve]) -> None:

@@ -62,14 +62,7 @@ class Threads:
     def record(self, seconds: float) -> None:
         """Record the duration of a step."""
         if self.number > 1:
-            self._left_s -= seconds
-            self._lost_s = max(self._lost_s + seconds - self._one_s, -_CREDIT_S)
-            if self._lost_s > _PATIENCE_S:
-                self._calibrate(self._payback * self._lost_s)
-                self._payback = min(2.0 * self._payback, _MOST_PAYBACK)
-            elif self._left_s < 0.0:
-                self._calibrate(_CALIBRATION_S)
-                self._payback = _PAYBACK
+            self._record_several(seconds)
             return
         self._steps += 1
         self._spent_s += seconds
@@ -77,13 +70,25 @@ class Threads:
             self._one_s = self._spent_s / self._steps
             self._try_several()
 
-    def _calibrate(self, least_s: float) -> None:
+    def _record_several(self, seconds: float) -> None:
+        self._left_s -= seconds
+        self._lost_s = max(self._lost_s + seconds - self._one_s, -_CREDIT_S)
+        if self._lost_s > _PATIENCE_S:  # they wait for each other: one thread, until what was lost is paid back
+            self._calibrate(self._payback * self._lost_s)
+            self._payback = min(2.0 * self._payback, _MOST_PAYBACK)
+        elif self._left_s < 0.0:  # they are faster, but the time of one thread was measured long ago
+            self._calibrate(_CALIBRATION_S)
+            self._payback = _PAYBACK
+
+    def _calibrate(self, shortest_s: float) -> None:
+        """Step on one thread, for at least so long, to measure its time."""
         self.number = 1
-        self._left_s = least_s
+        self._left_s = shortest_s
         self._steps = 0
         self._spent_s = 0.0
 
     def _try_several(self) -> None:
+        """Step on several threads, as long as they are faster than one was."""
         self.number = max(min(self._worth, numba.get_num_threads()), 1)
         if Threads.forked:  # threads do not survive a fork
             self.number = 1

@@ -118,6 +118,7 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             )
         if self._flat:
             actions = unflatten_actions(actions, count)
+        # In the mode next-step, missions that ended in the step before begin anew in this one.
         begin = self._over if self._any_over else None
         ended = self.batch.step(actions, observations, rewards, terminated, truncated, begin)
         info = self._info()

@@ -216,6 +216,7 @@ def _pose(link: str, joints: dict[str, tuple[ElementTree.Element, str]]) -> tupl
         origin = joint.find("origin")
         where = f"joint {_name(joint)!r}"
         step = Rotation.from_euler("xyz", _vector(origin, "rpy", (0.0, 0.0, 0.0), where))  # about fixed axes
+        # From the frame of the link to that of its parent.
         place_m = _vector(origin, "xyz", (0.0, 0.0, 0.0), where) + step.apply(place_m)
         turned = step * turned
         link = parent

@@ -111,6 +111,7 @@ def run_episodes(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
 
 def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
     """Run missions to their ends on the bare batch, which leaves finished ones unchanged."""
+    # The environment would refuse a step with finished missions in it.
     count = len(seeds)
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
     batch = env.batch

@@ -95,6 +95,7 @@ class Bootstrap:
     def means(self) -> dict[str, Scores]:
         """Mean score of each agent in each resample, shape (resamples,): their differences are paired by episode."""
         parts: dict[str, list[Scores]] = {name: [] for name in self.scores}
+        # b: resamples, s: training seeds; the same episodes for all agents.
         for episodes, seeds in self._weights():
             for name, values in self.scores.items():
                 parts[name].append(np.einsum("bs,bs->b", seeds[name], episodes @ values.T))

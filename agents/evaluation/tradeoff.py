@@ -41,6 +41,7 @@ class Curve:
         """
         order = np.lexsort((-np.array(self.score), np.array(self.stranded)))  # of equal stranding the best first
         stranded = np.array(self.stranded)[order]
+        # More stranding never has to score less: the reserve of a lower rate is allowed, too.
         best_score = np.maximum.accumulate(np.array(self.score)[order])
         if level < stranded[0]:
             return None

@@ -118,6 +118,7 @@ def measure(
                 out_w[k, i, j] = m.power_w
                 gain_per_m[k, i, j] = (score(m, s) - score_before) / way_m
                 samples_per_m[k, i, j] = m.backlog / way_m
+                # A hair beyond the border, so that the way home still begins in this place.
                 _set_out(works, starts, route, k, near_m + _HAIR_M, speed_mps)
                 _set_weather(m, most_mps, warmest_c)
                 m.returning = True
@@ -135,7 +136,7 @@ def measure(
         for piece in range(pieces):
             for moving in range(2):
                 _set_out(works, starts, route, k, near_m + piece * s.place_m / pieces, 0.0)
-                m.backlog = 2.0 * radio * s.decision_s
+                m.backlog = 2.0 * radio * s.decision_s  # more than the radio can send
                 backlog_before = m.backlog
                 mode = GO if moving else STOP
                 _roll(m, p, route, c, 0, 0, mode)
@@ -349,6 +350,7 @@ def search(
     last_distance = 0
     while near <= last_distance and nodes < len(parents):
         row = near % ring
+        # A stop stays at its distance, so a row is expanded until nothing in it is new.
         repeats = True
         while repeats and nodes < len(parents):
             repeats = False
@@ -382,7 +384,7 @@ def search(
                     to = distance % ring
                     off_j = _cell(m.energy_j - _at(plan[0], m.position_m, step_m), cells[1])
                     off_load = _cell(m.backlog + m.dwell_s - _at(plan[1], m.position_m, step_m), cells[2])
-                    if off_j < 0 or off_load < 0:
+                    if off_j < 0 or off_load < 0:  # far from the plan
                         continue
                     cell = off_j + CELLS * off_load
                     if value > values[to, cell] and value > best_turns[0, 0]:
@@ -521,7 +523,7 @@ def follow(
             actions[n] = out[n]
         else:
             best_cost_j = np.inf
-            best_level = LEVELS - 1
+            best_level = LEVELS - 1  # the fastest, where every speed empties the battery
             m_before[0] = works[0]
             for i in range(LEVELS):
                 works[0] = m_before[0]

@@ -105,10 +105,11 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
     result = _most(gain, limits, room, equal, np.stack([low, high], axis=1))
     if result.status != 0:
         return None
+    # The multipliers are the marginals of the limits: negative in a minimisation, up to rounding.
     per_j, per_s = np.maximum(-result.ineqlin.marginals[:2], 0.0)
     by_piece = np.maximum(result.eqlin.marginals[2 * pieces :], 0.0)
     by_piece = np.pad(by_piece, (1, len(rates.radio_hz) - pieces + 1), mode="edge")
-    per_sample = 0.5 * (by_piece[:-1] + by_piece[1:])
+    per_sample = 0.5 * (by_piece[:-1] + by_piece[1:])  # at the borders
     metres, _, stands_s, backlog, _, _ = np.split(result.x, np.cumsum(widths[:-1]))
     driven_j = (metres * out_j.ravel()).reshape(pieces, ways).sum(axis=1)
     spent_j = driven_j + stands_s * standing_w

@@ -139,6 +139,7 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     work = case.start.copy()
     home = np.full((2, len(points_m)), np.inf)  # energy (J) and time (s)
     kernel.way_home(*records, work, step_m, j_per_s, home[0], home[1])
+    # Without a score for samples, sensing only consumes.
     sensing_levels = LEVELS if s["senses"] else 1
     cells = np.array([cell_m, *guide.cells])
     for reserve in _RESERVES:
@@ -174,7 +175,7 @@ def best_shuttle(case: Problem, rates: Rates, points_m: Array) -> NDArray[np.int
     for level in range(LEVELS):
         turn = kernel.shuttle(*records, work, level, home[0], step_m, out)
         count = -1
-        while count < 0 and turn > 0:
+        while count < 0 and turn > 0:  # the latest turn after which it comes home
             count = kernel.follow(*records, work, out[:turn], home[0], home[1], 0.0, step_m, actions)
             turn -= 1
         laps = work["legs"][0] // 2.0

@@ -95,6 +95,7 @@ class LapRule(BelievingRule):
         self._first = np.where(begun, lap, self._first)
         self._back = np.where(begun, 0.5 * lap, self._back)
         distance_m = feature(observations, "distance") * self._reach_m
+        # Arrivals: the first decision at a post after the other one.
         comes_home = self._away & (distance_m <= 0.0)
         comes_far = ~self._away & (distance_m > 0.0) & self._may_turn(distance_m)
         is_first = comes_home & (self._left == 1.0)

@@ -75,6 +75,7 @@ class Docking:
         """Energy beyond going on and back to the last dock, or on to the next one, and the reserve, shape (n,)."""
         home_cost = feature(observations, "home_cost")
         dock_cost = feature(observations, "dock_cost")
+        # The part of the way home beyond the last dock need not be in the battery.
         beyond = energies.home * (1.0 - dock_cost / np.maximum(home_cost, 1e-9))
         back = energies.margin + np.where(home_cost > 0.0, beyond, 0.0)
         outwards = feature(observations, "outbound") > 0.0
@@ -101,7 +102,7 @@ class Docking:
         s = self._known.shared[0]
         position_m = feature(observations, "distance") * s["reach_m"]
         ahead_m = feature(observations, "outbound")[:, None] * (self._position_m - position_m[:, None])
-        ahead_m = np.where(ahead_m < -ON_BORDER * s["place_m"], np.inf, ahead_m)
+        ahead_m = np.where(ahead_m < -ON_BORDER * s["place_m"], np.inf, ahead_m)  # not the docks behind
         decision_share = self._charge_w[ahead_m.argmin(axis=1)] * s["decision_s"] / s["usable_j"]
         full = self._is_full(observations, begun, position_m, 0.5 * decision_share)
         full |= 1.0 - feature(observations, "metered") < decision_share

@@ -65,6 +65,7 @@ class TurnBackRule(Policy):
         self._reach_m = float(s["reach_m"])
         self._sees_posts = sees_posts(known)
         idle_w, busy_w = ancillary_power(known.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
+        # Going on: some decisions out and back, on a patrol a lap with its two pit stops.
         outward_s = self.chances * s["decision_s"]
         extra_j = outward_s * (busy_w - idle_w)
         if self._shuttles:
@@ -104,7 +105,7 @@ class TurnBackRule(Policy):
             self.margin = self._docking.margin(observations, energies)
             self.charges = self._docking.stops(observations, begun, energies, self._turned | must)
         turns = (self.margin < 0.0) | must
-        if self._sees_posts:
+        if self._sees_posts:  # a patrol that turns between posts loses the lap
             turns &= self._may_turn(distance_m)
         final = feature(observations, "returning") >= 1.0
         self._turned = self._turned | (turns & ~self.charges) | final

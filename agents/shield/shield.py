@@ -77,6 +77,7 @@ class Shield(Policy):
         ends_inwards_m = np.maximum(position_m - way_m, 0.0)
         ends_outwards_m = np.minimum(position_m + way_m, s["length_m"])
         ends_m = np.where(inwards, ends_inwards_m, ends_outwards_m)
+        # Posts are those of a patrol; on other missions pit stops last 0 s.
         comes_to_post = (way_m > 0.0) & ((ends_m <= 0.0) | (ends_m >= s["length_m"]))
         asked_s = self._asked_s(observations, wanted)
         # A pit stop continues until the return is final, and a robot that is home before waits there.

@@ -129,6 +129,7 @@ class BeliefInputs:
         inputs[:, : len(NAMES)] = observations[:, : len(NAMES)]
         inputs[:, _DOCKS:] = observations[:, len(NAMES) :]
         self._belief.learn(observations, begun, going)
+        # After a final return nothing is decided: the columns of the belief stay 0.
         inputs[going, _SPARE:_DOCKS] = self._believed(observations, going)[going]
         return inputs
 

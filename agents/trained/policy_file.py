@@ -107,6 +107,7 @@ class NetworkPolicy(Policy):
         return np.concatenate([self._outputs(values[i : i + _ROWS]) for i in range(0, len(values), _ROWS)])
 
     def _outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        # As in training, the last layer sees the inputs beside the hidden units.
         hidden = values
         for weight, bias in self.layers[:-1]:
             hidden = np.tanh(hidden @ weight.T + bias)

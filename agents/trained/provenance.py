@@ -111,13 +111,12 @@ def _different(
         hashes: Hashes of the training's files.
         known: Constants of the environment.
     """
-    different = [name for name in _COMPARED if name in training and str(training[name]) != str(present[name])]
-    # By their contents: a file may have changed, or moved.
-    for name, present_hash in (("robot", robot_hash(known)), ("instruments", _instruments_hash(known))):
-        if name in hashes:
-            different = [option for option in different if option != name]
-            if hashes[name] != present_hash:
-                different.append(name)
+    # Robot and instruments by their contents, where those are known: a file may have changed, or moved.
+    present_hashes = {"robot": robot_hash(known), "instruments": _instruments_hash(known)}
+    by_content = [name for name in present_hashes if name in hashes]
+    by_text = [name for name in _COMPARED if name in training and name not in by_content]
+    different = [name for name in by_text if str(training[name]) != str(present[name])]
+    different += [name for name in by_content if hashes[name] != present_hashes[name]]
     if _weather_changes(training) == _weather_changes(present):
         different = [name for name in different if name != "weather"]
     if "difficulty" in different:  # which the others follow from where they are left to the default

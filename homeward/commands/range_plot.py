@@ -62,6 +62,7 @@ def range_picture(mission: Mission, speed_mps: float, suffix: str) -> bytes:
     lower.set_ylabel("energy per metre, J/m")
     lower.set_xlabel("speed while moving, m/s")
     handles, labels = lower.get_legend_handles_labels()
+    # In the order of the layers, the topmost first.
     figure.legend(handles[::-1], labels[::-1], loc="outside right lower", frameon=False, fontsize=9)
     for axis in (upper, lower):
         axis.spines[["top", "right"]].set_visible(False)

@@ -44,6 +44,7 @@ def pasted(function: Function) -> Function:
 
 
 def _prefetch(typing: Any, record: Any) -> Any:
+    # LLVM's intrinsic takes an address, 1 for writing, 3 for the nearest cache, and 1 for data.
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         flag = ir.IntType(32)
         address = builder.bitcast(arguments[0], ir.IntType(8).as_pointer())

@@ -142,6 +142,7 @@ def _paper_demand(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
 @inline
 def _demand_with_effects(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     on = p.effects
+    # Forces first, as effects of the drive take the whole force; then all loads, which drain the battery together.
     _paper_demand(p, s, x, watts_per_n)
     force_n = s.traction_n + _extra_force(on, p, s, x, s.traction_n, watts_per_n)
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
@@ -183,6 +184,7 @@ def _stepper(effects: bool) -> Callable[..., Any]:
         spent_j = power_w * dt_s
         if spent_j >= s.energy_j and not s.endless:
             s.depleted = True
+            # Without effects the power does not depend on the length of the step.
             if effects:
                 power_w = _demand_until_empty(p, s, x, watts_per_n)
             passed_s = 0.0
@@ -195,6 +197,7 @@ def _stepper(effects: bool) -> Callable[..., Any]:
             s.ledger_j[cause] += s.energy_j - spent_j - s.capacity_j
             spent_j = s.energy_j - s.capacity_j
         s.energy_j -= spent_j
+        # The ledger takes each cause's power over the time that passed: it sums to what the battery lost.
         _book(p, s, x, passed_s, watts_per_n)
         if effects:
             _book_effects(p, s, x, passed_s)
@@ -253,7 +256,7 @@ def connect(p: Any, s: Any, x: Any, charger_w: float, dt_s: float) -> Any:
         power_w = demand(p, s, x)
         room_j = s.capacity_j - s.energy_j
         if power_w < 0.0 and room_j <= _FULL * s.capacity_j:
-            s.charger_w += power_w
+            s.charger_w += power_w  # the charger carries the robot only
         elif power_w < 0.0:
             return min(dt_s, room_j / -power_w)
     return dt_s
@@ -272,7 +275,7 @@ def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
             if switch_s < left_s - intermittent_load.ROUNDING_S:
                 part_s = switch_s
         passed_s = _step_with_effects(p, s, x, part_s)
-        if part_s == dt_s:
+        if part_s == dt_s:  # nothing switches: the step has written its own mean powers
             return passed_s
         drive_j += s.drive_w * passed_s
         spent_j += s.power_w * passed_s
@@ -298,6 +301,7 @@ def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
         guess_s = high_s
         if power_w > 0.0:
             guess_s = s.energy_j / power_w
+        # Halving the interval always converges, where guesses may oscillate.
         if trial >= _GUESSES or not low_s < guess_s <= high_s:
             guess_s = 0.5 * (low_s + high_s)
         s.step_s = guess_s

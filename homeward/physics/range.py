@@ -133,6 +133,7 @@ def optimal_speed(robot: Robot, grade_rad: Any = 0.0, duty: Any = 1.0, sensing_h
         return np.full(np.broadcast(grade_rad, duty, sensing_hz).shape, robot.max_speed_mps)[()]
     ancillary_w = model.ancillary_power(robot, sensing_hz)
     cube = ancillary_w * robot.traction_efficiency / (2.0 * drag * duty)
+    # The zero of the derivative of Eq. 7 over v: P / (v^2 D) = 2 c v / Gamma.
     balance_mps = cube ** (1.0 / 3.0)
     downhill_n = np.maximum(-model.traction_force(robot, 0.0, grade_rad), 0.0)
     rolling_mps = np.sqrt(downhill_n / drag)  # where drag balances gravity
@@ -238,7 +239,7 @@ def _driven(route: RouteLike, speed_mps: float, sensing_hz: float) -> tuple[floa
         place_m *= 0.5
     place_s = place_m / speed_mps
     time_s = place_s * np.arange(len(grade_rad), dtype=np.float64)
-    turned_rad = np.append(np.diff(heading_rad), 0.0)
+    turned_rad = np.append(np.diff(heading_rad), 0.0)  # the last place has no bend after it
     driven = conditions(
         time_s, np.full(len(time_s), speed_mps), grade_rad=grade_rad, yaw_rate_radps=turned_rad / place_s,
         accel_mps2=0.0, headwind_mps=0.0, roughness=None, temperature_c=20.0, sensing_hz=sensing_hz,
@@ -393,9 +394,10 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
             if s.depleted and spent_j > 0.0:  # the share of a cycle for which the rest of the charge is enough
                 return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
         spent_j = before_j - s.energy_j
+        # A descent may consume nothing; effects with a memory may still change that.
         if spent_j <= 0.0 and cycle_s > thresholds.LONGEST_MEMORY_S:
             return np.inf
-        if spent_j < 1e-3 * charge_j:
+        if spent_j < 1e-3 * charge_j:  # longer cycles, for the number of steps; what one spends grows with it
             cycle_s = 2.0 * cycle_s
             spent_j = 2.0 * spent_j
     return s.distance_m

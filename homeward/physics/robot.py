@@ -119,6 +119,7 @@ class Robot:
                 f"energy; allowed: at least {thresholds.LEAST_HEALTH:g}. "
                 "Their units are those of cycle_fade and age_fade"
             )
+        # The instance is frozen; what was checked is stored nonetheless.
         object.__setattr__(self, "effects", _checked_effects(self.effects))
         object.__setattr__(self, "open_circuit_v", _checked_curve(self))
         if "turning" in self.active_effects and self.track_m == 0.0:
@@ -408,7 +409,7 @@ def _checked_curve(robot: Robot) -> tuple[tuple[float, float], ...]:
         raise RobotError(f"battery.chemistry = {robot.chemistry!r} is not known; choose {', '.join(allowed)}")
     if robot.chemistry != battery.FLAT:
         _check_cells(robot)
-        return ()
+        return ()  # the curve is that of the chemistry
     if robot.cells_in_series:
         raise RobotError("battery.cells_in_series needs a chemistry; add one, or remove it")
     return _checked_points(robot.open_circuit_v)

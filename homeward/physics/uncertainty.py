@@ -87,7 +87,7 @@ class Uncertainty:
         try:
             matrix = np.array(self.covariance, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
-            matrix = np.full((1, 1), np.nan)
+            matrix = np.full((1, 1), np.nan)  # which is refused
         if matrix.shape != (count, count) or not np.isfinite(matrix).all():
             raise UncertaintyError(f"covariance is not a table of {count} x {count} numbers, one for each of fitted")
         rounding = 1e-6 * max(np.abs(matrix).max(), 1e-300)
