@@ -1,6 +1,6 @@
-"""The channels a recording may have: names, units, what is physically possible, and what a wrong unit looks like."""
+"""A recording and the channels it may have: names, units, what is physically possible, what a wrong unit looks like."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,31 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Sets = tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One run of one robot.
+
+    `channels` maps names of the schema to float64 arrays of shape (n,) in SI units; values that were not recorded are
+    NaN. `notes` lists what was left out. `time_s` plus `start_s` is the time since 1970, s; `start_s` is 0 if that is
+    unknown.
+    """
+
+    name: str
+    sha256: str
+    channels: Mapping[str, Array]
+    notes: tuple[str, ...] = ()
+    start_s: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.channels["time_s"])
+
+    @property
+    def duration_s(self) -> float:
+        """Time between the first and the last sample, s."""
+        time_s = self.channels["time_s"]
+        return float(time_s[-1] - time_s[0])
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 from homeward.logs import thresholds
-from homeward.logs.channels import CHANNELS, MOTION, Array, Index, Mask
+from homeward.logs.channels import CHANNELS, MOTION, Array, Index, Mask, Recording
 from homeward.logs.times import median_step_s
-
-if TYPE_CHECKING:
-    from homeward.logs.recordings import Recording
 
 
 def leave_out_spikes(channels: Mapping[str, Array]) -> list[str]:

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
 from homeward.logs import limits, tables, thresholds, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
-from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, Mask, first_set, lacking
+from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, Mask, Recording, first_set, lacking
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
 from homeward.logs.contradictions import refuse_contradictions
 from homeward.logs.doubts import doubts
@@ -38,31 +38,6 @@ Mappings = str | Path | Columns | list[Columns] | None
 _SUFFIXES = (*tables.SUFFIXES, ".parquet")
 _ENOUGH = "speed_mps", "power_w"  # motion and power, which another table of the run may have
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
-
-
-@dataclass(frozen=True)
-class Recording:
-    """One run of one robot.
-
-    `channels` maps names of the schema to float64 arrays of shape (n,) in SI units; values that were not recorded are
-    NaN. `notes` lists what was left out. `time_s` plus `start_s` is the time since 1970, s; `start_s` is 0 if that is
-    unknown.
-    """
-
-    name: str
-    sha256: str
-    channels: Mapping[str, Array]
-    notes: tuple[str, ...] = ()
-    start_s: float = 0.0
-
-    def __len__(self) -> int:
-        return len(self.channels["time_s"])
-
-    @property
-    def duration_s(self) -> float:
-        """Time between the first and the last sample, s."""
-        time_s = self.channels["time_s"]
-        return float(time_s[-1] - time_s[0])
 
 
 def read_recording(path: str | Path, columns: Mappings = None, *, standing: bool = False) -> Recording:
