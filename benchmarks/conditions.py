@@ -22,7 +22,8 @@ from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.concealed.plants.cases import PARTS, Part, make_case
+from benchmarks.concealed.plants.cases import PARTS, Part
+from benchmarks.concealed.plants.draw import make_case
 from benchmarks.real_drives import Set, Split, at_hand
 from homeward.diagnosis import RecordingError, analyse
 from homeward.diagnosis.explain import explanation, naming

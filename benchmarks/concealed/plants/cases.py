@@ -1,4 +1,4 @@
-"""Cases of the benchmark, drawn from [seed, part, number] alone."""
+"""Cases of the benchmark: recordings of a plant with something concealed, or with nothing."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import copy
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypeVar, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ from benchmarks.concealed.plants.chain import Mechanism, Work, rollout
 from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS, Draw
 from benchmarks.concealed.plants.instruments import FAULTS, NEEDS_ROOM, NOISES, Logging, read_power, record
 from benchmarks.concealed.plants.motion import Array, Course, Motion, make_drives, make_route
-from benchmarks.concealed.plants.outside import OUTSIDE, make_outside
+from benchmarks.concealed.plants.outside import make_outside
 from benchmarks.concealed.plants.vehicles import BURGER, GRAVITY_MPS2, RACER, VEHICLES, Plant
 from homeward.physics import Robot
 
@@ -26,7 +26,6 @@ Part = Literal["singles", "pairs", "controls", "outside", "coverage", "rover", "
 PARTS: tuple[Part, ...] = get_args(Part)
 NEEDS = {"rover": "mujoco", "cell": "pybamm"}  # parts on simulators of others, by the library that each needs
 ReadBy = Literal["gauge", "terminals"]
-Kind = TypeVar("Kind")
 Fit = Callable[[Plant, list[Motion], Generator], tuple[Plant, list[Motion]]]
 """Changes a vehicle's battery to suit its drives, and the weather of the drives."""
 
@@ -68,46 +67,6 @@ class Case:
     def visible(self) -> dict[str, bool]:
         """Whether each hidden effect is visible in the recordings beyond what a refit absorbs."""
         return {effect: share >= VISIBLE_SHARE for effect, share in self.refit_misses.items()}
-
-
-def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
-    """Draw a case; the same three numbers give the same case.
-
-    Args:
-        part: Part of the benchmark.
-        seed: Seed of the benchmark.
-        number: Number of the case in the part; effects are concealed in turn by it.
-        short: Whether drives are few and short, for tests.
-    """
-    rng = np.random.default_rng([seed, PARTS.index(part), number])
-
-    def in_turn(kinds: Sequence[Kind]) -> Kind:
-        """Every kind once in a random order before any repeats."""
-        order = np.random.default_rng([seed, PARTS.index(part)]).permutation(len(kinds))
-        return kinds[int(order[number % len(kinds)])]
-
-    if part == "singles":
-        effect, level = in_turn([(effect, level) for effect in EFFECTS for level in NOISES])
-        return hidden_case(part, number, (effect,), level, rng, short)
-    if part == "pairs":
-        effect = in_turn(list(EFFECTS))
-        partner = str(rng.choice([name for name in EFFECTS if _go_together(effect, name)]))
-        level = str(rng.choice(list(NOISES)))
-        return hidden_case(part, number, (effect, partner), level, rng, short)
-    if part == "controls":
-        exact, fault = in_turn([(exact, fault) for exact in (True, False) for fault in ("none", *FAULTS)])
-        return control_case(number, exact, fault, rng, short)
-    if part == "outside":
-        return _outside(number, in_turn(list(OUTSIDE)), rng, short)
-    if part == "rover":
-        from benchmarks.concealed.plants import rover  # here, because MuJoCo is optional
-
-        return rover.make(number, *in_turn(rover.KINDS), rng, short)
-    if part == "cell":
-        from benchmarks.concealed.plants import cell  # here, because PyBaMM is optional
-
-        return cell.make(number, *in_turn(cell.KINDS), rng, short)
-    return _coverage(number, in_turn([*TRUTHS, "none", "none", "none"]), rng, short)
 
 
 def _as_they_are(vehicle: Plant, runs: list[Motion], rng: Generator) -> tuple[Plant, list[Motion]]:
@@ -170,7 +129,8 @@ def control_case(number: int, exact: bool, fault: str, rng: Generator, short: bo
     return Case(part, number, truth.name, label, (), truth, nominal, recordings, {}, fault=fault)
 
 
-def _outside(number: int, name: str, rng: Generator, short: bool) -> Case:
+def outside_case(number: int, name: str, rng: Generator, short: bool) -> Case:
+    """Recordings of a vehicle with a mechanism that the catalogue of the diagnosis lacks."""
     vehicle = _pick(VEHICLES, rng)
     *_, runs = _drives(vehicle, (), rng, short)
     mechanism, fair = make_outside(name, vehicle, rng, len(runs))
@@ -184,7 +144,7 @@ def _outside(number: int, name: str, rng: Generator, short: bool) -> Case:
     return Case("outside", number, truth.name, name, (name,), truth, truth, recordings, misses, fair=fair)
 
 
-def _coverage(number: int, effect: str, rng: Generator, short: bool) -> Case:
+def coverage_case(number: int, effect: str, rng: Generator, short: bool) -> Case:
     """A plant with the catalogue's own formulas, whose true parameters are known."""
     vehicle = _vehicle_for((effect,), rng)
     *_, runs = _drives(vehicle, (effect,), rng, short)
@@ -204,7 +164,7 @@ def _pick(vehicles: Sequence[Plant], rng: Generator) -> Plant:
     return vehicles[int(rng.integers(len(vehicles)))]
 
 
-def _go_together(effect: str, partner: str) -> bool:
+def go_together(effect: str, partner: str) -> bool:
     """Whether at most one effect is an instrument's, and at most one a law of the battery, and not heat meets cold."""
     pair = {effect, partner}
     if effect == partner or pair <= set(INSTRUMENTS) or pair <= set(BATTERY_LAWS):

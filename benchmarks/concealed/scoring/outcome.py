@@ -14,8 +14,9 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from benchmarks.concealed.plants.cases import NEEDS, Case, Later, Part, make_case
+from benchmarks.concealed.plants.cases import NEEDS, Case, Later, Part
 from benchmarks.concealed.plants.catalogue import replayed_w
+from benchmarks.concealed.plants.draw import make_case
 from benchmarks.concealed.plants.effects import EFFECTS
 from benchmarks.concealed.scoring.ceiling import provable
 from homeward.commands import diagnose

@@ -5,7 +5,8 @@ import dataclasses
 import pandas as pd
 import pytest
 
-from benchmarks.concealed.plants.cases import Case, make_case
+from benchmarks.concealed.plants.cases import Case
+from benchmarks.concealed.plants.draw import make_case
 from benchmarks.concealed.scoring.ceiling import provable
 
 

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from benchmarks.concealed.plants.cases import make_case
+from benchmarks.concealed.plants.draw import make_case
 from benchmarks.concealed.scoring.count import false_alarm, found_first, share, tables, wrongly_named
 from benchmarks.concealed.scoring.outcome import MODELS, Outcome, read_diagnosis
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.concealed.plants.cases import Case, Later, make_case
+from benchmarks.concealed.plants.cases import Case, Later
 from benchmarks.concealed.plants.catalogue import replayed_w
+from benchmarks.concealed.plants.draw import make_case
 from benchmarks.concealed.scoring.outcome import MODELS, USABLE_ENERGY, Outcome, ask, read_diagnosis, true_groups
 from homeward.commands import diagnose
 from homeward.diagnosis import Analysis, Diagnosis, RecordingError
