@@ -22,10 +22,11 @@ from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
 from homeward.diagnosis.fit.channel_errors import tilt_error
+from homeward.diagnosis.fit.estimates import Estimate, estimates
 from homeward.diagnosis.fit.fitted import Fitted, with_columns
 from homeward.diagnosis.fit.folds import FOLDS, cut_folds
 from homeward.diagnosis.fit.held_out import better, black_box, held_out, score
-from homeward.diagnosis.fit.refit import Estimate, Refit, estimates, holding, refit
+from homeward.diagnosis.fit.refit import Refit, holding, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import Finding, usable_runs
 from homeward.diagnosis.result import (

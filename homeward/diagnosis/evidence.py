@@ -12,9 +12,10 @@ from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
 from homeward.diagnosis.explain.together import RemainingDependence
 from homeward.diagnosis.explain.uncertainty import Joint
+from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.fit.folds import cut_folds
 from homeward.diagnosis.fit.held_out import range_accuracy_pct
-from homeward.diagnosis.fit.refit import Estimate, Refit
+from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, power_w
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import Diagnosis, FittedGroup, Product

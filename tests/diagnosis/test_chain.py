@@ -14,7 +14,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY, Capacity, ChannelEffect
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.places import Location
-from homeward.diagnosis.fit.refit import Estimate
+from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.result import Proof
 from tests.diagnosis.conftest import Drive
 

@@ -8,7 +8,7 @@ import pytest
 
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, RecordingError, analyse, diagnose
-from homeward.diagnosis.fit.refit import Estimate
+from homeward.diagnosis.fit.estimates import Estimate
 from homeward.physics import replay
 
 Drive = Callable[..., list[Recording]]

@@ -11,7 +11,8 @@ from homeward import Robot, synthetic
 from homeward.diagnosis import Recording, RecordingError
 from homeward.diagnosis.evidence import Analysis, Evidence
 from homeward.diagnosis.explain.residual_test import independent_blocks
-from homeward.diagnosis.fit.refit import estimates, refit
+from homeward.diagnosis.fit.estimates import estimates
+from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.groups import runs as of_runs

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.stats import t as student
 
 from homeward.diagnosis import thresholds
+from homeward.diagnosis.fit.estimates import standard_errors
 from homeward.diagnosis.fit.fitted import Fitted, excited, with_columns
 from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
 from homeward.diagnosis.fit.parameter_groups import AT_REST
-from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs import thresholds as logs_thresholds
 from homeward.logs.autocorrelation import correlation_windows, noise_of, shifted_in_time

@@ -12,9 +12,11 @@ from scipy.stats import t as student
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, Setting, Term
-from homeward.diagnosis.fit.fitted import bounded, excited
+from homeward.diagnosis.fit.bounded import bounded
+from homeward.diagnosis.fit.estimates import covariance
+from homeward.diagnosis.fit.fitted import excited
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
-from homeward.diagnosis.fit.refit import Refit, covariance, holding
+from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Value
 from homeward.logs.channels import Array, Index, Mask

@@ -16,8 +16,8 @@ import numpy as np
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.hypothesis import Setting, Term
+from homeward.diagnosis.fit.bounded import bounded
 from homeward.diagnosis.fit.channel_errors import meter_error
-from homeward.diagnosis.fit.fitted import bounded
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, Parameters
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs

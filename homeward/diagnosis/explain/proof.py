@@ -24,7 +24,8 @@ import numpy as np
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
-from homeward.diagnosis.fit.fitted import Fitted, bounded
+from homeward.diagnosis.fit.bounded import bounded
+from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, cut_stretches, per_block
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.autocorrelation import independent_windows, innovations, noise_of

@@ -17,8 +17,9 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.channel_errors import meter_error
+from homeward.diagnosis.fit.estimates import Estimate, covariance, estimates
 from homeward.diagnosis.fit.held_out import bootstrap
-from homeward.diagnosis.fit.refit import Estimate, Refit, covariance, estimates
+from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Combination, Product, Range, Value
 from homeward.logs.autocorrelation import independent_windows

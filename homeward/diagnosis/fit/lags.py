@@ -12,8 +12,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from homeward.diagnosis import thresholds
-from homeward.diagnosis.fit.fitted import bounded
-from homeward.diagnosis.fit.refit import refit, standard_errors
+from homeward.diagnosis.fit.bounded import bounded
+from homeward.diagnosis.fit.estimates import standard_errors
+from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.read.signals import WINDOW_S, Signals, slope_of, windows
 from homeward.logs.channels import Array, Index

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from homeward.diagnosis import thresholds
-from homeward.diagnosis.fit.fitted import bounded
+from homeward.diagnosis.fit.bounded import bounded
 from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import (
     DRAG,

@@ -17,10 +17,11 @@ from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.explain.named import Named
 from homeward.diagnosis.explain.uncertainty import Joint, joint
+from homeward.diagnosis.fit.estimates import estimates
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.parameter_groups import GROUPS, with_effects_of
 from homeward.diagnosis.fit.predictive import INERTIA, Predictive, fit_predictive
-from homeward.diagnosis.fit.refit import Refit, estimates, holding
+from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import CorrectedFile, FileNumber, Verdict
 from homeward.diagnosis.tell.corrected import (

@@ -16,9 +16,10 @@ from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.menu import MENU, Drive, Manoeuvre
 from homeward.diagnosis.explain.places import Location
-from homeward.diagnosis.fit.fitted import bounded
+from homeward.diagnosis.fit.bounded import bounded
+from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.fit.parameter_groups import derivatives
-from homeward.diagnosis.fit.refit import Estimate, Refit
+from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.autocorrelation import noise_of
 from homeward.logs.channels import Array, Mask

@@ -8,7 +8,7 @@ from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
 from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, unrecorded
-from homeward.diagnosis.fit.refit import Estimate
+from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, Gauge, MissingPhysics, Verdict
 from homeward.layout.notation import templates

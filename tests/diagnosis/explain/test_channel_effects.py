@@ -19,9 +19,10 @@ from homeward.diagnosis.explain.channel_effects.meter import not_contradicted
 from homeward.diagnosis.explain.channel_effects.shown import Capacity, ChannelEffect
 from homeward.diagnosis.explain.gauge import weigh_gauge
 from homeward.diagnosis.explain.hypothesis import Setting, Term
+from homeward.diagnosis.fit.estimates import Estimate, estimates
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import with_effects_of
-from homeward.diagnosis.fit.refit import Estimate, estimates, refit
+from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.read.signals import signals

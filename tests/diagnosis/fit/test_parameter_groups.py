@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from homeward import Robot, load_robot
+from homeward.diagnosis.fit.estimates import estimates
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import (
     AT_REST,
@@ -17,7 +18,7 @@ from homeward.diagnosis.fit.parameter_groups import (
     with_ancillary,
     with_effects_of,
 )
-from homeward.diagnosis.fit.refit import estimates, refit
+from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict
 from homeward.physics import ancillary_power, preset_names
 

@@ -12,7 +12,8 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.menu import MENU
 from homeward.diagnosis.explain.residual_test import independent_blocks
-from homeward.diagnosis.fit.refit import Refit, estimates, refit
+from homeward.diagnosis.fit.estimates import estimates
+from homeward.diagnosis.fit.refit import Refit, refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.next_drive import SizedEffect, at_its_size, gains, responses, to_determine, to_tell_apart

@@ -10,7 +10,7 @@ from homeward.diagnosis import Analysis
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
 from homeward.diagnosis.explain.places import Location
-from homeward.diagnosis.fit.refit import Estimate
+from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, Place
 from homeward.diagnosis.tell.words import nothing_usable, summary, why_open

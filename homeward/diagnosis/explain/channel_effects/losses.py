@@ -16,7 +16,8 @@ from homeward.diagnosis.explain.channel_effects.inside import inside_w, matters
 from homeward.diagnosis.explain.channel_effects.reading import Reading, least_squares
 from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect, values_of
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Hypothesis, Numbers, Setting
-from homeward.diagnosis.fit.refit import Refit, standard_errors
+from homeward.diagnosis.fit.estimates import standard_errors
+from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Proof, Value
 from homeward.logs.channels import Array

@@ -13,9 +13,10 @@ from homeward.diagnosis.explain.channel_effects.inside import matters
 from homeward.diagnosis.explain.channel_effects.reading import Reading, least_squares
 from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
 from homeward.diagnosis.explain.hypothesis import Setting, Term
-from homeward.diagnosis.fit.fitted import bounded
+from homeward.diagnosis.fit.bounded import bounded
+from homeward.diagnosis.fit.estimates import standard_errors
 from homeward.diagnosis.fit.held_out import delta_bic
-from homeward.diagnosis.fit.refit import Refit, standard_errors
+from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Value
 from homeward.logs.channels import Array, Index

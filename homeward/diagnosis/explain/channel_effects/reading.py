@@ -7,9 +7,9 @@ from numpy.random import Generator
 
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.proof import DRAWS
+from homeward.diagnosis.fit.estimates import standard_errors
 from homeward.diagnosis.fit.folds import FOLDS, per_block
 from homeward.diagnosis.fit.held_out import delta_bic, gain, held_out
-from homeward.diagnosis.fit.refit import standard_errors
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Proof
 from homeward.logs.channels import Array, Index, Mask
