@@ -80,8 +80,8 @@ def load_onnx(path: str | Path, **keywords: Any) -> tuple[OnnxPolicy, Known]:
         OptionError, RobotError, RouteError: A keyword is invalid.
     """
     session = _open(Path(path))
-    metadata = session.get_modelmeta().custom_metadata_map
     try:
+        metadata = session.get_modelmeta().custom_metadata_map
         columns = json.loads(metadata["inputs"])[INPUT]
         setting = json.loads(metadata["setting"])
         if [column["name"] for column in columns] != list(NAMES):

@@ -63,8 +63,11 @@ def test_files_that_cannot_be_used_are_refused_in_one_line(tmp_path: Path) -> No
     del model.metadata_props[:]
     (tmp_path / "mute.onnx").write_bytes(model.SerializeToString())
     (tmp_path / "nonsense.onnx").write_bytes(b"nonsense")
+    foreign_letter = path.read_bytes().replace(b'"energy"', b'"\xe7nergy"', 1)  # of Latin-1, no UTF-8
+    (tmp_path / "latin.onnx").write_bytes(foreign_letter)
     for name, said in (
-        ("mute", "does not contain its environment"), ("nonsense", "is not a network that onnxruntime reads"),
+        ("mute", "does not contain its environment"), ("latin", "does not contain its environment"),
+        ("nonsense", "is not a network that onnxruntime reads"),
         ("none", "cannot read .*none.onnx: No such file"),
     ):  # fmt: skip
         with pytest.raises(PolicyFileError, match=said) as caught:
