@@ -17,23 +17,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import tyro
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from homeward import Robot, RobotError, cli, installed, load_robot, quantities
+from homeward import RobotError, cli, installed, load_robot, quantities
+from homeward.commands.range_parts import Mission
 from homeward.companion import thresholds
 from homeward.companion.checks import docks_of
 from homeward.companion.readings import CompanionError
 from homeward.envs.routes import RouteError
 from homeward.files import write_whole
-from homeward.physics import d_max, model, optimal_speed, replay
+from homeward.physics import d_max, optimal_speed
 
-_CYCLES = 100
-"""Cycles of driving and standing in the mission of a robot with effects. Chosen: a cycle then takes 1 % of the
-battery."""
 _PLACES = 160.0
 """Places per d_max, over which slopes of a route are averaged. Chosen: hills of 1 % of a charge are resolved."""
 
@@ -66,63 +63,6 @@ class Args:
 
 class RangeError(ValueError):
     """An invalid argument."""
-
-
-@dataclass(frozen=True)
-class Mission:
-    """A robot and its drive: slope in rad, duty cycle and sensing rate in Hz."""
-
-    robot: Robot
-    grade_rad: float
-    duty: float
-    sensing_hz: float
-
-    def range_m(self, speed_mps: float) -> float:
-        """Range, m."""
-        return float(d_max(self.robot, speed_mps, self.grade_rad, self.duty, self.sensing_hz))
-
-    def parts_j_per_m(self, speed_mps: float) -> dict[str, float]:
-        """Energy per metre by part, J/m; zero parts are omitted."""
-        if self.robot.active_effects:
-            parts = self._parts_by_the_kernel(speed_mps)
-        else:
-            parts = self._parts_of_the_paper(speed_mps)
-        return {name: part for name, part in parts.items() if part != 0.0}
-
-    def _parts_of_the_paper(self, speed_mps: float) -> dict[str, float]:
-        """The terms of Eq. 7; where the slope drives the robot without power, forces consume nothing."""
-        robot = self.robot
-        per_m = 1.0 / (speed_mps * self.duty)
-        per_n = 0.0
-        if float(model.traction_force(robot, speed_mps, self.grade_rad)) > 0.0:
-            per_n = 1.0 / robot.traction_efficiency
-        return {
-            "rolling": model.rolling_force(robot, math.cos(self.grade_rad)) * per_n,
-            "drag": model.drag_force(robot, speed_mps) * per_n,
-            "grade": model.grade_force(robot, math.sin(self.grade_rad)) * per_n,
-            "sensing": model.sensing_power(robot, self.sensing_hz) * per_m,
-            "communication": robot.communication_w * per_m,
-            "controller": robot.controller_w * per_m,
-            "computer": float(model.computer_power(robot, self.sensing_hz)) * per_m,
-        }
-
-    def _parts_by_the_kernel(self, speed_mps: float) -> dict[str, float]:
-        """The energy by cause of a mission as long as the range, in many drives and stops."""
-        lasts_s = min(self.range_m(speed_mps), 1e9) / (speed_mps * self.duty)
-        cycle_s = lasts_s / _CYCLES
-        # Each cycle drives and stands; the stop is split in two, because the last sample holds as long as the one
-        # before.
-        phases = [0.0]
-        if self.duty < 1.0:
-            phases += [self.duty, 0.5 + 0.5 * self.duty]
-        starts = np.add.outer(np.arange(float(_CYCLES)), np.array(phases)) * cycle_s
-        speeds = np.where(np.arange(len(phases)) == 0, speed_mps, 0.0)
-        driven = replay(
-            self.robot, starts.ravel(), np.tile(speeds, _CYCLES), grade_rad=self.grade_rad, accel_mps2=0.0,
-            sensing_hz=self.sensing_hz, direction=1.0,
-        )  # fmt: skip
-        way_m = lasts_s * speed_mps * self.duty
-        return {name: joules / way_m for name, joules in driven.energy_j.items()}
 
 
 def main(args: Args) -> None:

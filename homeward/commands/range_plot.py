@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from homeward.commands.range import Mission
+from homeward.commands.range_parts import Mission
 
 _SPEEDS = 60  # points along the speed axis; chosen: the curve looks smooth
 _COLOURS = (

@@ -15,7 +15,7 @@ import pytest
 
 from homeward import __main__ as command
 from homeward import load_robot
-from homeward.commands.range import Mission
+from homeward.commands.range_parts import Mission
 from homeward.commands.routes import figures, generated_routes
 from homeward.datasets import DATASETS, LOCAL_FOLDER
 from homeward.diagnosis import read_recording
