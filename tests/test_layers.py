@@ -8,7 +8,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.sparse.csgraph import connected_components
 
 import homeward
 
@@ -101,6 +103,31 @@ def test_dependencies_point_one_way(folder: str) -> None:
         if within(name, FORBIDDEN[folder])
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def files_in_circles(imported: dict[str, set[str]]) -> list[list[str]]:
+    """Modules that import each other, also in functions and for types only: each circle by the names of its modules."""
+    modules = sorted(imported)
+    arrows = np.array([[target in imported[module] for target in modules] for module in modules])
+    circles, number = connected_components(arrows, connection="strong")
+    members = [[modules[index] for index in np.flatnonzero(number == circle)] for circle in range(circles)]
+    return [circle for circle in members if len(circle) > 1]
+
+
+def test_no_files_import_each_other() -> None:
+    """A package's `__init__`, which hands names on, is left out."""
+    files = [file for folder in ("homeward", "envs", "agents", "benchmarks") for file in python_files(folder)]
+    names = {module_name(file): file for file in files if file.stem != "__init__"}
+    imported: dict[str, set[str]] = {}
+    for module, file in names.items():
+        asked = all_imports(file)  # of a module or of a name in it
+        imported[module] = (asked | {name.rpartition(".")[0] for name in asked}) & set(names) - {module}
+    assert files_in_circles(imported) == []
+    assert imported["homeward.commands.range_plot"] == {"homeward.commands.range_parts"}
+
+
+def test_a_circle_is_seen() -> None:
+    assert files_in_circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
 
 
 def test_physics_needs_only_numpy_and_numba() -> None:
