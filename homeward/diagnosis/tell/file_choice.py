@@ -20,7 +20,7 @@ from homeward.diagnosis.explain.uncertainty import Joint, joint
 from homeward.diagnosis.fit.estimates import estimates
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.parameter_groups import GROUPS, with_effects_of
-from homeward.diagnosis.fit.predictive import INERTIA, Predictive, fit_predictive
+from homeward.diagnosis.fit.predictive import INERTIA, ROLLING_PER_K, Predictive, fit_predictive
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import CorrectedFile, FileNumber, Verdict
@@ -34,6 +34,7 @@ from homeward.diagnosis.tell.corrected import (
 )
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
+from homeward.physics.effects import air_temperature
 
 Model = TypeVar("Model", Refit, Corrected)
 
@@ -197,6 +198,7 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
         reasons.append(f"with {_WORDS[candidate.file.holds]}, {worse}")
     power_error, energy_error = error_parts(choice.predicted, runs, trip)
     why = f"off by {_percent(power_error)} and {_percent(energy_error)} on held-out drives (power, energy)"
+    reasons.append(choice.file.why)
     distinct_reasons = dict.fromkeys(reason for reason in reasons if reason)
     why = "; ".join([why, *distinct_reasons])
     return replace(choice, file=replace(choice.file, why=why))
@@ -291,9 +293,17 @@ def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> Fi
         robot=rounded_robot(robot, fit.changed),
         held_out=held_out(lambda windows: replay_of_file(fit.fitted_to(windows, runs)), evidence.fold),
         replayed=replay_of_file(fit),
-        file=CorrectedFile("predictive", "", _numbers_within_bounds(fit, fitted, evidence)),
+        file=CorrectedFile("predictive", _of_tyres(robot, fit), _numbers_within_bounds(fit, fitted, evidence)),
         joint=fitted,
     )
+
+
+def _of_tyres(robot: Robot, fit: Predictive) -> str:
+    """What the fit takes from other vehicles, in words: how tyres roll in the cold if the robot's file does not say."""
+    if ROLLING_PER_K not in fit.numbers or air_temperature.EFFECT.id in robot.effects:
+        return ""
+    per_k = _percent(fit.numbers[ROLLING_PER_K])
+    return f"it takes tyres to roll {per_k} harder per kelvin of cold, as cars' do: the temperature was recorded"
 
 
 def _factors_in_file(fit: Predictive) -> Array:

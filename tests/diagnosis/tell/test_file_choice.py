@@ -65,12 +65,15 @@ def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(short_drive: Drive, 
     recordings = []
     for number, run in enumerate(short_drive(husky)):
         read_w = run.channels["power_w"] + 30.0 * (number > 0)
-        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
+        air_c = np.full(len(run), 15.0)
+        channels = {**run.channels, "power_w": read_w, "temperature_c": air_c}
+        recordings.append(dataclasses.replace(run, channels=channels))
     analysis = analyse(recordings, husky)
     (found,) = analysis.diagnosis.missing_physics
     assert {"standby", "sensor_offset"} <= {found.effect, *found.confused_with}
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "predictive"
     assert "is confounded with a fault of the meter" in analysis.diagnosis.file.why
+    assert "it takes tyres to roll 0.86 % harder per kelvin of cold" in analysis.diagnosis.file.why
     assert not {"standby", "intermittent_load"} & set(analysis.corrected.active_effects)
 
 
