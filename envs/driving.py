@@ -32,15 +32,7 @@ def decide(
     """
     outwards = mission.direction
     heads_home = mode == RETURN and not mission.returning
-    if heads_home:
-        mission.direction = -1.0
-        mission.asked += 1
-        if mission.asked >= shared.return_decisions:
-            mission.returning = True
-            mission.dwell_s = 0.0
-            mission.home = mission.position_m <= 0.0
-    elif not mission.returning:
-        mission.asked = 0
+    _count_asked(mission, shared, heads_home)
     mission.decisions += 1
     mission.sensing_hz = sensing_hz
     # The change of speed is spread over the decision.
@@ -89,15 +81,34 @@ def decide(
         left_s -= passed_s
         mission.dwell_s = max(mission.dwell_s - passed_s, 0.0)
         arriving = arriving and not mission.depleted
+        mission.position_m = mission.position_m + mission.direction * driven_mps * passed_s
         if arriving:
-            mission.position_m = halt_m
-        else:
-            mission.position_m = mission.position_m + mission.direction * driven_mps * passed_s
+            mission.position_m = halt_m  # without the rounding of the way
         new_m = max(mission.position_m - mission.furthest_m, 0.0)
         mission.furthest_m = max(mission.furthest_m, mission.position_m)
         _account(mission, nominal, shared, conditions, passed_s, new_m)
         if arriving and crossing:
             cross(mission, robot, route, nominal, shared)
+    _take_back(mission, heads_home, outwards)
+
+
+@inline
+def _count_asked(mission: Any, shared: Any, heads_home: bool) -> None:
+    """Turn a robot that is asked to return; the return is final when it was asked often enough in a row."""
+    if heads_home:
+        mission.direction = -1.0
+        mission.asked += 1
+        if mission.asked >= shared.return_decisions:
+            mission.returning = True
+            mission.dwell_s = 0.0
+            mission.home = mission.position_m <= 0.0
+    elif not mission.returning:
+        mission.asked = 0
+
+
+@inline
+def _take_back(mission: Any, heads_home: bool, outwards: float) -> None:
+    """Let a robot that was asked to return, but not yet finally, face where it did."""
     if heads_home and not mission.returning and mission.direction < 0.0:
         mission.direction = outwards
         # A robot whose battery runs empty at home, before its return is final, is home.

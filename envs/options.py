@@ -267,16 +267,9 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     Raises:
         RobotError, RouteError, OptionError, InstrumentError: An option is invalid.
     """
-    robot = load_robot(options.robot)
-    truth = robot
-    if options.true_robot is not None:
-        truth = load_robot(options.true_robot)
-    scale = robot
-    if options.scaled_for is not None:
-        scale = load_robot(options.scaled_for)
-    for a_robot in (robot, truth, scale):
-        if not np.isfinite(d_max(a_robot)):
-            raise OptionError(f"robot {a_robot.name!r} never runs empty on level ground; check its effects")
+    robot = _robot(options.robot)
+    truth = robot if options.true_robot is None else _robot(options.true_robot)
+    scale = robot if options.scaled_for is None else _robot(options.scaled_for)
     mission = MISSIONS[options.mission]
     cruise_mps = float(optimal_speed(scale))
     range_m = float(d_max(scale))
@@ -284,18 +277,7 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     decision_s = _decision_s(options, scale, lasts_s)
     reach_m = _REACH * range_m
 
-    difficulty = DIFFICULTY[options.difficulty]
-    if options.weather == "still":
-        difficulty = replace(difficulty, weather_changes=False)
-    if options.instruments is None:
-        instruments = load_instruments(difficulty.instruments)
-    else:
-        instruments = load_instruments(options.instruments)
-    if options.randomise == "file":
-        own_s = None
-        if options.instruments is None:
-            own_s = decision_s
-        difficulty, instruments = _by_file(robot, difficulty, own_s, instruments)
+    difficulty, instruments = _difficulty(options, robot, decision_s)
 
     hidden = np.zeros(1, HIDDEN_DTYPE)
     h = hidden[0]
@@ -370,6 +352,34 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
             s[inverse] = 1.0 / s[name]
     known = Known(mission=options.mission, robot=robot, shared=shared, difficulty=difficulty, instruments=instruments)
     return known, Hidden(robot=truth, record=hidden)
+
+
+def _robot(given: Any) -> Robot:
+    """A robot of an option, which must run empty.
+
+    Raises:
+        RobotError, OptionError: It cannot be loaded, or never does.
+    """
+    robot = load_robot(given)
+    if not np.isfinite(d_max(robot)):
+        raise OptionError(f"robot {robot.name!r} never runs empty on level ground; check its effects")
+    return robot
+
+
+def _difficulty(options: Options, robot: Robot, decision_s: float) -> tuple[Difficulty, Instruments]:
+    """What varies between missions, and the instruments, with what other options change of them."""
+    difficulty = DIFFICULTY[options.difficulty]
+    if options.weather == "still":
+        difficulty = replace(difficulty, weather_changes=False)
+    if options.instruments is None:
+        instruments = load_instruments(difficulty.instruments)
+        own_s: float | None = decision_s
+    else:
+        instruments = load_instruments(options.instruments)
+        own_s = None
+    if options.randomise == "file":
+        difficulty, instruments = _by_file(robot, difficulty, own_s, instruments)
+    return difficulty, instruments
 
 
 def _write_robot(robot: Robot, s: Any) -> None:

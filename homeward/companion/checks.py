@@ -21,6 +21,13 @@ def check_number(name: str, value: Any, low: float, high: float) -> None:
         raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
 
 
+def check_numbers(given: Mapping[str, tuple[Any, float, float]]) -> None:
+    """Check numbers by name, each with its bounds; None is not given."""
+    for name, (value, low, high) in given.items():
+        if value is not None:
+            check_number(name, value, low, high)
+
+
 def check_route(route: Any, most_m: float) -> None:
     """Check that a route, if given, consists of places, and that the robot can drive it.
 

@@ -18,7 +18,7 @@ from homeward import thresholds as shared
 from homeward.companion import thresholds
 from homeward.companion.advice import HOME, Action, Advice, UncertainValue
 from homeward.companion.battery import Start
-from homeward.companion.checks import check_home, check_number, check_route, check_wind, checked_docks
+from homeward.companion.checks import check_home, check_number, check_numbers, check_route, check_wind, checked_docks
 from homeward.companion.gauge import FOLLOWS, OWN
 from homeward.companion.home_estimator import HomeEstimator, Outcome, WayHome, best_first
 from homeward.companion.limits import limits_of
@@ -134,9 +134,7 @@ class Companion:
             "reaction_s": (reaction_s, 0.0, thresholds.LONGEST_REACTION_S),
             "arrived_m": (arrived_m, 0.0, thresholds.LARGEST_HOME_M),
         }
-        for name, (value, low, high) in arguments.items():
-            if value is not None:
-                check_number(name, value, low, high)
+        check_numbers(arguments)
         self._limits = limits_of(self.robot, range_m)
         check_home(home)
         check_wind(forecast_mps)
@@ -162,13 +160,12 @@ class Companion:
         self._window_s = window_s
         self._reaction_s = reaction_s
         self._arrived_m = arrived_m
+        if place_m is None:
+            place_m = range_m / _LONGEST_PLACES
+        places = _PLACES
         if route is not None:
             places = len(route.grade_rad)
             place_m = float(route.place_m)
-        else:
-            places = _PLACES
-            if place_m is None:
-                place_m = range_m / _LONGEST_PLACES
         self._start_soc = soc
         self._route = route
         self._cutoff_v = cutoff_v
