@@ -42,7 +42,7 @@ class Step(NamedTuple):
     reckoned_m: float  # driven since the last position
 
 
-_MOST_CRUMBS = 1024  # points of the trail; chosen: a saved state stays at some tens of kilobytes
+_MOST_CRUMBS = 1024  # points of the trail; chosen: a saved state stays below 200 kB
 
 
 class Way:

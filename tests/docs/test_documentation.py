@@ -48,6 +48,17 @@ def test_the_first_example_on_the_robot_prints_what_the_page_shows(
     assert capsys.readouterr().out == first[2]
 
 
+def test_every_warning_that_the_pages_explain_is_one_that_the_code_says(root: Path) -> None:
+    folders = [root / "homeward" / name for name in ("companion", "watch", "logs")]
+    code = " ".join(file.read_text("utf-8") for folder in folders for file in folder.rglob("*.py"))
+    pages = "".join((root / "docs" / name).read_text("utf-8") for name in ("on_the_robot.md", "mavlink.md"))
+    tables = re.findall(r"^\| warning \|.*\n\|.*\n((?:\|.*\n)+)", pages, re.MULTILINE)
+    cells = [row.split("|")[1] for table in tables for row in table.splitlines()]
+    explained = [re.findall(r"`(.+?)`", cell) for cell in cells]
+    assert len(tables) == 5 and all(explained)
+    assert [words for phrases in explained for words in phrases if words not in code] == []
+
+
 def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> None:
     said = f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times the score of a good mission"
     assert said in page_of(root, "agents.md")
