@@ -12,8 +12,8 @@ from homeward.envs.batch import Batch
 from homeward.envs.options import RenderModeError
 from homeward.envs.state import MISSION_DTYPE
 from homeward.envs.viewer.point_of_no_return import PointOfNoReturn
+from homeward.envs.viewer.read_scene import scene_of
 from homeward.envs.viewer.scene import Scene
-from homeward.envs.viewer.scene_of import scene_of
 from homeward.envs.viewer.text import describe
 from homeward.installed import advice
 

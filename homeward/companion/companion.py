@@ -26,7 +26,7 @@ from homeward.companion.policy import OnboardPolicy
 from homeward.companion.prior_knowledge import PriorKnowledge, known_of
 from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
 from homeward.companion.saved import DAMAGE, check_sealed, digest, put_values, sealed, values_of
-from homeward.companion.turn_advice import latest
+from homeward.companion.turn_advice import when_to_turn
 from homeward.companion.way import RouteLike, Step, Way, along_and_off, along_route
 from homeward.companion.window import Window
 from homeward.companion.words import rests_on
@@ -544,11 +544,15 @@ class Companion:
         def low_after_j(onwards_m: float) -> float:
             return estimator.leaves(home, onwards_m).low_j
 
-        turn_in_m = latest(low_after_j, now.low_j, self._range_m)
-        standing_s = max(now.low_j, 0.0) / max(estimator.pace_w, self.vehicle.idle_w, 1e-9)
-        turn_in_s = min(turn_in_m / max(estimator.pace_mps, 1e-9), standing_s)
-        needs_m = self._reaction_s * estimator.pace_mps
-        self._turned |= turn_in_m <= needs_m or turn_in_s <= self._reaction_s
+        turn = when_to_turn(
+            low_after_j,
+            now.low_j,
+            most_m=self._range_m,
+            pace_mps=estimator.pace_mps,
+            draws_w=max(estimator.pace_w, self.vehicle.idle_w, 1e-9),
+            reaction_s=self._reaction_s,
+        )
+        self._turned |= turn.is_due
         # A way from dead reckoning has a relative error: a robot that may be elsewhere has not arrived.
         self._turned &= home.way_m + thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
         chance_there = None
@@ -559,8 +563,7 @@ class Companion:
             estimator.windows, home.way_m, self.vehicle.cruise_mps, self._window_s
         )
         if self._turned:
-            turn_in_m = 0.0
-            turn_in_s = 0.0
+            turn = turn._replace(in_m=0.0, in_s=0.0)
         action = None
         if self._action is not None:
             action = Action(*self._action)
@@ -573,8 +576,8 @@ class Companion:
             margin_j=now.margin,
             chance_home=now.chance_home,
             risk=self.risk,
-            turn_in_m=turn_in_m,
-            turn_in_s=turn_in_s,
+            turn_in_m=turn.in_m,
+            turn_in_s=turn.in_s,
             turn_now=self._turned,
             chance_there_and_back=chance_there,
             looks_back=advises_to_look_back,

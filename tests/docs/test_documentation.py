@@ -65,8 +65,8 @@ def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> 
 
 
 ASKED = (
-    "reward", "effect", "robot", "max", "verdict", "false-alarm", "planner", "HTML", "network", "observation",
-    "mission", "topic",
+    "reward", "effect", "robot", "max", "verdict", "false-alarm", "planner", "companion", "HTML", "network",
+    "observation", "mission", "topic",
 )  # fmt: skip
 
 

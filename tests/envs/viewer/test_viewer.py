@@ -27,8 +27,8 @@ from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.viewer import palette
 from homeward.envs.viewer.canvas import HEIGHT, WIDTH, Canvas
+from homeward.envs.viewer.read_scene import GROUPS
 from homeward.envs.viewer.scene import Scene
-from homeward.envs.viewer.scene_of import GROUPS
 from homeward.envs.viewer.text import describe
 from homeward.physics import CAUSES, d_max
 from homeward.physics.robot import preset_names
