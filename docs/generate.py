@@ -74,13 +74,14 @@ DRAWN_WORDS = (
 AGENT_WORDS = {
     "random": "samples uniformly from the action space, as a lower baseline",
     "soc50": "turns back at half charge",
-    "dmax": "the paper's rule: turns back when the range by Eq. 8, at the mean grade, just reaches home",
-    "dmax_mapped": "predicts the energy of the way home from the ground of the way out",
+    "dmax": "the paper's rule: turns back when the energy left, less a reserve, just reaches home by Eq. 8 at the mean "
+    "grade",
+    "dmax_mapped": "the same, with the way home predicted over the ground of the way out",
     "dmax_adaptive": "scales that prediction by the measured consumption, and keeps a reserve of k standard deviations",
-    "dmax_belief": "estimates robot and wind online, predicts the way home, with a reserve of k standard deviations",
-    "planner": "estimates robot and wind online, turns back accordingly, and plans speed, sensing and stops",
-    "ppo": "a network trained by PPO from the d_max rule, with the estimated robot and wind as inputs",
-    "ppo_scratch": "a network trained by PPO from scratch, on the observation alone",
+    "dmax_belief": "predicts the way home by the belief, and keeps a reserve of k standard deviations",
+    "planner": "turns back by the belief, and plans speed, sensing and stops",
+    "ppo": "a network trained by PPO from the rule `dmax_belief`, which sees the observation and the belief",
+    "ppo_scratch": "a network trained by PPO from nothing, which sees the observation alone",
 }
 """What each agent does."""
 

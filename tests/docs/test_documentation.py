@@ -61,7 +61,7 @@ def test_every_warning_that_the_pages_explain_is_one_that_the_code_says(root: Pa
 
 def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> None:
     said = f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times the score of a good mission"
-    assert said in page_of(root, "agents.md")
+    assert said in page_of(root, "learning.md")
 
 
 ASKED = (
