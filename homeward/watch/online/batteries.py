@@ -10,6 +10,7 @@ import numpy as np
 
 from homeward.logs.bags.batteries import ADDED, Battery, choose
 from homeward.logs.bags.topics import Topic
+from homeward.logs.columns import RecordingError
 
 _READINGS = 20
 """Readings of a battery that are kept for the choice. Chosen: bounds memory; a mean needs no more."""
@@ -25,6 +26,7 @@ class Batteries:
         self._entry = entry
         self._heard: dict[str, deque[Readings]] = {}
         self._used: tuple[str, ...] | None = None  # None until they are chosen
+        self._alone: str | None = None  # the one that drew while no other did
 
     def hear(self, name: str, readings: Readings) -> None:
         """Keep what a battery reports."""
@@ -33,14 +35,25 @@ class Batteries:
     def choose(self) -> str | None:
         """Choose, the first time that several report what is drawn; why, in a line.
 
+        A robot on its way keeps the battery that it had, with a line: advice that ends there strands it.
+
         Raises:
-            RecordingError: It is not clear which is the whole.
+            RecordingError: It is not clear which is the whole, from the first reading on.
         """
+        if self._used is not None:
+            return None
         reported = [self._battery(name) for name in self._heard]
         drawing = [battery for battery in reported if battery is not None]
-        if self._used is not None or len(drawing) < 2:
+        if len(drawing) < 2:
+            self._alone = drawing[0].name if drawing else None
             return None
-        choice = choose(drawing, self._entry.several)
+        try:
+            choice = choose(drawing, self._entry.several)
+        except RecordingError as error:
+            if self._alone is None:
+                raise
+            self._used = (self._alone,)
+            return f"{error}; until then {self._alone}, which drew alone before, is used"
         self._used = choice.names
         return choice.why
 

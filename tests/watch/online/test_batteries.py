@@ -58,6 +58,20 @@ def test_a_bag_and_a_network_choose_the_same(tmp_path: Path, case: str) -> None:
     assert said in " ".join(bench.listener.warnings(2.9))
 
 
+def test_a_robot_on_its_way_keeps_its_battery_when_another_begins_to_draw() -> None:
+    """It is asked about, with the remedy, and advice goes on."""
+    bench = Bench({"/battery": BATTERY, "/payload": BATTERY, "/odom": ODOMETRY})
+
+    def payload(time_s: float) -> Any:
+        return battery(time_s, 12.0, -2.0 if time_s > 5.0 else 0.0)
+
+    heard = bench.feed(80, odom=drive, battery=lambda t: battery(t, 24.0, -4.0), payload=payload)
+    assert heard is not None
+    assert (heard.reading["voltage_v"], heard.reading["current_a"]) == (24.0, 4.0)
+    (said,) = bench.listener.warnings(7.9)
+    assert "not which is the whole" in said and "/battery, which drew alone before, is used" in said
+
+
 def test_a_mapping_says_which(tmp_path: Path) -> None:
     packs, *_ = CASES["two of which nobody knows"]
     streams = {"/odom": Stream(ODOMETRY, TIME_S, {"twist.twist.linear.x": 1.0})}
