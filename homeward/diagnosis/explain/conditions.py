@@ -132,7 +132,7 @@ def _beyond_motion(candidate: Candidate) -> float | None:
 CONDITIONS: tuple[Condition[Candidate], ...] = (
     Condition(
         name="energy",
-        asks="share of the recorded energy that it adds or saves",
+        asks="share of the recorded energy that the effect adds or saves",
         applies_to="an effect whose size changes",
         value=_energy_share,
         side="at least",
@@ -142,8 +142,8 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     ),
     Condition(
         name="evidence",
-        asks="reduction of BIC by it; of a load that switches, and beside another effect, from the innovations of the "
-        "residual, of which its steps must stand out",
+        asks="reduction of BIC by the effect; of a load that switches, and of a schedule beside another effect, in the "
+        "innovations, out of which its steps must stand",
         applies_to="an effect whose size changes",
         value=_evidence,
         side="at least",
@@ -153,8 +153,8 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     ),
     Condition(
         name="apart",
-        asks="distance of its levels, in standard deviations of their residual",
-        applies_to="a schedule beside another effect that explains less than half of the rest",
+        asks="distance between its levels, in standard deviations of the residual",
+        applies_to="a schedule beside another effect, if it explains at most half of what that leaves",
         value=_distance_of_levels,
         side="more than",
         limit=lambda candidate: thresholds.FAR_APART,
@@ -163,7 +163,8 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     ),
     Condition(
         name="gain",
-        asks="share of the held-out squared error of the model without it, less noise of power, that it explains",
+        asks="share that it explains of the held-out squared error of the model without it; of the first effect, that "
+        "error less noise of power",
         applies_to="every effect",
         value=lambda candidate: candidate.gain_beyond_noise,
         side="at least",
@@ -174,7 +175,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     ),
     Condition(
         name="interval",
-        asks="lower end of the 95 % interval of this share, by block bootstrap",
+        asks="lower end of the 95 % interval of that share, by block bootstrap",
         applies_to="every effect",
         value=lambda candidate: candidate.gain.ci95[0],
         side="more than",
@@ -184,7 +185,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     ),
     Condition(
         name="instruments",
-        asks="what it explains, over what errors of the channels and of the meter's scale explain",
+        asks="squared error that it explains over what errors of the channels, or of the meter's scale, explain",
         applies_to="every effect",
         value=_times_instruments,
         side="more than",
@@ -194,7 +195,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     ),
     Condition(
         name="motion",
-        asks="share that it explains, less the share that trees on the motion explain",
+        asks="share that it explains, less what trees on the motion count for",
         applies_to="an effect whose size changes, beside another",
         value=_beyond_motion,
         side="more than",
@@ -255,7 +256,7 @@ def _beyond_channel(together: Together) -> float | None:
 TOGETHER: tuple[Condition[Together], ...] = (
     Condition(
         name="recorded",
-        asks="effects, of the first and its rivals, that are maps of a channel which some run lacks",
+        asks="number of effects, of the first named and its rivals, that follow a channel which some run lacks",
         applies_to="all",
         value=lambda together: float(together.unrecorded_channels),
         side="at most",
@@ -265,8 +266,9 @@ TOGETHER: tuple[Condition[Together], ...] = (
     ),
     Condition(
         name="rest",
-        asks="share of the squared held-out error of the refit that they explain",
-        applies_to="effects that leave a residual above noise, which depends on none of the channels of the first",
+        asks="share that they explain of the held-out squared error of the refit",
+        applies_to="effects that leave a residual above noise, unless that of the refit depends most on a channel of "
+        "the first",
         value=_share_beside_a_residual,
         side="at least",
         limit=lambda together: thresholds.HALF,
@@ -275,19 +277,19 @@ TOGETHER: tuple[Condition[Together], ...] = (
     ),
     Condition(
         name="motion together",
-        asks="what they explain over what trees on the motion and its history explain; "
-        "of a schedule, both beside the effects that channels show",
+        asks="share that they explain over the share that trees on the motion explain; of a schedule, over what these "
+        "trees count for, both beside the effects that channels show",
         applies_to="all",
         value=_over_motion,
         side="more than",
         limit=_least_over_motion,
-        limit_in_words=f"1 of a schedule; otherwise {thresholds.SIMPLER:g}, or {thresholds.HALF:g} if trees on the "
-        "motion do not leave less than half of their squared error on unseen runs",
+        limit_in_words=f"1 of a schedule; otherwise {thresholds.HALF:g}, or {thresholds.SIMPLER:g} if trees on the "
+        "motion leave less than half of the effects' squared error on unseen runs",
         origin="SIMPLER, HALF",
     ),
     Condition(
         name="place",
-        asks="what the place and the height climbed explain over what the schedule explains",
+        asks="share that trees on the place and the height climbed explain over the share that the schedule explains",
         applies_to="a schedule that is not of the ground",
         value=_place_over_schedule,
         side="at most",
@@ -297,8 +299,8 @@ TOGETHER: tuple[Condition[Together], ...] = (
     ),
     Condition(
         name="channel",
-        asks="share that they explain, less what the channel explains on which the residual depended most",
-        applies_to="effects that this channel shows none of, where the residual still depends on it",
+        asks="share that they explain, less that by the channel on which the refit's residual depends most",
+        applies_to="effects none of which this channel shows, where what they leave still depends on it",
         value=_beyond_channel,
         side="at least",
         limit=lambda together: 0.0,
