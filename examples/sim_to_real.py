@@ -88,7 +88,7 @@ class Args:
     out: Path = Path("runs/sim_to_real")
     """Folder for recordings, diagnosis, policies and sim_to_real.json."""
     ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
-    """As in train.py; policies start from the planner."""
+    """As in train.py; policies start from the d_max rule."""
 
 
 @dataclass(frozen=True)

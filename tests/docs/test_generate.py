@@ -12,7 +12,7 @@ from docs import generate
 
 SECTION = re.compile(r"^### ([^\n]+)\n(.*?)(?=^###? |\Z)", re.MULTILINE | re.DOTALL)
 INCLUDE = re.compile(r"^(.*)\n\n<!-- generated: results (.+) -->$", re.MULTILINE)
-COMMITS = re.compile(r"\bcommits?\s+[0-9a-f]{7}\b")
+COMMITS = re.compile(r"\bcommits?\s+[0-9a-f]{7,40}\b")
 PAGE = "# Results\n\n## Food\n\n### Bread\n\nEach slice:\n\n#### Crust\n\n7 mm\n\n### Tea\n\nhot\n\n## Room\n\nlarge\n"
 
 
