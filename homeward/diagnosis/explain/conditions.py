@@ -133,7 +133,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     Condition(
         name="energy",
         asks="share of the recorded energy that the effect adds or saves",
-        applies_to="an effect whose size changes",
+        applies_to="an effect whose size changes in time or with place",
         value=_energy_share,
         side="at least",
         limit=lambda candidate: thresholds.GAIN_ERROR,
@@ -144,7 +144,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
         name="evidence",
         asks="reduction of BIC by the effect; of a load that switches, and of a schedule beside another effect, in the "
         "innovations, out of which its steps must stand",
-        applies_to="an effect whose size changes",
+        applies_to="an effect whose size changes in time or with place",
         value=_evidence,
         side="at least",
         limit=lambda candidate: thresholds.STRONG_BIC,
@@ -196,7 +196,7 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
     Condition(
         name="motion",
         asks="share that it explains, less what trees on the motion count for",
-        applies_to="an effect whose size changes, beside another",
+        applies_to="an effect whose size changes in time or with place, beside another",
         value=_beyond_motion,
         side="more than",
         limit=lambda candidate: 0.0,
