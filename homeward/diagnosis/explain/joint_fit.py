@@ -458,27 +458,42 @@ def _searched_parameters(index: int, term: Term) -> list[Unknown]:
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     """Starting parameters and values, by the terms' columns at the shapes that were tried."""
-    columns = [_tried_column(model.terms[unknown.term], unknown) for unknown in model.unknowns]
+    by_rolling = None if fit.held[ROLLING] else fit.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
+    columns = [_tried_column(model.terms[unknown.term], unknown, by_rolling) for unknown in model.unknowns]
     jacobian = np.column_stack([fit.jacobian, *columns])
     step = _best_step(fit, model, model.reference, jacobian, runs.observed - fit.predicted)
     return _moved(fit, model, model.reference, step)
 
 
-def _tried_column(term: Term, unknown: Unknown) -> Array:
+def _tried_column(term: Term, unknown: Unknown, per_kg: Array | None) -> Array:
     """Column of an unknown before any replay, shape (windows,); 0 for a parameter of the kernel."""
     if unknown.column is None:
         return np.zeros(len(term.columns))
+    if term.of_rolling_kg is not None and per_kg is not None:
+        return _column_of_ground(term, unknown.column, per_kg)
     return term.columns[:, unknown.column]
 
 
 def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: Array, fixed: Mask) -> Array:
     """Derivatives of the prediction at theta and values, which is `predicted`, shape (windows,), by the groups and the
     unknowns, (windows, columns); 0 for groups that are `fixed`."""
-    columns = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), fixed)
+
+    def by_groups(held: Mask) -> list[Array]:
+        return derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), held)
+
+    columns = by_groups(fixed)
+    by_rolling = columns[ROLLING]
+    if fixed[ROLLING] and any(term.of_rolling_kg is not None for term in model.terms):
+        all_but_rolling = np.ones(len(fixed), np.bool_)
+        all_but_rolling[ROLLING] = False
+        by_rolling = by_groups(all_but_rolling)[ROLLING]
     for index, unknown in enumerate(model.unknowns):
         term = model.terms[unknown.term]
         if unknown.column is not None and term.linear:
             columns.append(term.columns[:, unknown.column])
+            continue
+        if unknown.column is not None and term.of_rolling_kg is not None:
+            columns.append(_column_of_ground(term, unknown.column, by_rolling / model.parameters.scale[ROLLING]))
             continue
         size = abs(values[index])
         if size == 0.0:
@@ -491,6 +506,16 @@ def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: 
         moved[index] += step
         columns.append((model.predict(runs, theta, moved) - predicted) / step)
     return np.column_stack(columns)
+
+
+def _column_of_ground(term: Term, column: int, per_kg: Array) -> Array:
+    """Derivative by a size of rough ground, from that by the C_rr m of all ground, per kg; both of shape (windows,).
+
+    No window shows the ground of another. Sizes of a profile add up to C_rr m, of which only their sum is known: by
+    difference quotients of their own, what these lose at kinks would tell them apart.
+    """
+    assert term.of_rolling_kg is not None and term.at_work is not None
+    return np.asarray(term.of_rolling_kg * term.at_work[:, column] * per_kg)
 
 
 def _best_step(fit: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> Array:
