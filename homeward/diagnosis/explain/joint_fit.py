@@ -254,11 +254,11 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, theta, values))
     # The load per unit of a size depends on the groups, such as a share of the power.
     loads_depend_on_groups = any(term.at_work is not None and term.linear for term in terms)
-    if loads_depend_on_groups:
-        for _ in range(_PASSES - 1):
-            model = _with_loads_at(model, runs, point.theta, point.values)
-            start = _linearised(fit, model, runs, point.theta, point.values)
-            point = _descended(fit, model, runs, all_windows, start)
+    for _ in range(_PASSES - 1):
+        if not loads_depend_on_groups and not _ground_is_at_a_bound(model, point.values):
+            break
+        model, values = _with_loads_at(model, runs, point.theta, point.values)
+        point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, point.theta, values))
     contribution = [
         point.predicted - model.predict(runs, point.theta, point.values, leave_out=index) for index in range(len(terms))
     ]
@@ -308,14 +308,29 @@ def _intervals(model: Model, point: _Point, runs: Runs, block: Index) -> tuple[t
     return tuple(intervals)
 
 
-def _with_loads_at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
-    """The model with the loads of its terms computed at these parameters instead of the refit's."""
+def _ground_is_at_a_bound(model: Model, values: Array) -> bool:
+    """Whether a size of rough ground is at its bound, which is meant as a share of the C_rr m fitted with it."""
+    lowest, highest = model.bounds
+    is_at_bound = (values <= lowest) | (values >= highest)
+    of_ground = [model.terms[unknown.term].of_rolling_kg is not None for unknown in model.unknowns]
+    return bool((is_at_bound & of_ground).any())
+
+
+def _with_loads_at(model: Model, runs: Runs, theta: Array, values: Array) -> tuple[Model, Array]:
+    """The model with the loads of its terms computed at these parameters instead of the refit's, and its values."""
     setting = model.setting(runs, theta, values)
-    return dataclasses.replace(model, terms=tuple(_with_load_of(term, setting) for term in model.terms))
+    moved = dataclasses.replace(model, terms=tuple(_with_load_of(term, setting) for term in model.terms))
+    values = values.copy()
+    for index in range(len(model.terms)):
+        # Sizes of rough ground as shares of another C_rr m.
+        values[model.of(index)] *= model.share(index, theta) / moved.share(index, theta)
+    return moved, np.clip(values, *model.bounds)
 
 
 def _with_load_of(term: Term, setting: Setting) -> Term:
     """The term with the load of these parameters, where its size is a share of a load."""
+    if term.of_rolling_kg is not None:
+        return dataclasses.replace(term, of_rolling_kg=setting.rolling_kg)
     if term.at_work is None or not term.linear:
         return term
     load = term.hypothesis.load(term.hypothesis, setting)
