@@ -526,8 +526,8 @@ def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: 
 def _column_of_ground(term: Term, column: int, per_kg: Array) -> Array:
     """Derivative by a size of rough ground, from that by the C_rr m of all ground, per kg; both of shape (windows,).
 
-    No window shows the ground of another. Sizes of a profile add up to C_rr m, of which only their sum is known: by
-    difference quotients of their own, what these lose at kinks would tell them apart.
+    A window shows its own ground only, or nearly so if the reading lags. Sizes of a profile add up to C_rr m, and only
+    their sum is known: difference quotients of their own, which err at kinks, would tell them apart.
     """
     assert term.of_rolling_kg is not None and term.at_work is not None
     return np.asarray(term.of_rolling_kg * term.at_work[:, column] * per_kg)
