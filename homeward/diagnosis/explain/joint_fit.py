@@ -473,19 +473,22 @@ def _searched_parameters(index: int, term: Term) -> list[Unknown]:
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     """Starting parameters and values, by the terms' columns at the shapes that were tried."""
-    by_rolling = None if fit.held[ROLLING] else fit.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
-    columns = [_tried_column(model.terms[unknown.term], unknown, by_rolling) for unknown in model.unknowns]
+    per_rolling_kg = None if fit.held[ROLLING] else fit.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
+    columns = [_tried_column(model.terms[unknown.term], unknown, per_rolling_kg) for unknown in model.unknowns]
     jacobian = np.column_stack([fit.jacobian, *columns])
     step = _best_step(fit, model, model.reference, jacobian, runs.observed - fit.predicted)
     return _moved(fit, model, model.reference, step)
 
 
-def _tried_column(term: Term, unknown: Unknown, per_kg: Array | None) -> Array:
-    """Column of an unknown before any replay, shape (windows,); 0 for a parameter of the kernel."""
+def _tried_column(term: Term, unknown: Unknown, per_rolling_kg: Array | None) -> Array:
+    """Column of an unknown before any replay, shape (windows,); 0 for a parameter of the kernel.
+
+    `per_rolling_kg` is the derivative by C_rr m, None where it is held.
+    """
     if unknown.column is None:
         return np.zeros(len(term.columns))
-    if term.of_rolling_kg is not None and per_kg is not None:
-        return _column_of_ground(term, unknown.column, per_kg)
+    if term.of_rolling_kg is not None and per_rolling_kg is not None:
+        return _column_of_ground(term, unknown.column, per_rolling_kg)
     return term.columns[:, unknown.column]
 
 
@@ -502,13 +505,14 @@ def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: 
         all_but_rolling = np.ones(len(fixed), np.bool_)
         all_but_rolling[ROLLING] = False
         by_rolling = by_groups(all_but_rolling)[ROLLING]
+    per_rolling_kg = by_rolling / model.parameters.scale[ROLLING]
     for index, unknown in enumerate(model.unknowns):
         term = model.terms[unknown.term]
         if unknown.column is not None and term.linear:
             columns.append(term.columns[:, unknown.column])
             continue
         if unknown.column is not None and term.of_rolling_kg is not None:
-            columns.append(_column_of_ground(term, unknown.column, by_rolling / model.parameters.scale[ROLLING]))
+            columns.append(_column_of_ground(term, unknown.column, per_rolling_kg))
             continue
         size = abs(values[index])
         if size == 0.0:
@@ -523,14 +527,14 @@ def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: 
     return np.column_stack(columns)
 
 
-def _column_of_ground(term: Term, column: int, per_kg: Array) -> Array:
+def _column_of_ground(term: Term, column: int, per_rolling_kg: Array) -> Array:
     """Derivative by a size of rough ground, from that by the C_rr m of all ground, per kg; both of shape (windows,).
 
     A window shows its own ground only, or nearly so if the reading lags. Sizes of a profile add up to C_rr m, and only
     their sum is known: difference quotients of their own, which err at kinks, would tell them apart.
     """
     assert term.of_rolling_kg is not None and term.at_work is not None
-    return np.asarray(term.of_rolling_kg * term.at_work[:, column] * per_kg)
+    return np.asarray(term.of_rolling_kg * term.at_work[:, column] * per_rolling_kg)
 
 
 def _best_step(fit: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> Array:
