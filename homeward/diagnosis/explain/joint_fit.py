@@ -100,7 +100,7 @@ class Model:
     def share(self, index: int, theta: Array) -> float:
         """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects.
 
-        Sizes of rough ground are of the C_rr m before the joint fit, as only its product with the rise is known.
+        Sizes of rough ground are of another C_rr m (`Term.of_rolling_kg`), as only its product with the rise is known.
         """
         rolling_kg = self.terms[index].of_rolling_kg
         if rolling_kg is None:
@@ -330,13 +330,20 @@ def _with_loads_at(model: Model, runs: Runs, theta: Array, values: Array) -> tup
 def _with_load_of(term: Term, setting: Setting) -> Term:
     """The term with the load of these parameters, where its size is a share of a load."""
     if term.of_rolling_kg is not None:
-        return dataclasses.replace(term, of_rolling_kg=setting.rolling_kg)
+        return _as_share_of(term, setting.rolling_kg)
     if term.at_work is None or not term.linear:
         return term
     load = term.hypothesis.load(term.hypothesis, setting)
     if load is None:
         return term
     return dataclasses.replace(term, load=load, columns=load[:, None] * term.at_work)
+
+
+def _as_share_of(term: Term, rolling_kg: float) -> Term:
+    """Rough ground with its sizes as shares of another C_rr m, kg."""
+    assert term.of_rolling_kg is not None and term.load is not None
+    ratio = rolling_kg / term.of_rolling_kg
+    return dataclasses.replace(term, of_rolling_kg=rolling_kg, load=ratio * term.load, columns=ratio * term.columns)
 
 
 @dataclass(frozen=True)

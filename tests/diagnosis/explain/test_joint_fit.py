@@ -170,6 +170,10 @@ def test_a_change_of_the_ground_is_a_share_of_the_rolling_resistance_fitted_with
     assert share.value == pytest.approx(rise, rel=0.03)
     added_w = observed - predict(short_runs, husky)
     np.testing.assert_allclose(found.contribution[0], added_w, atol=0.03 * np.abs(added_w).max())
+    # Its columns stay in W per unit of a size, but for downhill, where the drive draws nothing.
+    by_columns_w = found.model.terms[0].columns @ found.sizes(0)
+    draws = np.abs(added_w) > 1.0
+    assert np.median(by_columns_w[draws] / added_w[draws]) == pytest.approx(1.0, rel=0.02)
 
 
 def test_ground_that_differs_all_along_leaves_the_rolling_resistance_where_it_was(
