@@ -184,6 +184,16 @@ class Corrected:
         """Derivative of the prediction by groups (in units of `scale`) and unknowns, shape (windows, columns)."""
         return np.column_stack([self.groups.jacobian, self.beside])
 
+    def profiles_over(self, group: int) -> list[Term]:
+        """Profiles along the way that contain a group, by its index: more C_rr is rougher ground all along, and only
+        their sum is known."""
+        profiles = []
+        for index, term in enumerate(self.model.terms):
+            is_profile = term.axis == "place" and term.schedule is None
+            if is_profile and _spanned(self.groups.jacobian[:, [group]], self.beside[:, self.model.of(index)]).all():
+                profiles.append(term)
+        return profiles
+
     @property
     def misread(self) -> Array:
         """What faults of the power meter add to its reading, shape (windows,)."""
@@ -416,13 +426,17 @@ def _without_spanned(fit: Refit, terms: Sequence[Term], runs: Runs) -> Refit:
     flexible = [term.columns for term in terms if term.flexible]
     if not flexible:
         return fit
-    columns = np.column_stack(flexible)
-    weights, *_ = np.linalg.lstsq(columns, fit.jacobian, rcond=None)
-    residual = fit.jacobian - columns @ weights
-    spanned = (residual**2).sum(axis=0) < thresholds.COLLINEAR * (fit.jacobian**2).sum(axis=0)
+    spanned = _spanned(fit.jacobian, np.column_stack(flexible))
     if not spanned.any():
         return fit
     return holding(fit, runs, fit.held | spanned)
+
+
+def _spanned(jacobian: Array, columns: Array) -> Mask:
+    """Groups, by their columns, that are combinations of others, shape (groups,); both have a row for each window."""
+    weights, *_ = np.linalg.lstsq(columns, jacobian, rcond=None)
+    residual = jacobian - columns @ weights
+    return np.asarray((residual**2).sum(axis=0) < thresholds.COLLINEAR * (jacobian**2).sum(axis=0))
 
 
 def _unknowns(terms: Sequence[Term], nominal: Robot) -> tuple[Unknown, ...]:

@@ -8,7 +8,9 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Recording, diagnose
+from homeward.diagnosis.chain import _known
 from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.change_points import Axis
 from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
 from homeward.diagnosis.explain.joint_fit import Corrected, Model, fit_model, immaterial
 from homeward.diagnosis.fit.folds import cut_blocks
@@ -136,7 +138,7 @@ def observed_over(rise: Array, runs: Runs, robot: Robot) -> Array:
     return predict(runs, on_it, met=WithEffects(roughness=rise))
 
 
-def fitted_over_ground(runs: Runs, robot: Robot, at_work: Array) -> Corrected:
+def fitted_over_ground(runs: Runs, robot: Robot, at_work: Array, axis: Axis) -> Corrected:
     """The drives fitted with rough ground whose sizes are `at_work` there, shape (windows, sizes)."""
     fit = refit(runs, robot)
     setting = Setting.of(fit, runs)
@@ -149,7 +151,7 @@ def fitted_over_ground(runs: Runs, robot: Robot, at_work: Array) -> Corrected:
         load[:, None] * at_work,
         low,
         high,
-        axis="time",
+        axis=axis,
         of_rolling_kg=setting.rolling_kg,
         load=load,
         at_work=at_work,
@@ -164,7 +166,7 @@ def test_a_change_of_the_ground_is_a_share_of_the_rolling_resistance_fitted_with
     """From 60 s on. So are its bounds: on much smoother ground a refit finds a fraction of the resistance."""
     at_work = (short_runs.time_s > 60.0).astype(np.float64)
     observed = observed_over(rise * at_work, short_runs, husky)
-    found = fitted_over_ground(dataclasses.replace(short_runs, observed=observed), husky, at_work[:, None])
+    found = fitted_over_ground(dataclasses.replace(short_runs, observed=observed), husky, at_work[:, None], axis="time")
     assert found.theta[ROLLING] == pytest.approx(husky.rolling_resistance * husky.mass_kg, rel=0.01)
     (share,) = found.parameters_of(0).values()
     assert share.value == pytest.approx(rise, rel=0.03)
@@ -193,11 +195,13 @@ def test_ground_that_differs_all_along_leaves_the_rolling_resistance_where_it_wa
     hilly = dataclasses.replace(husky, rolling_resistance=0.03)  # downhill its drive draws nothing
     noise = np.random.default_rng(0).standard_normal(len(rise))
     runs = dataclasses.replace(short_runs, observed=observed_over(rise, short_runs, hilly) + noise)
-    found = fitted_over_ground(runs, hilly, hats)
+    found = fitted_over_ground(runs, hilly, hats, axis="place")
     assert found.theta[ROLLING] == pytest.approx(hilly.rolling_resistance * hilly.mass_kg, rel=0.1)
     assert len(replays) < 3 * 24
     of_rolling_kg = found.model.terms[0].of_rolling_kg
     assert of_rolling_kg is not None
+    estimate = _known(refit(runs, hilly), found, runs, cut_blocks(runs.run))[ROLLING]
+    assert estimate.status == "confounded" and estimate.mixed_with == ("surface",) and not estimate.off
     by_all = found.beside.sum(axis=1) / of_rolling_kg * found.parameters.scale[ROLLING]
     np.testing.assert_allclose(by_all, found.groups.jacobian[:, ROLLING], rtol=1e-9)
 
