@@ -287,20 +287,35 @@ def _known(free_fit: Fitted, determined: Fitted, runs: Runs, block: Index) -> tu
         block: Windows of one block, (windows,), are dependent.
     """
     estimated = []
-    effects: tuple[str, ...] = ()
-    if isinstance(determined, Corrected):
-        effects = tuple(term.effect.replace("_", " ") for term in determined.model.terms)
     of_free_fit = estimates(free_fit, runs, block)
     of_determined = estimates(determined, runs, block)
     held = determined.groups.held.tolist()
-    for free_estimate, estimate, is_held in zip(of_free_fit, of_determined, held, strict=True):
+    for number, (free_estimate, estimate) in enumerate(zip(of_free_fit, of_determined, strict=True)):
+        is_held = held[number]
+        profiles = _profiles_over(determined, number)
         if is_held and free_estimate.status in ("fitted", "at bound"):
-            estimated.append(free_estimate.confounded(free_estimate.mixed_with or effects))
+            estimated.append(free_estimate.confounded(free_estimate.mixed_with or _effects(determined)))
         elif is_held or free_estimate.status == "confounded":
             estimated.append(free_estimate)
+        elif profiles:
+            estimated.append(estimate.confounded(profiles))
         else:
             estimated.append(estimate)
     return tuple(estimated)
+
+
+def _effects(model: Fitted) -> tuple[str, ...]:
+    """Names of the effects in a model."""
+    if isinstance(model, Corrected):
+        return tuple(term.hypothesis.name for term in model.model.terms)
+    return ()
+
+
+def _profiles_over(model: Fitted, group: int) -> tuple[str, ...]:
+    """Names of the effects whose profile along the way contains a group, by its index."""
+    if isinstance(model, Corrected):
+        return tuple(term.hypothesis.name for term in model.profiles_over(group))
+    return ()
 
 
 def _predictions(

@@ -274,7 +274,8 @@ def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
     """Size of each block, constant over stretches that reduce the squared error by more than their penalty."""
     ends = [len(moment)]
     if len(moment) > 1:  # the search takes no single block
-        whitened = moment / np.sqrt(weight)  # its squared error is that of the residual, but for a constant
+        # Of blocks of the same weight its squared error is that of the residual, but for a constant.
+        whitened = moment / np.sqrt(weight)
         search = ruptures.KernelCPD(kernel="linear", min_size=1).fit(whitened[:, None])
         ends = search.predict(pen=max(penalty, 1e-300))
     size = np.empty(len(moment))

@@ -90,7 +90,7 @@ class Term:
     spread: Spread = field(default_factory=dict)  # intervals of parameters estimated from the schedule
     fixed: bool = False  # whether its columns are not computed by the kernel
     typical: bool = True  # whether the size changes in the way typical of this effect
-    of_rolling_kg: float | None = None  # C_rr m before the joint fit, where its sizes are shares of it
+    of_rolling_kg: float | None = None  # C_rr m, by the refit or an earlier joint fit, where its sizes are shares of it
     load: Array | None = None  # contribution per unit where it is at work, (windows,), None if everywhere
     at_work: Array | None = None  # share of each size that is at work, (windows, sizes)
     flexible: bool = False  # whether its sizes form any rising function, which no file can express

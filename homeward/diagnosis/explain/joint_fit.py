@@ -100,7 +100,7 @@ class Model:
     def share(self, index: int, theta: Array) -> float:
         """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects.
 
-        Sizes of rough ground are of the C_rr m before the joint fit, as only its product with the rise is known.
+        Sizes of rough ground are of another C_rr m (`Term.of_rolling_kg`), as only its product with the rise is known.
         """
         rolling_kg = self.terms[index].of_rolling_kg
         if rolling_kg is None:
@@ -184,6 +184,16 @@ class Corrected:
         """Derivative of the prediction by groups (in units of `scale`) and unknowns, shape (windows, columns)."""
         return np.column_stack([self.groups.jacobian, self.beside])
 
+    def profiles_over(self, group: int) -> list[Term]:
+        """Profiles along the way that contain a group, by its index: more C_rr is rougher ground all along, and only
+        their sum is known."""
+        profiles = []
+        for index, term in enumerate(self.model.terms):
+            is_profile = term.axis == "place" and term.schedule is None
+            if is_profile and _spanned(self.groups.jacobian[:, [group]], self.beside[:, self.model.of(index)]).all():
+                profiles.append(term)
+        return profiles
+
     @property
     def misread(self) -> Array:
         """What faults of the power meter add to its reading, shape (windows,)."""
@@ -254,11 +264,11 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, theta, values))
     # The load per unit of a size depends on the groups, such as a share of the power.
     loads_depend_on_groups = any(term.at_work is not None and term.linear for term in terms)
-    if loads_depend_on_groups:
-        for _ in range(_PASSES - 1):
-            model = _with_loads_at(model, runs, point.theta, point.values)
-            start = _linearised(fit, model, runs, point.theta, point.values)
-            point = _descended(fit, model, runs, all_windows, start)
+    for _ in range(_PASSES - 1):
+        if not loads_depend_on_groups and not _ground_is_at_a_bound(model, point.values):
+            break
+        model, values = _with_loads_at(model, runs, point.theta, point.values)
+        point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, point.theta, values))
     contribution = [
         point.predicted - model.predict(runs, point.theta, point.values, leave_out=index) for index in range(len(terms))
     ]
@@ -308,20 +318,42 @@ def _intervals(model: Model, point: _Point, runs: Runs, block: Index) -> tuple[t
     return tuple(intervals)
 
 
-def _with_loads_at(model: Model, runs: Runs, theta: Array, values: Array) -> Model:
-    """The model with the loads of its terms computed at these parameters instead of the refit's."""
+def _ground_is_at_a_bound(model: Model, values: Array) -> bool:
+    """Whether a size of rough ground is at its bound, which is meant as a share of the C_rr m fitted with it."""
+    lowest, highest = model.bounds
+    is_at_bound = (values <= lowest) | (values >= highest)
+    of_ground = [model.terms[unknown.term].of_rolling_kg is not None for unknown in model.unknowns]
+    return bool((is_at_bound & of_ground).any())
+
+
+def _with_loads_at(model: Model, runs: Runs, theta: Array, values: Array) -> tuple[Model, Array]:
+    """The model with the loads of its terms computed at these parameters instead of the refit's, and its values."""
     setting = model.setting(runs, theta, values)
-    return dataclasses.replace(model, terms=tuple(_with_load_of(term, setting) for term in model.terms))
+    moved = dataclasses.replace(model, terms=tuple(_with_load_of(term, setting) for term in model.terms))
+    values = values.copy()
+    for index in range(len(model.terms)):
+        # Sizes of rough ground as shares of another C_rr m.
+        values[model.of(index)] *= model.share(index, theta) / moved.share(index, theta)
+    return moved, np.clip(values, *model.bounds)
 
 
 def _with_load_of(term: Term, setting: Setting) -> Term:
     """The term with the load of these parameters, where its size is a share of a load."""
+    if term.of_rolling_kg is not None:
+        return _as_share_of(term, setting.rolling_kg)
     if term.at_work is None or not term.linear:
         return term
     load = term.hypothesis.load(term.hypothesis, setting)
     if load is None:
         return term
     return dataclasses.replace(term, load=load, columns=load[:, None] * term.at_work)
+
+
+def _as_share_of(term: Term, rolling_kg: float) -> Term:
+    """Rough ground with its sizes as shares of another C_rr m, kg."""
+    assert term.of_rolling_kg is not None and term.load is not None
+    ratio = rolling_kg / term.of_rolling_kg
+    return dataclasses.replace(term, of_rolling_kg=rolling_kg, load=ratio * term.load, columns=ratio * term.columns)
 
 
 @dataclass(frozen=True)
@@ -394,13 +426,17 @@ def _without_spanned(fit: Refit, terms: Sequence[Term], runs: Runs) -> Refit:
     flexible = [term.columns for term in terms if term.flexible]
     if not flexible:
         return fit
-    columns = np.column_stack(flexible)
-    weights, *_ = np.linalg.lstsq(columns, fit.jacobian, rcond=None)
-    residual = fit.jacobian - columns @ weights
-    spanned = (residual**2).sum(axis=0) < thresholds.COLLINEAR * (fit.jacobian**2).sum(axis=0)
+    spanned = _spanned(fit.jacobian, np.column_stack(flexible))
     if not spanned.any():
         return fit
     return holding(fit, runs, fit.held | spanned)
+
+
+def _spanned(jacobian: Array, columns: Array) -> Mask:
+    """Groups, by their columns, that are combinations of others, shape (groups,); both have a row for each window."""
+    weights, *_ = np.linalg.lstsq(columns, jacobian, rcond=None)
+    residual = jacobian - columns @ weights
+    return np.asarray((residual**2).sum(axis=0) < thresholds.COLLINEAR * (jacobian**2).sum(axis=0))
 
 
 def _unknowns(terms: Sequence[Term], nominal: Robot) -> tuple[Unknown, ...]:
@@ -458,27 +494,46 @@ def _searched_parameters(index: int, term: Term) -> list[Unknown]:
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     """Starting parameters and values, by the terms' columns at the shapes that were tried."""
-    columns = [_tried_column(model.terms[unknown.term], unknown) for unknown in model.unknowns]
+    per_rolling_kg = None if fit.held[ROLLING] else fit.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
+    columns = [_tried_column(model.terms[unknown.term], unknown, per_rolling_kg) for unknown in model.unknowns]
     jacobian = np.column_stack([fit.jacobian, *columns])
     step = _best_step(fit, model, model.reference, jacobian, runs.observed - fit.predicted)
     return _moved(fit, model, model.reference, step)
 
 
-def _tried_column(term: Term, unknown: Unknown) -> Array:
-    """Column of an unknown before any replay, shape (windows,); 0 for a parameter of the kernel."""
+def _tried_column(term: Term, unknown: Unknown, per_rolling_kg: Array | None) -> Array:
+    """Column of an unknown before any replay, shape (windows,); 0 for a parameter of the kernel.
+
+    `per_rolling_kg` is the derivative by C_rr m, None where it is held.
+    """
     if unknown.column is None:
         return np.zeros(len(term.columns))
+    if term.of_rolling_kg is not None and per_rolling_kg is not None:
+        return _column_of_ground(term, unknown.column, per_rolling_kg)
     return term.columns[:, unknown.column]
 
 
 def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: Array, fixed: Mask) -> Array:
     """Derivatives of the prediction at theta and values, which is `predicted`, shape (windows,), by the groups and the
     unknowns, (windows, columns); 0 for groups that are `fixed`."""
-    columns = derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), fixed)
+
+    def by_groups(held: Mask) -> list[Array]:
+        return derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), held)
+
+    columns = by_groups(fixed)
+    by_rolling = columns[ROLLING]
+    if fixed[ROLLING] and any(term.of_rolling_kg is not None for term in model.terms):
+        all_but_rolling = np.ones(len(fixed), np.bool_)
+        all_but_rolling[ROLLING] = False
+        by_rolling = by_groups(all_but_rolling)[ROLLING]
+    per_rolling_kg = by_rolling / model.parameters.scale[ROLLING]
     for index, unknown in enumerate(model.unknowns):
         term = model.terms[unknown.term]
         if unknown.column is not None and term.linear:
             columns.append(term.columns[:, unknown.column])
+            continue
+        if unknown.column is not None and term.of_rolling_kg is not None:
+            columns.append(_column_of_ground(term, unknown.column, per_rolling_kg))
             continue
         size = abs(values[index])
         if size == 0.0:
@@ -491,6 +546,16 @@ def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: 
         moved[index] += step
         columns.append((model.predict(runs, theta, moved) - predicted) / step)
     return np.column_stack(columns)
+
+
+def _column_of_ground(term: Term, column: int, per_rolling_kg: Array) -> Array:
+    """Derivative by a size of rough ground, from that by the C_rr m of all ground, per kg; both of shape (windows,).
+
+    A window shows its own ground only, or nearly so if the reading lags. Sizes of a profile add up to C_rr m, and only
+    their sum is known: difference quotients of their own, which err at kinks, would tell them apart.
+    """
+    assert term.of_rolling_kg is not None and term.at_work is not None
+    return np.asarray(term.of_rolling_kg * term.at_work[:, column] * per_rolling_kg)
 
 
 def _best_step(fit: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> Array:

@@ -308,7 +308,7 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
         likeliest = min(likeliest, fit_model(fit, started, runs, block), key=squared_error)
     least = squared_error(likeliest)
     independent = independent_windows(runs.observed - likeliest.predicted, runs.run)
-    # Gaussian residuals: the likelihood ratio is the ratio of squared errors to the number of independent windows.
+    # Of Gaussian residuals the statistic is the logarithm of the ratio of squared errors, times independent windows.
     as_likely = least * float(np.exp(_LEAST_SIGNIFICANT / independent))
     limit = max(as_likely, least + meter_error(runs))
     equivalent = [fitted for fitted in models if squared_error(fitted) <= limit]

@@ -87,21 +87,23 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
     """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
 
-    The ends of a smooth profile are quantiles: a hat function that covers few windows is poorly estimated.
+    The ends of a smooth profile are quantiles: a hat function that covers few windows is poorly estimated. Ground that
+    is smoother than the largest gain of a file can say counts as the smoothest that it can.
     """
     term = model.model.terms[index]
-    switch = term.hypothesis.entry.switch
+    largest_gain = term.hypothesis.entry.switch.high
     assert term.at_work is not None
     rise = term.at_work @ model.sizes(index) * model.share(index)
-    over_fitted = 1.0 + np.clip(rise, switch.low, switch.high)  # C_rr of each window over the fitted one, (windows,)
+    over_fitted = 1.0 + np.maximum(rise, -1.0)  # C_rr of each window over the fitted one, (windows,)
     driven = np.abs(runs.context["speed_mps"]) > 0.0
     ends = _ENDS
     if term.schedule is not None:
         ends = (0.0, 1.0)
     smoothest, roughest = np.quantile(over_fitted[driven], ends).tolist()
-    gain = roughest / smoothest - 1.0
-    if gain <= 0.0:
+    smoothest = max(smoothest, roughest / (1.0 + largest_gain))
+    if roughest <= smoothest:
         return smoothest, 0.0, np.zeros(len(over_fitted))
+    gain = min(roughest / smoothest - 1.0, largest_gain)
     roughness = np.clip((over_fitted / smoothest - 1.0) / gain, 0.0, 1.0)
     return smoothest, gain, roughness
 
@@ -113,12 +115,9 @@ def _numbers(model: Corrected, index: int) -> dict[str, float]:
     """The numbers of an effect that a robot file has: those of its form, and over them the fitted ones."""
     term = model.model.terms[index]
     hypothesis = term.hypothesis
-    switch = hypothesis.entry.switch
     allowed = {parameter.name for parameter in (*hypothesis.entry.parameters, *hypothesis.searched)}
     of_form = {name: value for name, value in term.shape.items() if name in allowed}
     fitted = {name: value.value for name, value in model.parameters_of(index).items() if name in allowed}
-    if term.of_rolling_kg is not None:
-        fitted[switch.name] = float(np.clip(fitted[switch.name], switch.low, switch.high))
     return {**of_form, **fitted}
 
 

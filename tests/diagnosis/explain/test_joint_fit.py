@@ -8,7 +8,9 @@ import pytest
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Recording, diagnose
+from homeward.diagnosis.chain import _known
 from homeward.diagnosis.explain.catalogue import CATALOGUE
+from homeward.diagnosis.explain.change_points import Axis
 from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
 from homeward.diagnosis.explain.joint_fit import Corrected, Model, fit_model, immaterial
 from homeward.diagnosis.fit.folds import cut_blocks
@@ -130,30 +132,78 @@ def test_a_group_that_a_rising_function_contains_is_held(runs: Runs, husky: Robo
     assert held.theta[1] == pytest.approx(husky.sensing_j_per_sample + husky.computer_j_per_sample, rel=1e-4)
 
 
-def test_a_change_of_the_ground_is_a_share_of_the_rolling_resistance_fitted_with_it(
-    short_runs: Runs, husky: Robot
-) -> None:
-    """Half as hard again from 60 s on: the load per unit is computed at the fitted resistance."""
-    rough = (short_runs.time_s > 60.0).astype(np.float64)
-    on_it = dataclasses.replace(husky, effects={"surface": {CATALOGUE["surface"].entry.switch.name: 0.5}})
-    observed = predict(short_runs, on_it, met=WithEffects(roughness=rough))
-    runs = dataclasses.replace(short_runs, observed=observed)
-    fit = refit(runs, husky)
+def observed_over(rise: Array, runs: Runs, robot: Robot) -> Array:
+    """What is recorded over ground that is harder by `rise`; both of shape (windows,)."""
+    on_it = dataclasses.replace(robot, effects={"surface": {"gain": 1.0}})
+    return predict(runs, on_it, met=WithEffects(roughness=rise))
+
+
+def fitted_over_ground(runs: Runs, robot: Robot, at_work: Array, axis: Axis) -> Corrected:
+    """The drives fitted with rough ground whose sizes are `at_work` there, shape (windows, sizes)."""
+    fit = refit(runs, robot)
     setting = Setting.of(fit, runs)
     surface = CATALOGUE["surface"]
     load = surface.load(surface, setting)
     assert load is not None
-    at_work = rough[:, None]
+    low, high = surface.limits(at_work.shape[1], surface.signed)
     term = Term(
-        surface, load[:, None] * at_work, *surface.limits(1, surface.signed), axis="time",
-        of_rolling_kg=setting.rolling_kg, load=load, at_work=at_work,
-    )  # fmt: skip
-    found = fit_model(fit, [term], runs, cut_blocks(runs.run))
+        surface,
+        load[:, None] * at_work,
+        low,
+        high,
+        axis=axis,
+        of_rolling_kg=setting.rolling_kg,
+        load=load,
+        at_work=at_work,
+    )
+    return fit_model(fit, [term], runs, cut_blocks(runs.run))
+
+
+@pytest.mark.parametrize("rise", [0.5, -0.85])
+def test_a_change_of_the_ground_is_a_share_of_the_rolling_resistance_fitted_with_it(
+    rise: float, short_runs: Runs, husky: Robot
+) -> None:
+    """From 60 s on. So are its bounds: on much smoother ground a refit finds a fraction of the resistance."""
+    at_work = (short_runs.time_s > 60.0).astype(np.float64)
+    observed = observed_over(rise * at_work, short_runs, husky)
+    found = fitted_over_ground(dataclasses.replace(short_runs, observed=observed), husky, at_work[:, None], axis="time")
     assert found.theta[ROLLING] == pytest.approx(husky.rolling_resistance * husky.mass_kg, rel=0.01)
     (share,) = found.parameters_of(0).values()
-    assert share.value == pytest.approx(0.5, rel=0.03)
+    assert share.value == pytest.approx(rise, rel=0.03)
     added_w = observed - predict(short_runs, husky)
-    np.testing.assert_allclose(found.contribution[0], added_w, atol=0.03 * added_w.max())
+    np.testing.assert_allclose(found.contribution[0], added_w, atol=0.03 * np.abs(added_w).max())
+    # Its columns stay in W per unit of a size, but for downhill, where the drive draws nothing.
+    by_columns_w = found.model.terms[0].columns @ found.sizes(0)
+    draws = np.abs(added_w) > 1.0
+    assert np.median(by_columns_w[draws] / added_w[draws]) == pytest.approx(1.0, rel=0.02)
+
+
+def test_ground_that_differs_all_along_leaves_the_rolling_resistance_where_it_was(
+    short_runs: Runs, husky: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sizes of a profile add up to C_rr m, and only their sum is known. Its 24 sizes take no replays of their own."""
+    replays, predict_once = [], Model.predict
+
+    def counted(model: Model, *arguments: Any, **keywords: Any) -> Array:
+        replays.append(model)
+        return predict_once(model, *arguments, **keywords)
+
+    monkeypatch.setattr(Model, "predict", counted)
+    passed = (short_runs.time_s / short_runs.time_s.max())[:, None] * 23.0
+    hats = np.maximum(1.0 - np.abs(passed - np.arange(24)), 0.0)
+    rise = 0.5 * np.sin(2.0 * np.pi * passed[:, 0] / 23.0)
+    hilly = dataclasses.replace(husky, rolling_resistance=0.03)  # downhill its drive draws nothing
+    noise = np.random.default_rng(0).standard_normal(len(rise))
+    runs = dataclasses.replace(short_runs, observed=observed_over(rise, short_runs, hilly) + noise)
+    found = fitted_over_ground(runs, hilly, hats, axis="place")
+    assert found.theta[ROLLING] == pytest.approx(hilly.rolling_resistance * hilly.mass_kg, rel=0.1)
+    assert len(replays) < 3 * 24
+    of_rolling_kg = found.model.terms[0].of_rolling_kg
+    assert of_rolling_kg is not None
+    estimate = _known(refit(runs, hilly), found, runs, cut_blocks(runs.run))[ROLLING]
+    assert estimate.status == "confounded" and estimate.mixed_with == ("surface",) and not estimate.off
+    by_all = found.beside.sum(axis=1) / of_rolling_kg * found.parameters.scale[ROLLING]
+    np.testing.assert_allclose(by_all, found.groups.jacobian[:, ROLLING], rtol=1e-9)
 
 
 def test_a_mass_on_level_ground_is_immaterial(short_runs: Runs, husky: Robot) -> None:

@@ -184,3 +184,18 @@ def test_rough_ground_is_fitted_where_the_refit_without_it_takes_all_rolling_for
     model = joint_fit(robot, "surface", runs)
     assert model is not None
     assert float(np.std(runs.observed - model.predicted)) == pytest.approx(1.0, abs=0.5)  # the noise
+
+
+def test_ground_that_no_file_can_say_is_written_as_the_smoothest_that_one_can(robot: Robot, runs: Runs) -> None:
+    """Forty times as hard far from base: a gain above the largest allowed would end the diagnosis."""
+    ground = WithEffects(roughness=np.where(met(runs).roughness == 1.0, 1.0, -0.95))
+    rough = dataclasses.replace(robot, effects={"surface": {"gain": 1.0}})
+    runs = dataclasses.replace(runs, observed=predict(runs, rough, met=ground))
+    model = joint_fit(robot, "surface", runs)
+    assert model is not None
+    content = file_content(model, runs)
+    file = written(robot, content, runs.unit)
+    highest = CATALOGUE["surface"].entry.switch.high
+    assert file.effects["surface"]["gain"] == highest
+    hardest = file.rolling_resistance * (1.0 + highest)
+    assert hardest == pytest.approx(2.0 * robot.rolling_resistance, rel=0.05)
