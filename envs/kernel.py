@@ -15,7 +15,7 @@ from homeward.envs.features import home_cost, observe
 from homeward.envs.reward import potential, reward
 from homeward.envs.routes.route import generate
 from homeward.envs.state import AHEAD, IN_SIGHT, MAX_PLACES
-from homeward.physics.jit import compiled, inline, pasted, prefetch
+from homeward.physics.jit import compiled, inline, prefetch
 
 _FETCH_AHEAD = 4  # missions; chosen: 0.7 us (benchmarks/speed.py), above the latency of memory
 _FORECAST_PLACES = 4
@@ -229,7 +229,7 @@ def _step_if_going(
     return earned, ended, late
 
 
-@pasted
+@inline
 def _step_at(
     i: Any,
     choices: Any,

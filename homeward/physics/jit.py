@@ -37,12 +37,6 @@ def called(function: Function) -> Function:
     return marked
 
 
-def pasted(function: Function) -> Function:
-    """As `inline`, before types are known: also in a parallel loop it is as if written there, records and all."""
-    marked: Function = register_jitable(inline="always")(function)
-    return marked
-
-
 def _prefetch(typing: Any, record: Any) -> Any:
     # LLVM's intrinsic takes an address, 1 for writing, 3 for the nearest cache, and 1 for data.
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

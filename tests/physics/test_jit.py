@@ -32,7 +32,7 @@ def test_import_compiles_nothing(root: Path) -> None:
 
 
 def test_formulas_stay_plain_functions() -> None:
-    assert jit.inline(double)(21) == jit.pasted(double)(21) == 42
+    assert jit.inline(double)(21) == jit.called(double)(21) == 42
 
 
 def double(x: float) -> float:
