@@ -130,6 +130,20 @@ def test_a_circle_is_seen() -> None:
     assert files_in_circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
 
 
+def test_no_package_has_a_name_that_hides_a_module_of_it() -> None:
+    """`import homeward.a.b as b` would give the name b of `homeward.a`, and not the file `homeward/a/b.py`."""
+    hidden = []
+    for file in (file for folder in ("homeward", "envs", "agents") for file in python_files(folder)):
+        package = module_name(file.parent)
+        if file.stem == "__init__":
+            named = (name.rpartition(".") for name in imports_on_load(file))
+            hidden += [
+                f"{package}.{name}" for origin, _, name in named
+                if origin != package and (file.parent / f"{name}.py").is_file()
+            ]  # fmt: skip
+    assert hidden == []
+
+
 def test_physics_needs_only_numpy_and_numba() -> None:
     wrong = [
         f"{file.relative_to(ROOT)} imports {name}"

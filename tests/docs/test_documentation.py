@@ -1,5 +1,6 @@
 """What the README, the pages and the files that ship say is so."""
 
+import pkgutil
 import re
 import tomllib
 from pathlib import Path
@@ -62,6 +63,14 @@ def test_every_warning_that_the_pages_explain_is_one_that_the_code_says(root: Pa
 def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> None:
     said = f"`--stranding-cost`, by default {PPOSettings().stranding_cost:g} times the score of a good mission"
     assert said in page_of(root, "learning.md")
+
+
+def test_every_name_of_code_that_a_page_gives_is_there(root: Path) -> None:
+    pages = [*root.glob("*.md"), *root.glob("docs/**/*.md")]
+    named = {name for page in pages for name in re.findall(r"`(homeward(?:\.\w+)+)`", page.read_text("utf-8"))}
+    assert len(named) > 10
+    for name in sorted(named):
+        assert pkgutil.resolve_name(name) is not None
 
 
 ASKED = (
