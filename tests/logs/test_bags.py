@@ -519,10 +519,14 @@ def test_a_path_that_leads_nowhere_is_missing_and_one_to_no_number_is_wrong() ->
         values = (1.0, 2.0)
         name = ("left",)
         text = "far"
+        number = 1.0
 
     assert np.isnan(getter("values[2]")(Message())) and np.isnan(getter("values[right]")(Message()))
     with pytest.raises(WrongField, match="not a number but str"):
         getter("text")(Message())
+    for path in ("number[0]", "number[left]", "number[right]", "text[0]"):
+        with pytest.raises(WrongField, match=r"is not of a list but of (float|str)"):
+            getter(path)(Message())
 
 
 def test_two_connections_of_one_topic_are_one(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
-from homeward.logs.bags.messages import WrongField, field_of, getter
+from homeward.logs.bags.messages import WrongField, as_list, field_of, getter
 from homeward.logs.bags.topics import BATTERY
 
 EVERY = "[*]"
@@ -87,6 +87,4 @@ def _list_at(message: Any, path: str) -> Any:
     value = message
     for name in path.partition(EVERY)[0].split("."):
         value = field_of(value, name, path)
-    if not hasattr(value, "__len__") or isinstance(value, str):
-        raise WrongField(f"{path!r} is not of a list but of {type(value).__name__}")
-    return value
+    return as_list(value, path)

@@ -187,10 +187,11 @@ def getter(path: str) -> Callable[[Any], float]:
             if name:
                 value = field_of(value, name, path)
                 continue
+            items = as_list(value, path)
             place = _place(message, key)
-            if place is None or place >= len(value):
+            if place is None or place >= len(items):
                 return float(np.nan)
-            value = value[place]
+            value = items[place]
         try:
             return float(value)
         except (TypeError, ValueError):
@@ -210,6 +211,17 @@ def field_of(message: Any, name: str, path: str) -> Any:
     except AttributeError:
         fields = [field for field in getattr(message, "__dataclass_fields__", {}) if not field.startswith("_")]
         raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}") from None
+
+
+def as_list(value: Any, path: str) -> Any:
+    """A list in a message, as it is.
+
+    Raises:
+        WrongField: It is none; `path` is where a mapping names it.
+    """
+    if not hasattr(value, "__len__") or isinstance(value, str):
+        raise WrongField(f"{path!r} is not of a list but of {type(value).__name__}")
+    return value
 
 
 def _place(message: Any, key: str) -> int | None:
