@@ -318,7 +318,9 @@ def _with_rest_current(data: dict[str, Any]) -> dict[str, Any]:
         return data
     uncertainty = dict(table)
     rest_current_a = uncertainty.pop("rest_current_a")
-    drive = {"rest_current_a": rest_current_a, **data.get("drive", {})}
+    drive = data.get("drive", {})
+    if isinstance(drive, Mapping):  # otherwise it is refused
+        drive = {"rest_current_a": rest_current_a, **drive}
     return {**data, "uncertainty": uncertainty, "drive": drive}
 
 

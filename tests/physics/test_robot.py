@@ -130,6 +130,8 @@ def test_unknown_section(tmp_path: Path) -> None:
 def test_section_that_is_a_number(tmp_path: Path) -> None:
     path = write(tmp_path, 'name = "flat"\nbody = 3\n')
     assert refusal(path).startswith(f"{path}: body = 3 is not a table; write [body] with mass_kg, ")
+    older = write(tmp_path, 'name = "flat"\ndrive = 3\n[uncertainty]\nof = "charge"\nrest_current_a = 1.5\n')
+    assert refusal(older).startswith(f"{older}: body.mass_kg is missing")
 
 
 @pytest.mark.parametrize("line", ["name = 5", 'name = ""', "name = true"])
