@@ -298,7 +298,7 @@ def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Spac
     if len(layers) > 1:
         widths[-2] += inputs  # before the last layer
     for width, (weight, bias) in zip(widths[:-1], layers, strict=True):
-        if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (len(bias), width):
+        if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (_width(bias), width):
             raise PolicyFileError(
                 f"{path}: a layer of shape {weight.shape} and {bias.shape} does not fit the one before"
             )

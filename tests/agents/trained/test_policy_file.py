@@ -226,6 +226,7 @@ def weights_of(layers: list[Layer]) -> bytes:
         (weights_of([(w.astype(np.float64), b) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
         (weights_of([(w[0], b) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
         (weights_of([(w, b[None]) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
+        (weights_of([(w, np.array(b[0])) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
     ],
 )
 def test_foreign_weights_are_refused(folder: Path, weights: bytes, message: str) -> None:
