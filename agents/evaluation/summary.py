@@ -172,7 +172,8 @@ def _relative(scores: Scores, baseline: Scores) -> float | None:
 
 
 def _ratio(numerator: float, denominator: float) -> float | None:
-    if denominator == 0.0:
+    """None where there is nothing to compare with: scores, and bounds but for rounding, are not negative."""
+    if denominator <= 0.0:
         return None
     return numerator / denominator
 

@@ -91,6 +91,13 @@ def test_share_of_the_optimum_is_given_against_both_bounds() -> None:
     assert summary["optimum"] == {"lower": 10.0, "upper": 12.5}
 
 
+def test_no_share_of_an_optimum_of_nothing() -> None:
+    """Where nothing can be scored, rounding may leave the upper bound below 0."""
+    bounds = Optima(np.zeros(2), np.array([0.0, -1e-15]))
+    agent = summarised(bounds, agent=made_up([0.0, 0.0]))["agents"]["agent"]
+    assert agent["share_of_optimum"] is agent["share_of_optimum_at_least"] is None
+
+
 def test_profiles_say_what_share_of_episodes_scores_more() -> None:
     profiles = summarised(a=made_up([0.0, 50.0, 100.0, 100.0]), b=made_up([20.0, 20.0, 20.0, 20.0]))["profiles"]
     assert profiles["score"][0] == 0.0 and profiles["score"][-1] == 100.0
