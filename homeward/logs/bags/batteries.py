@@ -92,8 +92,8 @@ def _sum_of_others(batteries: Sequence[Battery]) -> Battery | None:
         return None
     means = np.array([np.nanmean(battery.drawn) for battery in batteries])
     for battery, mean in zip(batteries, means, strict=True):
-        mean_of_others = means.sum() - mean
-        if abs(mean - mean_of_others) <= thresholds.SAME_BATTERY * abs(mean):
+        sum_of_others = means.sum() - mean
+        if abs(mean - sum_of_others) <= thresholds.SAME_BATTERY * abs(mean):
             return battery
     return None
 
