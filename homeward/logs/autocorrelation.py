@@ -20,7 +20,7 @@ def correlation_windows(residual: Array, run: Index) -> float:
     """
     centred = residual - residual.mean()
     power = float(centred @ centred)
-    if power <= 0.0:
+    if not power > 0.0:  # also where a residual is unknown
         return 1.0
     time_windows = 1.0
     for lag in range(1, min(len(centred) // 4, LONGEST_LAG)):
