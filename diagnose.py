@@ -1,12 +1,13 @@
 """Find which physics a robot's simulator lacks, from recordings of the robot.
 
-`homeward diagnose RUN... --robot PRESET_OR_TOML [--columns MAP] --out DIR`, in a checkout also `python diagnose.py`,
-writes DIR/diagnosis.json, DIR/report.html, DIR/corrected.toml, and recorded and predicted power over time as
-DIR/series.parquet and DIR/series.mcap. RUN is a table, a ROS bag (read without ROS), or a log of PX4, ArduPilot or VESC
-Tool. Without RUN it diagnoses the synthetic recording that is part of the package.
+`homeward diagnose RUN... --robot PRESET_OR_TOML [--columns MAP] --out DIR`, in a checkout also
+`python diagnose.py`, writes DIR/diagnosis.json, DIR/report.html, DIR/corrected.toml, and recorded
+and predicted power over time as DIR/series.parquet and DIR/series.mcap. RUN is a table, a ROS bag
+(read without ROS), or a log of PX4, ArduPilot or VESC Tool. Without RUN it diagnoses the synthetic
+recording that is part of the package.
 
-`--group NAME=RUNS --group NAME=RUNS` compares mean residuals, parameters and effects of groups of runs and writes
-DIR/groups.json and DIR/groups.html.
+`--group NAME=RUNS --group NAME=RUNS` compares mean residuals, parameters and effects of groups of
+runs and writes DIR/groups.json and DIR/groups.html.
 """
 
 from __future__ import annotations
@@ -58,30 +59,34 @@ class Args:
     """Recordings, robot and output."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a ROS 2 bag), one run
-    each; by default the one that is part of the package."""
+    """Recordings (.csv, .csv.gz, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a
+    ROS 2 bag), one run each; by default the one that is part of the package."""
     group: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """NAME=RUNS: a group to compare with others, once per group or run. RUNS are paths or patterns separated by commas,
-    or a group of a data set, such as EE2=turtlebot3_tactics/EE2."""
+    """NAME=RUNS: a group to compare with others, once per group or run. RUNS are paths or patterns
+    separated by commas, or a group of a data set, such as EE2=turtlebot3_tactics/EE2."""
     standing: bool = False
-    """The robot stood while it recorded: a recording without a motion channel then gives its ancillary power."""
+    """The robot stood while it recorded: a recording without a motion channel then gives its
+    ancillary power."""
     robot: str | None = None
-    """Robot of the simulator: preset name or TOML file; by default that of the data set, or husky, and a line says
-    so."""
+    """Robot of the simulator: preset name or TOML file; by default that of the data set, or husky,
+    and a line says so."""
     columns: str | None = None
-    """Mapping of columns or, for bags, of topics, for recordings with other names: shipped name or TOML file."""
+    """Mapping of columns or, for bags, of topics, for recordings with other names: shipped name or
+    TOML file."""
     effects: Path | None = None
-    """Python file with an effect of your own, which is run: a hypothesis like the others (docs/extending.md)."""
+    """Python file with an effect of your own, which is run: a hypothesis like the others
+    (docs/extending.md)."""
     dataset: str | None = None
-    """Public data set to fetch instead of RUN, or a group of it, such as husky_borealtc/FLOORING."""
+    """Public data set to fetch instead of RUN, or a group of it, such as
+    husky_borealtc/FLOORING."""
     out: Path = Path("runs/diagnosis")
-    """Folder for diagnosis.json, report.html, corrected.toml and series; for groups also groups.json and
-    groups.html."""
+    """Folder for diagnosis.json, report.html, corrected.toml and series; for groups also
+    groups.json and groups.html."""
     seed: int = 0
     """Seed of the bootstrap draws."""
     exit_code: bool = False
-    """Exit with a code for the verdict: 10 missing_physics, 11 unknown_physics, 12 parameters_off, 13 no_mismatch, 14
-    not_testable."""
+    """Exit with a code for the verdict: 10 missing_physics, 11 unknown_physics, 12 parameters_off,
+    13 no_mismatch, 14 not_testable."""
 
 
 def main(args: Args, without: Collection[str] = ()) -> Analysis | Comparison:
@@ -90,12 +95,15 @@ def main(args: Args, without: Collection[str] = ()) -> Analysis | Comparison:
     An experiment runs `without` some conditions under which an effect is named.
 
     Raises:
-        RecordingError, RobotError, DatasetError: The input cannot be used. If that is found only after reading all of
+        RecordingError, RobotError, DatasetError: The input cannot be used. If that is found only
+        after reading all of
             it, the report with the reason is written nonetheless.
         OSError: The output folder cannot be written to.
     """
     if args.effects is not None and own_file() != args.effects.absolute():
-        raise RecordingError(f"--effects is read when a command starts; in Python set {VARIABLE} before the import")
+        raise RecordingError(
+            f"--effects is read when a command starts; in Python set {VARIABLE} before the import"
+        )
     if args.group:
         return _compare(args)
     paths, robot, columns = _inputs(args)
@@ -113,12 +121,18 @@ def main(args: Args, without: Collection[str] = ()) -> Analysis | Comparison:
 
 def _compare(args: Args) -> Comparison:
     if args.exit_code:
-        raise RecordingError("--exit-code is for one verdict, and --group compares several; give one of them")
+        raise RecordingError(
+            "--exit-code is for one verdict, and --group compares several; give one of them"
+        )
     if args.runs or args.dataset:
-        raise RecordingError("give either --group or RUN and --dataset, not both; --group takes NAME=DATASET/GROUP")
+        raise RecordingError(
+            "give either --group or RUN and --dataset, not both; --group takes NAME=DATASET/GROUP"
+        )
     groups = grouped_runs(args.group, args.columns)
     check_writable(args.out)
-    recordings = _read([(path, columns) for group in groups for path, columns in group.runs], args.standing)
+    recordings = _read(
+        [(path, columns) for group in groups for path, columns in group.runs], args.standing
+    )
     labels = [group.name for group in groups for _ in group.runs]
     _refuse_twice(recordings, labels)
     if all(stands(recording) for recording in recordings):
@@ -137,7 +151,9 @@ def _read(paths: list[tuple[Path, str | None]], standing: bool) -> list[Recordin
     recordings = [read_recording(path, columns, standing=standing) for path, columns in paths]
     drives = [recording.name for recording in recordings if not stands(recording)]
     if standing and drives:
-        raise RecordingError(f"{drives[0]}: its motion channel shows that it drives; leave out --standing")
+        raise RecordingError(
+            f"{drives[0]}: its motion channel shows that it drives; leave out --standing"
+        )
     return recordings
 
 
@@ -167,21 +183,32 @@ def _robot_of_dataset(name: str) -> str:
     return robot
 
 
-def _diagnose(recordings: list[Recording], robot: str | None, args: Args, without: Collection[str]) -> Analysis:
+def _diagnose(
+    recordings: list[Recording], robot: str | None, args: Args, without: Collection[str]
+) -> Analysis:
     if robot is None:
-        print(f"no --robot is given: {ASSUMED} is assumed; name yours, a preset or a TOML file", file=sys.stderr)
+        print(
+            f"no --robot is given: {ASSUMED} is assumed; name yours, a preset or a TOML file",
+            file=sys.stderr,
+        )
     top_mps = load_robot(robot or ASSUMED).max_speed_mps
     recordings = [within_top_speed(recording, top_mps) for recording in recordings]
     console = cli.Terminal(stderr=True)
     with Progress(
-        TextColumn("{task.description:<22}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
+        TextColumn("{task.description:<22}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
     ) as bar:
         task = bar.add_task("starting", total=len(STAGES) + 1)
 
         def show(stage: str) -> None:
             bar.update(task, description=stage, completed=STAGES.index(stage))
 
-        analysis = analyse(recordings, robot or ASSUMED, seed=args.seed, progress=show, without=without)
+        analysis = analyse(
+            recordings, robot or ASSUMED, seed=args.seed, progress=show, without=without
+        )
         bar.update(task, description="writing", completed=len(STAGES))
         written = write_outputs(analysis, args.out)
     _print(analysis, recordings, written)
@@ -206,7 +233,9 @@ def _inputs(args: Args) -> tuple[list[Path], str | None, str | None]:
 def _print(analysis: Analysis, recordings: list[Recording], written: list[Path]) -> None:
     how_read = {(recording.name, note) for recording in recordings for note in recording.notes}
     for finding in analysis.findings:
-        says_how_read = is_bag(Path(finding.recording)) or (finding.recording, finding.text) in how_read
+        says_how_read = (
+            is_bag(Path(finding.recording)) or (finding.recording, finding.text) in how_read
+        )
         if says_how_read and not finding.refused:
             cli.remark(Path(finding.recording).name, finding.text)
     console = cli.Terminal()
@@ -218,8 +247,8 @@ def _print(analysis: Analysis, recordings: list[Recording], written: list[Path])
 
 
 def run() -> int:
-    """Run from the command line: 0 for any verdict, or its code of `EXIT_CODES` if asked for; 3 if a download fails,
-    otherwise see `homeward.cli.run`."""
+    """Run from the command line: 0 for any verdict, or its code of `EXIT_CODES` if asked for; 3 if
+    a download fails, otherwise see `homeward.cli.run`."""
     codes: list[int] = []
 
     def noting_the_verdict(args: Args) -> None:

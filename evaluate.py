@@ -1,9 +1,10 @@
 """Compare agents on the same episodes.
 
-`python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive+shield ppo=FOLDER --out DIR` writes
-DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode), and plots: scores.png,
-profiles.png, one episode over time (episode.png) and over the route (route.png), and learning.png if an agent has a
-learning curve. An agent is NAME, NAME+shield or NAME=FILE, with a label of its own as LABEL:NAME=FILE.
+`python evaluate.py --env homeward/Survey-v0 --agents soc50 dmax_adaptive+shield ppo=FOLDER --out
+DIR` writes DIR/evaluation.json, DIR/episodes.csv (one row per agent, training seed and episode),
+and plots: scores.png, profiles.png, one episode over time (episode.png) and over the route
+(route.png), and learning.png if an agent has a learning curve. An agent is NAME, NAME+shield or
+NAME=FILE, with a label of its own as LABEL:NAME=FILE.
 """
 
 from __future__ import annotations
@@ -30,7 +31,12 @@ from homeward import cli
 from homeward.agents import AGENTS, AgentError, Policy, make_policy
 from homeward.agents.evaluation import episode_seeds
 from homeward.agents.evaluation.episode_plots import episode_png, route_png
-from homeward.agents.evaluation.learning_curve import EvaluatedCurve, best_so_far, point_of, read_curve
+from homeward.agents.evaluation.learning_curve import (
+    EvaluatedCurve,
+    best_so_far,
+    point_of,
+    read_curve,
+)
 from homeward.agents.evaluation.learning_plot import learning_png
 from homeward.agents.evaluation.plots import profiles_png, scores_png
 from homeward.agents.evaluation.summary import Evaluation, Optima
@@ -55,9 +61,11 @@ SHIELDED = "+shield"
 """Suffix of the name of an agent with a shield."""
 
 _RISKS = tuple(10.0**-k for k in range(1, 9))
-"""Risks of the shield that are tried with --margins. Chosen: decades about the default (`homeward.agents.shield`)."""
+"""Risks of the shield that are tried with --margins. Chosen: decades about the default
+(`homeward.agents.shield`)."""
 _MOST_EPISODES = 1_000_000
-"""Chosen: intervals are a hundredth as wide as those of 100 episodes, and all results fit into memory."""
+"""Chosen: intervals are a hundredth as wide as those of 100 episodes, and all results fit into
+memory."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +73,10 @@ class Args:
     """Agents, environment and output."""
 
     agents: tuple[str, ...] = ("soc50", "dmax", "dmax_mapped", "dmax_adaptive")
-    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo, ppo_scratch (the last two as
-    shipped, or ppo=FOLDER; for several training seeds ppo=FOLDER,FOLDER or a folder of them), also NAME+shield.
-    LABEL:NAME or LABEL:ppo=FOLDER gives a label of one's own to tables and plots."""
+    """Agents: random, soc50, dmax, dmax_mapped, dmax_adaptive, dmax_belief, planner, ppo,
+    ppo_scratch (the last two as shipped, or ppo=FOLDER; for several training seeds
+    ppo=FOLDER,FOLDER or a folder of them), also NAME+shield. LABEL:NAME or LABEL:ppo=FOLDER gives a
+    label of one's own to tables and plots."""
     env: str = "homeward/Survey-v0"
     """Environment id."""
     episodes: int = 500
@@ -79,28 +88,33 @@ class Args:
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     instruments: str | None = None
-    """exact, meter, gauge, any_gauge or a TOML file with sizes of errors; by default that of the difficulty."""
+    """exact, meter, gauge, any_gauge or a TOML file with sizes of errors; by default that of the
+    difficulty."""
     weather: str | None = None
     """still or changing; by default that of the difficulty."""
     robot: str = "rusti_computer"
     """Preset name or TOML file."""
     route: str = "generated"
-    """generated, hidden_wind, the name or path of a CSV profile, or a track: .gpx, .fit or CSV with positions."""
+    """generated, hidden_wind, the name or path of a CSV profile, or a track: .gpx, .fit or CSV with
+    positions."""
     action_type: str = "discrete"
     """discrete or continuous."""
     decision_s: float | None = None
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
     randomise: str = "generic"
-    """generic (robots within the ranges of the difficulty) or file (drawn with the uncertainty in the robot's file)."""
+    """generic (robots within the ranges of the difficulty) or file (drawn with the uncertainty in
+    the robot's file)."""
     docks: str = ""
     """Charging docks, POSITION:POWER,...: metres along the route and watts, such as 0:15,120:20."""
     time_limit: float | None = None
-    """Time limit of a mission, s; by default twice the time that the battery lasts. Docks need one."""
+    """Time limit of a mission, s; by default twice the time that the battery lasts. Docks need
+    one."""
     optimum: bool = False
-    """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds per episode."""
+    """Also find the optimum of every episode with full knowledge, as two bounds: takes seconds per
+    episode."""
     margins: bool = False
-    """Also vary the reserve of every agent that has one (shielded ones: the risk), and compare at equal stranding:
-    margins.json and margins.png."""
+    """Also vary the reserve of every agent that has one (shielded ones: the risk), and compare at
+    equal stranding: margins.json and margins.png."""
     jobs: int = 1
     """Processes on this machine: each runs one agent of one training seed on up to 512 episodes."""
     cluster: str | None = None
@@ -131,7 +145,8 @@ def main(args: Args) -> Evaluation:
     optimum = None
     if args.optimum:
         optimum = _optimum(args, options, seeds)
-    # The bare policies are kept: the warning and the learning curves ask whether they are trained ones.
+    # The bare policies are kept: the warning and the learning curves ask whether they are trained
+    # ones.
     agents: dict[str, Sequence[Policy]] = dict(bare)
     for label, agent in asked.items():
         if agent.shielded:
@@ -163,7 +178,9 @@ def main(args: Args) -> Evaluation:
     return evaluation
 
 
-def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, seeds: Sequence[int]) -> dict[str, Curve]:
+def _margins(
+    args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, seeds: Sequence[int]
+) -> dict[str, Curve]:
     """Every agent with several reserves, on the same episodes."""
     curves = {}
     for label, agent in asked.items():
@@ -172,11 +189,14 @@ def _margins(args: Args, asked: Mapping[str, Asked], env: HomewardVectorEnv, see
             reserves = _RISKS
         agents: dict[str, Sequence[Policy]] = {}
         for reserve in reserves:
-            if agent.shielded and reserve is not None:  # the risk of the shield, around the agent as it is tuned
+            # the risk of the shield, around the agent as it is tuned
+            if agent.shielded and reserve is not None:
                 bare = [make_policy(agent.name, env, file, args.seed) for file in agent.files]
                 agents[str(reserve)] = [Shield(policy, env.batch.known, reserve) for policy in bare]
             else:
-                agents[str(reserve)] = [make_policy(agent.name, env, file, args.seed, reserve) for file in agent.files]
+                agents[str(reserve)] = [
+                    make_policy(agent.name, env, file, args.seed, reserve) for file in agent.files
+                ]
         runs = run_agents(agents, env.batch.options, seeds, jobs=args.jobs, cluster=args.cluster)
         curves[label] = curve_of({reserve: runs[str(reserve)] for reserve in reserves})
     return curves
@@ -209,7 +229,9 @@ def _options(args: Args) -> Options:
         raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(missions)}")
     if not 1 <= args.episodes <= _MOST_EPISODES or args.seed < 0:
         episodes = f"--episodes {args.episodes} --seed {args.seed}"
-        raise OptionError(f"{episodes}: give 1 to {_MOST_EPISODES:,} episodes and a seed of 0 or more")
+        raise OptionError(
+            f"{episodes}: give 1 to {_MOST_EPISODES:,} episodes and a seed of 0 or more"
+        )
     return Options(
         missions[args.env],
         robot=args.robot,
@@ -235,7 +257,8 @@ class Asked:
 
 
 def _named(requests: tuple[str, ...]) -> dict[str, Asked]:
-    """Each agent under its label: the one given, or its name, or the whole argument if a name is given twice."""
+    """Each agent under its label: the one given, or its name, or the whole argument if a name is
+    given twice."""
     if not requests:
         raise AgentError(f"no agent given; choose from {', '.join(AGENTS)}")
     parsed = [_parsed(spec) for spec in requests]
@@ -252,7 +275,8 @@ def _named(requests: tuple[str, ...]) -> dict[str, Asked]:
 
 
 def _parsed(spec: str) -> tuple[str, str, Asked]:
-    """Label (empty without one), name with its suffix, and agent of an argument LABEL:NAME+shield=FILE,FILE."""
+    """Label (empty without one), name with its suffix, and agent of an argument
+    LABEL:NAME+shield=FILE,FILE."""
     labelled, equals, file = spec.partition("=")
     label, colon, agent = labelled.rpartition(":")
     if colon and not label:
@@ -280,7 +304,8 @@ def _learning_curves(
     env: HomewardVectorEnv,
     seeds: Sequence[int],
 ) -> dict[str, list[EvaluatedCurve]]:
-    """Learning curves of the policies that were given as folders of runs, on the missions of this evaluation."""
+    """Learning curves of the policies that were given as folders of runs, on the missions of this
+    evaluation."""
     curves: dict[str, list[EvaluatedCurve]] = {}
     for label, agent in asked.items():
         for file, policy in zip(agent.files, policies[label], strict=True):
@@ -340,13 +365,17 @@ def _optimum(args: Args, options: Options, seeds: Sequence[int]) -> Optima:
     return Optima(optimum.lower, optimum.upper)
 
 
-def _warn_of_transfer(agents: Mapping[str, Sequence[Policy]], env_id: str, env: HomewardVectorEnv) -> None:
+def _warn_of_transfer(
+    agents: Mapping[str, Sequence[Policy]], env_id: str, env: HomewardVectorEnv
+) -> None:
     for label, policies in agents.items():
         differing = [
             difference
             for policy in policies
             if isinstance(policy, NetworkPolicy)
-            for difference in differences(policy.description, env_id, env.batch.options, env.batch.known)
+            for difference in differences(
+                policy.description, env_id, env.batch.options, env.batch.known
+            )
         ]
         if differing:
             print(
@@ -405,8 +434,12 @@ def _caption(summary: Mapping[str, Any]) -> str:
     """What the columns mean, and the versions of libraries."""
     caption = "below: 95 % intervals; late: out of time; us: microseconds a decision\n"
     if summary["optimum"]:
-        caption += f"optimum: share of the upper and of the lower bound, {_gap(summary['optimum'])}\n"
-    return caption + ", ".join(f"{library} {version}" for library, version in summary["versions"].items())
+        caption += (
+            f"optimum: share of the upper and of the lower bound, {_gap(summary['optimum'])}\n"
+        )
+    return caption + ", ".join(
+        f"{library} {version}" for library, version in summary["versions"].items()
+    )
 
 
 def _number(value: float, sign: str = "") -> str:
@@ -449,7 +482,15 @@ def _with_interval(value: float, ends: list[float] | None, write: Callable[[floa
 
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
-    refused = (AgentError, TrainingError, OptionError, RobotError, RouteError, TaskError, ClusterError)
+    refused = (
+        AgentError,
+        TrainingError,
+        OptionError,
+        RobotError,
+        RouteError,
+        TaskError,
+        ClusterError,
+    )
     return cli.run(main, Args, __doc__, refused)
 
 

@@ -1,6 +1,8 @@
-"""README.md as a package index shows it: its links lead to files of this version at `[project.urls]`'s `Source`.
+"""README.md as a package index shows it: its links lead to files of this version at
+`[project.urls]`'s `Source`.
 
-All else stands in pyproject.toml. While that names no `Source`, links stay relative, and `make release` says so.
+All else stands in pyproject.toml. While that names no `Source`, links stay relative, and
+`make release` says so.
 """
 
 import re
@@ -14,7 +16,8 @@ LINK = re.compile(r"(?P<picture>!?)\[(?P<text>[^\]]*)\]\((?!\w+:|#)(?P<path>[^)]
 
 
 def description() -> str:
-    """The README, its links absolute where the project has an address (paths as GitHub and GitLab have them)."""
+    """The README, its links absolute where the project has an address (paths as GitHub and GitLab
+    have them)."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     readme, source = (ROOT / "README.md").read_text("utf-8"), project.get("urls", {}).get("Source")
     if source is None:

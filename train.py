@@ -1,8 +1,8 @@
 """Train a policy with PPO.
 
-`homeward train --env homeward/Survey-v0 --out DIR`, in a checkout also `python train.py`, writes DIR/policy.safetensors
-and DIR/policy.json, for `homeward evaluate --agents ppo=DIR`. It also writes checkpoints, for --resume, DIR/curve.csv
-and DIR/tensorboard.
+`homeward train --env homeward/Survey-v0 --out DIR`, in a checkout also `python train.py`, writes
+DIR/policy.safetensors and DIR/policy.json, for `homeward evaluate --agents ppo=DIR`. It also writes
+checkpoints, for --resume, DIR/curve.csv and DIR/tensorboard.
 """
 
 from __future__ import annotations
@@ -47,28 +47,32 @@ class Args:
     seed: int = 0
     """Seed of all random numbers."""
     resume: bool = False
-    """Continue the run of this folder from its last checkpoint, if it has one; with more steps also a finished one."""
+    """Continue the run of this folder from its last checkpoint, if it has one; with more steps also
+    a finished one."""
     replace: bool = False
-    """If the folder contains a run with other settings or of other code, remove it and train anew, unless it is longer
-    and finished."""
+    """If the folder contains a run with other settings or of other code, remove it and train anew,
+    unless it is longer and finished."""
     checkpoints: int = 4
-    """Equal parts of the run, after each of which a checkpoint is written: a kill loses at most one part. Missions
-    restart there, so that a resumed run ends like an uninterrupted one."""
+    """Equal parts of the run, after each of which a checkpoint is written: a kill loses at most one
+    part. Missions restart there, so that a resumed run ends like an uninterrupted one."""
     curve: int = 10
-    """Points of the learning curve, curve.csv: each of the same 500 missions, driven by the present policy."""
+    """Points of the learning curve, curve.csv: each of the same 500 missions, driven by the present
+    policy."""
     wandb: str | None = None
-    """Project of Weights & Biases for figures and curve, besides TensorBoard; WANDB_MODE=offline keeps them in the
-    folder of the run."""
+    """Project of Weights & Biases for figures and curve, besides TensorBoard; WANDB_MODE=offline
+    keeps them in the folder of the run."""
     difficulty: str = "uncertain"
     """known, uncertain or harsh."""
     instruments: str | None = None
-    """exact, meter, gauge, any_gauge or a TOML file with sizes of errors; by default that of the difficulty."""
+    """exact, meter, gauge, any_gauge or a TOML file with sizes of errors; by default that of the
+    difficulty."""
     weather: str | None = None
     """still or changing; by default that of the difficulty."""
     robot: str = "rusti_computer"
     """Preset name or TOML file."""
     route: str = "generated"
-    """generated, hidden_wind, the name or path of a CSV profile, or a track: .gpx, .fit or CSV with positions."""
+    """generated, hidden_wind, the name or path of a CSV profile, or a track: .gpx, .fit or CSV with
+    positions."""
     action_type: str = "discrete"
     """discrete or continuous."""
     shaping: str = "dmax"
@@ -76,13 +80,16 @@ class Args:
     decision_s: float | None = None
     """Time between decisions, s; by default a 200th of the time that the battery lasts."""
     randomise: str = "generic"
-    """generic (robots within the ranges of the difficulty) or file (drawn with the uncertainty in the robot's file)."""
+    """generic (robots within the ranges of the difficulty) or file (drawn with the uncertainty in
+    the robot's file)."""
     docks: str = ""
     """Charging docks, POSITION:POWER,...: metres along the route and watts, such as 0:15,120:20."""
     time_limit: float | None = None
-    """Time limit of a mission, s; by default twice the time that the battery lasts. Docks need one."""
+    """Time limit of a mission, s; by default twice the time that the battery lasts. Docks need
+    one."""
     scaled_for: str | None = None
-    """Preset name or TOML file of the robot for which routes and limits are scaled, if not --robot."""
+    """Preset name or TOML file of the robot for which routes and limits are scaled, if not
+    --robot."""
     ppo: Annotated[PPOSettings, tyro.conf.arg(name="")] = field(default_factory=PPOSettings)
 
 
@@ -114,7 +121,9 @@ def _train(args: Args, options: Options, known: Known, settings: Mapping[str, An
     try:  # before an older run may be removed
         from homeward.agents.learning.ppo import train
     except ModuleNotFoundError as error:
-        raise TrainingError(f"training needs {error.name}: {advice('train', str(error.name))}") from None
+        raise TrainingError(
+            f"training needs {error.name}: {advice('train', str(error.name))}"
+        ) from None
     if args.wandb is not None and find_spec("wandb") is None:
         raise TrainingError(f"--wandb needs wandb: {advice('wandb', 'wandb')}")
     state = open_run(args.out, settings, code, resume=args.resume, replace=args.replace)
@@ -171,7 +180,9 @@ def _options(args: Args) -> Options:
     if args.env not in missions:
         raise OptionError(f"unknown env {args.env!r}; choose from {', '.join(missions)}")
     if args.action_type == "flat":
-        raise TrainingError("action_type = 'flat' is for learners of one list of actions; train with 'discrete'")
+        raise TrainingError(
+            "action_type = 'flat' is for learners of one list of actions; train with 'discrete'"
+        )
     check_seed(args.seed)
     for name, value, lowest in (
         ("steps", args.steps, 1),

@@ -1,7 +1,7 @@
 """Make a release: `make release VERSION=1.2.3`.
 
-Sets the version, builds wheel and sdist into dist/, checks them, and builds the site. Nothing is committed or uploaded:
-it says how. Where a step fails, the files are as they were.
+Sets the version, builds wheel and sdist into dist/, checks them, and builds the site. Nothing is
+committed or uploaded: it says how. Where a step fails, the files are as they were.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ PLACES = {
     "CITATION.cff": rf"^version: {VERSION}$",
     "CHANGELOG.md": rf"^## {VERSION} \(([\w-]+)\)$",
 }
-"""Where the version stands; in the changelog the first heading counts, with its date: it may be ahead of the others."""
+"""Where the version stands; in the changelog the first heading counts, with its date: it may be
+ahead of the others."""
 
 
 class ReleaseError(RuntimeError):
@@ -39,7 +40,8 @@ def stands(root: Path, name: str) -> re.Match[str]:
 
 
 def check(root: Path, version: str) -> None:
-    """Refuse what is no version or released already, a tree with changes, and versions that disagree."""
+    """Refuse what is no version or released already, a tree with changes, and versions that
+    disagree."""
     if not re.fullmatch(VERSION, version):
         raise ReleaseError(
             f"VERSION = {version!r} is not allowed; give three numbers, as in make release VERSION=1.2.3"
@@ -48,13 +50,19 @@ def check(root: Path, version: str) -> None:
         raise ReleaseError("the tree has changes; commit or stash them first")
     said = {name: stands(root, name)[1] for name in PLACES if name != "CHANGELOG.md"}
     if len(set(said.values())) > 1:
-        raise ReleaseError(f"versions disagree: {', '.join(f'{name} {one}' for name, one in said.items())}")
+        raise ReleaseError(
+            f"versions disagree: {', '.join(f'{name} {one}' for name, one in said.items())}"
+        )
     latest = stands(root, "CHANGELOG.md")
     for released in re.findall(rf"^## {VERSION} \(\d", latest.string, re.MULTILINE):
         if _numbers(version) <= _numbers(released):
-            raise ReleaseError(f"VERSION = {version} is not later than {released}, which is released")
+            raise ReleaseError(
+                f"VERSION = {version} is not later than {released}, which is released"
+            )
     if latest[2] != UNRELEASED:
-        raise ReleaseError(f"CHANGELOG.md says nothing since {latest[1]}; begin it with ## {version} ({UNRELEASED})")
+        raise ReleaseError(
+            f"CHANGELOG.md says nothing since {latest[1]}; begin it with ## {version} ({UNRELEASED})"
+        )
     if _numbers(version) < _numbers(latest[1]):
         raise ReleaseError(f"VERSION = {version} is older than {latest[1]}")
 
@@ -98,13 +106,13 @@ def release(root: Path, version: str) -> None:
 
 
 def upload(root: Path) -> str:
-    """The last step; without an address, links of README.md would lead nowhere on a package index."""
+    """The last step; without an address, links of README.md would lead nowhere on a package
+    index."""
     project = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["project"]
     if "Source" in project.get("urls", {}):
         return ".venv/bin/python -m twine upload dist/*"
-    return (
-        "upload nothing: links of README.md are relative until [project.urls] in pyproject.toml says Source = ADDRESS"
-    )
+    lacking = "[project.urls] in pyproject.toml says Source = ADDRESS"
+    return f"upload nothing: links of README.md are relative until {lacking}"
 
 
 def _numbers(version: str) -> tuple[int, ...]:
@@ -114,7 +122,9 @@ def _numbers(version: str) -> tuple[int, ...]:
 def _run(root: Path, *command: str) -> str:
     done = subprocess.run(command, cwd=root, capture_output=True, text=True)
     if done.returncode:
-        said = (done.stderr.strip() or done.stdout.strip() or f"code {done.returncode}").splitlines()
+        said = (
+            done.stderr.strip() or done.stdout.strip() or f"code {done.returncode}"
+        ).splitlines()
         raise ReleaseError(f"{' '.join(command[:4])} failed: {said[-1]}")
     return done.stdout.strip()
 

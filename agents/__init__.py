@@ -1,11 +1,13 @@
 """Agents: baselines, planner and learners.
 
-`make_policy("dmax_adaptive", env)` makes one for an environment; its `act` chooses actions for a batch of missions.
-Baselines need NumPy only.
+`make_policy("dmax_adaptive", env)` makes one for an environment; its `act` chooses actions for a
+batch of missions. Baselines need NumPy only.
 """
 
 if __name__ == "agents":
-    raise ImportError("import it as homeward.agents: the folder agents/ is the source of that package")
+    raise ImportError(
+        "import it as homeward.agents: the folder agents/ is the source of that package"
+    )
 
 from homeward.agents.base import Policy
 from homeward.agents.registry import AGENTS, AgentError, make_policy

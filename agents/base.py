@@ -25,8 +25,8 @@ class Policy(ABC):
 
         Args:
             observations: float32, shape (n, features), see `homeward.envs.features.FEATURES`.
-            begun: Missions that have just begun, whose memory is to be cleared, shape (n,); all of them in the first
-                call and wherever n changes.
+            begun: Missions that have just begun, whose memory is to be cleared, shape (n,); all of
+                them in the first call and wherever n changes.
 
         Returns:
             Actions for the vector environment's step, shape (n, 3).

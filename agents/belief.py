@@ -1,4 +1,5 @@
-"""The belief: a posterior of robot, wind and way home, by `homeward.estimation` from an environment's observations."""
+"""The belief: a posterior of robot, wind and way home, by `homeward.estimation` from an
+environment's observations."""
 
 from __future__ import annotations
 
@@ -22,14 +23,16 @@ from homeward.estimation.excitation import looks_back
 
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 _ON_BORDER = 1e-4
-"""Share of a place within which a robot counts as being on its border. Chosen: above the rounding of the observed
-distance, in single precision (6e-8 of up to 64 places)."""
+"""Share of a place within which a robot counts as being on its border. Chosen: above the rounding
+of the observed distance, in single precision (6e-8 of up to 64 places)."""
 _AHEAD = 1e-6
-"""Share of a place by which it is then moved into the next one. Chosen: above rounding, and no distance."""
+"""Share of a place by which it is then moved into the next one. Chosen: above rounding, and no
+distance."""
 
 
 def prior_of(known: Known, missed: float) -> Prior:
-    """Prior of the missions of an environment, from the table of its difficulty and the sizes of its instruments.
+    """Prior of the missions of an environment, from the table of its difficulty and the sizes of
+    its instruments.
 
     Args:
         known: Constants of the environment.
@@ -45,7 +48,8 @@ def prior_of(known: Known, missed: float) -> Prior:
     elif hides:
         conditions = 1
     surface = d.surface
-    # Roughness after a change is 0 in one of two cases and otherwise U(0, 1), times the gain of the surface.
+    # Roughness after a change is 0 in one of two cases and otherwise U(0, 1), times the gain of the
+    # surface.
     gain_square = surface.mean**2 + surface.deviation**2
     mean = surface.mean / 4.0
     patch_sd = (2.0 * (gain_square / 6.0 - mean**2)) ** 0.5
@@ -107,19 +111,25 @@ class Belief:
         self._prior = prior_of(known, missed)
         self._vehicle = vehicle_of(known)
         self.back_action = encode_actions(known, s["min_speed_mps"], 0.0, RETURN)[0]
-        # In shorter pit stops, turns can be missed: the distance driven is then unknown, and there is no update.
+        # In shorter pit stops, turns can be missed: the distance driven is then unknown, and there
+        # is no update.
         self._sees_turns = bool(s["pit_stop_s"] == 0.0 or s["pit_stop_s"] >= s["decision_s"])
         self._forget(0)
 
     def _forget(self, count: int) -> None:
-        self.estimator = Estimator(self._vehicle, self._prior, int(self._known.shared["places"][0]), count)
+        self.estimator = Estimator(
+            self._vehicle, self._prior, int(self._known.shared["places"][0]), count
+        )
         self._modelled, self._position_m, self._supplied_j = np.zeros((3, count))
         self._place = np.full(count, -1)
         self._decisions = np.zeros(count, np.int64)
         self._soc_lowest = np.ones(count)
 
     def learn(
-        self, observations: Observations, begun: NDArray[np.bool_], asked: NDArray[np.bool_] | None = None
+        self,
+        observations: Observations,
+        begun: NDArray[np.bool_],
+        asked: NDArray[np.bool_] | None = None,
     ) -> None:
         """Update with observations of missions; a repeated one counts once.
 
@@ -137,7 +147,9 @@ class Belief:
         places_from_home = feature(observations, "distance") * s["reach_m"] / s["place_m"]
         on_border = np.abs(places_from_home - np.rint(places_from_home)) < _ON_BORDER
         # On a border the place ahead is observed: on the way out the next one.
-        places_from_home = np.where(on_border & (outwards > 0.0), np.rint(places_from_home) + _AHEAD, places_from_home)
+        places_from_home = np.where(
+            on_border & (outwards > 0.0), np.rint(places_from_home) + _AHEAD, places_from_home
+        )
         position_m = places_from_home * s["place_m"]
         modelled = feature(observations, "modelled")
         readings = np.zeros(len(begun), READING_DTYPE)
@@ -155,7 +167,8 @@ class Belief:
         readings["power_w"][charging] = np.nan
         readings["soc"] = self._soc(observations, charging)
         readings["modelled_j"] = (modelled - self._modelled) * s["usable_j"]
-        # It is 0 where a robot has come to an end of the route: the estimator then takes the way over the time.
+        # It is 0 where a robot has come to an end of the route: the estimator then takes the way
+        # over the time.
         readings["speed_mps"] = feature(observations, "speed") * s["max_speed_mps"]
         readings["east"] = outwards * feature(observations, "east")
         readings["north"] = outwards * feature(observations, "north")
@@ -163,7 +176,9 @@ class Belief:
         # The slope read on the way out belongs to the place: reading it twice gives no information.
         outbound = (outwards > 0.0) & (position_m >= self._position_m)
         new = (place != self._place) & outbound & later
-        readings["sine"] = np.where(new, SINE_UNIT * outwards * feature(observations, "grade"), np.nan)
+        readings["sine"] = np.where(
+            new, SINE_UNIT * outwards * feature(observations, "grade"), np.nan
+        )
         self._place = np.where(new, place, self._place)
         updated = ~begun
         if asked is not None:
@@ -185,14 +200,16 @@ class Belief:
         self._soc_lowest[begun] = 1.0
 
     def _soc(self, observations: Observations, charging: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Readings of the gauge, shape (n,): NaN once it was reset, which shows in a rise without a charger."""
+        """Readings of the gauge, shape (n,): NaN once it was reset, which shows in a rise without a
+        charger."""
         soc = feature(observations, "energy")
         self._soc_lowest[charging & (self._soc_lowest != LOST)] = 1.0
         self._soc_lowest = lowest_believed(self._soc_lowest, soc)
         return np.where(self._soc_lowest == LOST, np.nan, soc)
 
     def _charged_j(self, observations: Observations) -> Any:
-        """Energy that a charger supplied since the last observation, J, shape (n,); 0 without docks."""
+        """Energy that a charger supplied since the last observation, J, shape (n,); 0 without
+        docks."""
         if not self._known.shared["dock_count"][0]:
             return 0.0
         charged_j = feature(observations, "supplied") * self._known.shared["usable_j"][0]
@@ -201,7 +218,8 @@ class Belief:
         return since_last_j
 
     def forget_forecast(self) -> None:
-        """Ignore the forecast of the wind, whatever missions observe; to be called before they begin."""
+        """Ignore the forecast of the wind, whatever missions observe; to be called before they
+        begin."""
         self._prior = self._prior._replace(forecast_sd_mps=np.inf)
         self._forget(0)
 
@@ -210,26 +228,35 @@ class Belief:
         self.estimator.recharge(soc, self._prior.soc_sd)
 
     def looks_back(self, observations: Observations) -> NDArray[np.bool_]:
-        """Whether the next decision should be an excitation step: towards home, and then out again, shape (n,).
+        """Whether the next decision should be an excitation step: towards home, and then out again,
+        shape (n,).
 
-        This reverses the relative wind and nothing else. It is never used where one decision makes a return final.
+        This reverses the relative wind and nothing else. It is never used where one decision makes
+        a return final.
         """
         decision_s = float(self._known.shared["decision_s"][0])
         changes = self._known.difficulty.weather_changes
-        due = looks_back(self._decisions, self._position_m, self._vehicle.cruise_mps, decision_s, changes)
+        due = looks_back(
+            self._decisions, self._position_m, self._vehicle.cruise_mps, decision_s, changes
+        )
         out = feature(observations, "outbound") > 0.0
-        may = not self._known.difficulty.route_is_known and self._known.shared["return_decisions"][0] > 1
+        may = (
+            not self._known.difficulty.route_is_known
+            and self._known.shared["return_decisions"][0] > 1
+        )
         return np.asarray(due & out & may)
 
     def plans(self, observations: Observations, home_mps: float | None = None) -> NDArray[np.void]:
-        """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope ahead."""
+        """Plans of heading home now, see `homeward.estimation.Estimator.plans`; with the slope
+        ahead."""
         home_cost_j = feature(observations, "home_cost") * self._known.shared["usable_j"][0]
         plans = self.estimator.plans(home_cost_j, home_mps)
         plans["sine"] = SINE_UNIT * feature(observations, "grade_1")
         return plans
 
     def margin(self, plans: NDArray[np.void], risk: float) -> Margin:
-        """Margins of plans, see `homeward.estimation.Estimator.margin`; without the quantile if the risk is 0."""
+        """Margins of plans, see `homeward.estimation.Estimator.margin`; without the quantile if the
+        risk is 0."""
         return self.estimator.margin(plans, risk)
 
     def estimate(self) -> StateEstimate:

@@ -1,7 +1,8 @@
-"""A trained policy on a robot: evaluated once per decision, on the observation of its environment made from readings.
+"""A trained policy on a robot: evaluated once per decision, on the observation of its environment
+made from readings.
 
-`homeward.companion.Companion(policy=load_onboard("ppo", "OutAndBack"))` evaluates it with its updates; without a
-companion, `Onboard.update` does the same.
+`homeward.companion.Companion(policy=load_onboard("ppo", "OutAndBack"))` evaluates it with its
+updates; without a companion, `Onboard.update` does the same.
 """
 
 from __future__ import annotations
@@ -34,26 +35,28 @@ from homeward.physics.battery import energy_share
 from homeward.physics.jit import announce_compilation
 
 Action = tuple[float, float, str]
-"""Speed (m/s, 0 where it stops), sensing rate (Hz), and `stop`, `go` or `return`; no `go` once a return is final."""
+"""Speed (m/s, 0 where it stops), sensing rate (Hz), and `stop`, `go` or `return`; no `go` once a
+return is final."""
 
 _MOST_BYTES = 100_000_000  # of an unpacked state; chosen: bounds the memory for a damaged text
 _SOON = 1e-6
-"""Share of a decision by which a reading may be too early to end it: times are rounded. Chosen: above the rounding
-of seconds since 1970 in double precision for decisions of a second and more."""
+"""Share of a decision by which a reading may be too early to end it: times are rounded. Chosen:
+above the rounding of seconds since 1970 in double precision for decisions of a second and more."""
 
 
 class Onboard:
     """Evaluates a policy once per `decision_s`, and keeps the state in between.
 
-    The mission is that of the environment: it begins at home with the first reading, a return is final once it was
-    chosen in several decisions in a row, and a patrol stands at its posts for the pit stop.
+    The mission is that of the environment: it begins at home with the first reading, a return is
+    final once it was chosen in several decisions in a row, and a patrol stands at its posts for the
+    pit stop.
 
     Args:
         policy: A `homeward.agents.Policy` for the environment of `known`.
         known: Constants of that environment, such as decisions, distances and times.
         forecast: The route as forecast, see `homeward.envs.observer.Observer`.
-        forecast_mps: Forecast of the wind: components towards where it comes from, east and north, m/s. By default the
-            belief allows any wind, and a policy without a belief assumes calm.
+        forecast_mps: Forecast of the wind: components towards where it comes from, east and north,
+            m/s. By default the belief allows any wind, and a policy without a belief assumes calm.
         mean_grade: Mean sine of the route's slope; by default that of the forecast.
 
     Attributes:
@@ -101,7 +104,9 @@ class Onboard:
         self._energy_j = 0.0
         self._read_s = 0.0
 
-    def see(self, position_m: float, grade_rad: float = math.nan, interest: float = math.nan) -> None:
+    def see(
+        self, position_m: float, grade_rad: float = math.nan, interest: float = math.nan
+    ) -> None:
         """Store what the robot sees of a place ahead, better than the forecast.
 
         Args:
@@ -124,7 +129,8 @@ class Onboard:
         temperature_c: float = math.nan,
         interest: float = math.nan,
     ) -> Action | None:
-        """Process the readings of a moment, NaN where an instrument was not read, and return the present command.
+        """Process the readings of a moment, NaN where an instrument was not read, and return the
+        present command.
 
         Args:
             time_s: Time, s, later than before.
@@ -138,7 +144,8 @@ class Onboard:
             interest: Interest here, a weight.
 
         Returns:
-            Speed (m/s), sensing rate (Hz) and mode, until the next decision; None if the mission is over.
+            Speed (m/s), sensing rate (Hz) and mode, until the next decision; None if the mission is
+            over.
         """
         is_first = math.isnan(self._due_s)
         if math.isfinite(power_w) and not is_first:
@@ -180,7 +187,8 @@ class Onboard:
         for remaining in range(min(due, self._most), 0, -1):
             if self.action is None:
                 return
-            # Where the robot was when the decision was due, between the reading before and this one.
+            # Where the robot was when the decision was due, between the reading before and this
+            # one.
             share = min((self._due_s - self._time_s) / (time_s - self._time_s) + _SOON, 1.0)
             position_m = read.position_m
             if share < 1.0:
@@ -222,14 +230,18 @@ class Onboard:
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Continue from `state`, with the same arguments: past observations are passed to the policy again.
+        """Continue from `state`, with the same arguments: past observations are passed to the
+        policy again.
 
         Raises:
-            KeyError, TypeError, ValueError, zlib.error: The state is invalid, or of other arguments.
+            KeyError, TypeError, ValueError, zlib.error: The state is invalid, or of other
+            arguments.
         """
         self.begin()
         self._observer.restore(_unpacked(state["observer"]))
-        for row in np.frombuffer(_unpacked(state["observations"]), np.float32).reshape(-1, 1, len(FEATURES)):
+        for row in np.frombuffer(_unpacked(state["observations"]), np.float32).reshape(
+            -1, 1, len(FEATURES)
+        ):
             self._ask(row)
         for name in ("due_s", "time_s", "position_m", "energy_j", "read_s"):
             setattr(self, f"_{name}", float(state[name]))
@@ -250,15 +262,16 @@ def load_onboard(
         policy: `ppo` or `ppo_scratch` (shipped), the folder that `train.py` wrote, or a file that
             `homeward.agents.trained.onnx_export` wrote.
         mission: `OutAndBack`, `Survey` or `Patrol`, for a shipped policy.
-        robot: Preset name, path of a robot file, or a `Robot`; by default that of the training. With another robot the
-            policy is used outside its training.
-        route: The route as forecast: path of a profile or track, or a `Route`. By default flat, with the length and the
-            mean interest of generated routes.
+        robot: Preset name, path of a robot file, or a `Robot`; by default that of the training.
+            With another robot the policy is used outside its training.
+        route: The route as forecast: path of a profile or track, or a `Route`. By default flat,
+            with the length and the mean interest of generated routes.
         forecast_mps: Forecast of the wind, see `Onboard`.
 
     Raises:
         AgentError: The policy does not exist.
-        PolicyFileError, OptionError, RobotError, RouteError: Its file or another argument is invalid.
+        PolicyFileError, OptionError, RobotError, RouteError: Its file or another argument is
+        invalid.
 
     >>> onboard = load_onboard("ppo", "OutAndBack")
     >>> onboard.robot.name, onboard.decision_s
@@ -286,7 +299,8 @@ def load_onboard(
 
 
 def _load(policy: str | Path, options: dict[str, Any]) -> tuple[Policy, Known]:
-    """A policy and constants of its environment, with some keywords changed from those of its training."""
+    """A policy and constants of its environment, with some keywords changed from those of its
+    training."""
     if Path(policy).suffix == ".onnx":
         return load_onnx(policy, **options)
     known = known_of(options_of(load_policy(policy), **options))

@@ -47,7 +47,9 @@ class Request:
 
 
 def _random(request: Request) -> Policy:
-    return RandomPolicy(action_space(bool(request.known.shared["discrete"][0])), np.random.default_rng(request.seed))
+    return RandomPolicy(
+        action_space(bool(request.known.shared["discrete"][0])), np.random.default_rng(request.seed)
+    )
 
 
 def _soc50(request: Request) -> Policy:
@@ -79,9 +81,14 @@ def _trained(start: str) -> Callable[[Request], Policy]:
         from homeward.agents.trained.policy_file import PolicyFileError, load_policy
 
         try:
-            policy = load_policy(request.file or shipped(request.known.mission, start), request.known)
+            policy = load_policy(
+                request.file or shipped(request.known.mission, start), request.known
+            )
             has_docks = bool(request.known.shared["dock_count"][0])
-            policy.check_spaces(observation_space(has_docks), action_space(bool(request.known.shared["discrete"][0])))
+            policy.check_spaces(
+                observation_space(has_docks),
+                action_space(bool(request.known.shared["discrete"][0])),
+            )
         except PolicyFileError as error:
             raise AgentError(str(error)) from None
         return policy
@@ -119,8 +126,8 @@ SWEPT: dict[str, tuple[float, ...]] = {
     "dmax_belief": _DEVIATIONS,
     "planner": _DEVIATIONS,
 }
-"""Reserves that are tried for agents with one, equally many for each. Chosen: even steps, from none to beyond
-those of highest score (`homeward.agents.rules.reserves`)."""
+"""Reserves that are tried for agents with one, equally many for each. Chosen: even steps, from none
+to beyond those of highest score (`homeward.agents.rules.reserves`)."""
 
 FROM_FILES = frozenset({"ppo", "ppo_scratch"})
 """Agents that accept a file."""
@@ -134,7 +141,9 @@ def _of_factory(path: str, known: Known) -> Policy:
     try:
         policy = getattr(importlib.import_module(module), name)(known)
     except (ImportError, AttributeError) as error:
-        raise AgentError(f"{path}: {error}; give package.module:factory, from a folder that Python looks in") from None
+        raise AgentError(
+            f"{path}: {error}; give package.module:factory, from a folder that Python looks in"
+        ) from None
     if not isinstance(policy, Policy):
         raise AgentError(f"{path} returns a {type(policy).__name__}, not a homeward.agents.Policy")
     return policy
@@ -147,15 +156,17 @@ def make_policy(
 
     Args:
         name: One of `AGENTS`.
-        env: A `homeward` environment, scalar or vector, wrapped or not; only what its robot can know is used.
-        file: Folder of a trained policy, instead of the shipped one; for another name `package.module:factory`, which
-            is called with the environment's `Known` and returns a `Policy`.
+        env: A `homeward` environment, scalar or vector, wrapped or not; only what its robot can
+            know is used.
+        file: Folder of a trained policy, instead of the shipped one; for another name
+            `package.module:factory`, which is called with the environment's `Known` and returns a
+            `Policy`.
         seed: Seed of random agents.
         reserve: Reserve of an agent of `SWEPT`, in its own measure, instead of the tuned one.
 
     Raises:
-        AgentError: The name is unknown, or the file is missing, unexpected or invalid, or the environment's actions are
-            flat.
+        AgentError: The name is unknown, or the file is missing, unexpected or invalid, or the
+            environment's actions are flat.
 
     >>> import gymnasium as gym, homeward
     >>> env = gym.make_vec("homeward/OutAndBack-v0", num_envs=2, vectorization_mode="vector_entry_point")
@@ -165,7 +176,9 @@ def make_policy(
     """
     batch = getattr(env, "unwrapped", env).batch
     if batch.options.action_type == "flat":
-        raise AgentError("agents give three parts of an action, not its flat number; choose action_type 'discrete'")
+        raise AgentError(
+            "agents give three parts of an action, not its flat number; choose action_type 'discrete'"
+        )
     if name not in AGENTS and file is not None and ":" in str(file):
         return _of_factory(str(file), batch.known)
     if name not in AGENTS:

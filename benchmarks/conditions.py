@@ -1,9 +1,10 @@
 """What each condition for a name is worth: the candidates that it alone refuses.
 
-`HOMEWARD_DATA=FOLDER python -m benchmarks.conditions --sets husky v9 leaf f1tenth eco` diagnoses the parts of
-`benchmarks.real_drives`; `--sets --seed 413 --cases 17` so many cases of each part of a seed of `benchmarks.concealed`.
-Every candidate, and all named effects together, are checked against all conditions, not only up to the first that
-fails. A condition that refuses nothing alone changes no name if it is left out.
+`HOMEWARD_DATA=FOLDER python -m benchmarks.conditions --sets husky v9 leaf f1tenth eco` diagnoses
+the parts of `benchmarks.real_drives`; `--sets --seed 413 --cases 17` so many cases of each part of
+a seed of `benchmarks.concealed`. Every candidate, and all named effects together, are checked
+against all conditions, not only up to the first that fails. A condition that refuses nothing alone
+changes no name if it is left out.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ class Args:
 
 
 def tried(diagnosed: Callable[[], object], whose: str) -> list[Judged]:
-    """Every candidate of a diagnosis and all named effects together, with the values of all conditions."""
+    """Every candidate of a diagnosis and all named effects together, with the values of all
+    conditions."""
     judged: list[Judged] = []
 
     def candidate_to_the_end(
@@ -90,17 +92,26 @@ def of_case(part: Part, seed: int, number: int) -> list[Judged]:
         for file, frame in zip(files, case.recordings, strict=True):
             frame.to_parquet(file, index=False)
         try:
-            return tried(lambda: analyse(files, case.nominal), f"{' and '.join(case.hidden) or part}:")
+            return tried(
+                lambda: analyse(files, case.nominal), f"{' and '.join(case.hidden) or part}:"
+            )
         except RecordingError:
             return []
 
 
 def main(args: Args) -> None:
-    """Run what was asked for and print how often each condition refuses, and how often it alone does."""
+    """Run what was asked for and print how often each condition refuses, and how often it alone
+    does."""
     work: list[Any] = [delayed(of_split)(split) for split in at_hand(args.sets)]
     if args.seed is not None:
-        parts: list[Part] = [part for part in PARTS if part in ("singles", "pairs", "controls", "outside")]
-        work += [delayed(of_case)(part, args.seed, number) for part in parts for number in range(args.cases)]
+        parts: list[Part] = [
+            part for part in PARTS if part in ("singles", "pairs", "controls", "outside")
+        ]
+        work += [
+            delayed(of_case)(part, args.seed, number)
+            for part in parts
+            for number in range(args.cases)
+        ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         judged: list[Judged] = []
@@ -116,11 +127,15 @@ def main(args: Args) -> None:
             alone.update(failed)
             whom.setdefault(failed[0], Counter())[who] += 1
     together = sum(who.endswith("together") for who, _ in judged)
-    table = Table(title=f"{len(judged) - together} candidates, {together} times all named effects together")
+    table = Table(
+        title=f"{len(judged) - together} candidates, {together} times all named effects together"
+    )
     for head in ("condition", "refuses", "alone", "whom alone"):
         table.add_column(head)
     for name in NAMES:
-        names = ", ".join(f"{who} ({count})" for who, count in whom.get(name, Counter()).most_common(12))
+        names = ", ".join(
+            f"{who} ({count})" for who, count in whom.get(name, Counter()).most_common(12)
+        )
         table.add_row(name, str(refused[name]), str(alone[name]), names)
     Console(width=150).print(table)
 

@@ -1,8 +1,10 @@
-"""Print how long the first use of each part takes on a machine that has compiled nothing, and from then on.
+"""Print how long the first use of each part takes on a machine that has compiled nothing, and from
+then on.
 
     python benchmarks/first_use.py
 
-Each part runs in processes of its own: once with an empty folder for compiled kernels, and once more.
+Each part runs in processes of its own: once with an empty folder for compiled kernels, and once
+more.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import homeward
 from benchmarks.tables import table
@@ -53,7 +56,8 @@ _TIMED = "import time; start = time.perf_counter(); import homeward\n{}\nprint(t
 
 
 def seconds(code: str, folder: str) -> float:
-    """Seconds that code takes in a new process, from `import homeward` on, with kernels kept in a folder."""
+    """Seconds that code takes in a new process, from `import homeward` on, with kernels kept in a
+    folder."""
     done = subprocess.run(
         [sys.executable, "-c", _TIMED.format(code), str(ROOT), folder],
         cwd=ROOT, env=os.environ | {"HOMEWARD_CACHE": folder}, capture_output=True, text=True, check=True,
@@ -63,7 +67,11 @@ def seconds(code: str, folder: str) -> float:
 
 def main() -> None:
     """Measure each part and print the table."""
-    shown = table(f"homeward {homeward.__version__}, {os.cpu_count()} cores", ("part",), ("first, s", "again, s"))
+    shown = table(
+        f"homeward {homeward.__version__}, {os.cpu_count()} cores",
+        ("part",),
+        ("first, s", "again, s"),
+    )
     total_s = 0.0
     for part, code in FIRST_USES.items():
         with tempfile.TemporaryDirectory() as folder:

@@ -26,9 +26,12 @@ class Kept:
 
     def __init__(self, file: Path, **settings: Any) -> None:
         self._file = file
-        self._settings = json.loads(json.dumps({**settings, "code": code_hash()}))  # as it is read again
+        # as it is read again
+        self._settings = json.loads(json.dumps({**settings, "code": code_hash()}))
         content: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.is_file() else {}
-        self.results: dict[str, Any] = content["results"] if content.get("settings") == self._settings else {}
+        self.results: dict[str, Any] = (
+            content["results"] if content.get("settings") == self._settings else {}
+        )
 
     def keep(self, name: str, result: Any) -> None:
         """Add a result.
@@ -37,7 +40,10 @@ class Kept:
             OSError: The folder cannot be written to.
         """
         self.results[name] = result
-        write_whole(self._file, json.dumps({"settings": self._settings, "results": self.results}, indent=1) + "\n")
+        write_whole(
+            self._file,
+            json.dumps({"settings": self._settings, "results": self.results}, indent=1) + "\n",
+        )
 
     def missing(self, tasks: Mapping[str, Task]) -> dict[str, Task]:
         """Tasks without a result."""

@@ -1,12 +1,14 @@
-"""Print which small faults the tests notice: one changed operator, comparison or number in each of some lines.
+"""Print which small faults the tests notice: one changed operator, comparison or number in each of
+some lines.
 
     python benchmarks/mutants.py --lines 30 --seed 1
 
-The lines are drawn from those of `homeward`, `envs` and `agents` as they are now, where a statement that Python
-executes holds something to change: no docstrings, imports, type hints, blocks for type checkers, protocols or
-overloads. The commit is printed, as a seed draws other lines from other code. Each fault is made in a copy of the
-checkout and run against the tests near it: all faults against the tests of their file, those that are left against the
-tests of their folder, then against those that import their file, and then against all others.
+The lines are drawn from those of `homeward`, `envs` and `agents` as they are now, where a statement
+that Python executes holds something to change: no docstrings, imports, type hints, blocks for type
+checkers, protocols or overloads. The commit is printed, as a seed draws other lines from other
+code. Each fault is made in a copy of the checkout and run against the tests near it: all faults
+against the tests of their file, those that are left against the tests of their folder, then against
+those that import their file, and then against all others.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ import pytest
 import tyro
 from rich.console import Console
 
-sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.tables import table
 
@@ -85,8 +88,8 @@ def changeable(file: Path) -> dict[int, list[int]]:
 def _only_described(tree: ast.Module) -> set[ast.AST]:
     """Nodes that describe code to readers and type checkers, and that no test could notice.
 
-    Docstrings and imports hold nothing that `_change` changes; these do: type hints, what stands below
-    `if TYPE_CHECKING`, and classes and functions that only say which calls there are.
+    Docstrings and imports hold nothing that `_change` changes; these do: type hints, what stands
+    below `if TYPE_CHECKING`, and classes and functions that only say which calls there are.
     """
     tops: list[ast.AST] = []
     for node in ast.walk(tree):
@@ -122,7 +125,8 @@ def mutant_of(file: Path, number: int) -> Mutant:
 
 
 def _source(text: str, tree: ast.Module, node: ast.expr) -> str:
-    """Text of a changed tree: as before but for the node, because tests also read comments and layout."""
+    """Text of a changed tree: as before but for the node, because tests also read comments and
+    layout."""
     lines = text.encode().splitlines(keepends=True)
     assert node.end_lineno is not None and node.end_col_offset is not None
     start = sum(map(len, lines[: node.lineno - 1])) + node.col_offset
@@ -133,7 +137,8 @@ def _source(text: str, tree: ast.Module, node: ast.expr) -> str:
         is_same_tree = ast.dump(ast.parse(source)) == ast.dump(tree)
     except (SyntaxError, UnicodeDecodeError):
         is_same_tree = False
-    return source if is_same_tree else ast.unparse(tree)  # in an f-string, Python 3.11 has no places of nodes
+    # in an f-string, Python 3.11 has no places of nodes
+    return source if is_same_tree else ast.unparse(tree)
 
 
 def _change(node: ast.AST) -> bool:
@@ -151,7 +156,8 @@ def _change(node: ast.AST) -> bool:
 
 
 def drawn(count: int, rng: np.random.Generator) -> list[Mutant]:
-    """Faults of different lines: all lines that can be changed are equally likely, and then all changes of a line.
+    """Faults of different lines: all lines that can be changed are equally likely, and then all
+    changes of a line.
 
     A longer draw of the same seed begins with the shorter one.
     """
@@ -172,10 +178,17 @@ def tests_of(mutant: Mutant, checkout: Path, stage: int) -> tuple[list[str], lis
     nearest = next(place for place in (folder, *folder.parents) if (checkout / place).is_dir())
     # The links in `homeward` are what the tests collect: a file's own examples belong to it.
     examples = Path("homeward", module)
-    file = [str(path) for path in (folder / f"test_{module.name}", examples) if (checkout / path).exists()]
+    file = [
+        str(path)
+        for path in (folder / f"test_{module.name}", examples)
+        if (checkout / path).exists()
+    ]
     near = [str(nearest)]
     if nearest == Path("tests"):  # of a file at the top: without the other folders
-        near = [str(path.relative_to(checkout)) for path in sorted((checkout / nearest).glob("test_*.py"))]
+        near = [
+            str(path.relative_to(checkout))
+            for path in sorted((checkout / nearest).glob("test_*.py"))
+        ]
     name = re.compile(rf"\b{re.escape('.'.join(examples.with_suffix('').parts))}\b")
     importing = [
         str(path.relative_to(checkout))
@@ -207,11 +220,28 @@ def noticed_by(mutant: Mutant, checkout: Path, stage: int) -> str:
 
 def _first_failure(checkout: Path, tests: list[str], seen: list[str]) -> str:
     """The first of some tests that fails in a checkout; empty: all pass."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "2", "--dist", "worksteal", "-p", "no:cacheprovider"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        "-n",
+        "2",
+        "--dist",
+        "worksteal",
+        "-p",
+        "no:cacheprovider",
+    ]
     command += [f"--ignore={path}" for path in seen]
     environment = os.environ | {"PYTHONPATH": str(checkout)}
     with subprocess.Popen(
-        [*command, *tests], cwd=checkout, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
+        [*command, *tests],
+        cwd=checkout,
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     ) as process:
         try:
             output, _ = process.communicate(timeout=LONGEST_S)
@@ -230,7 +260,9 @@ def main(args: Args) -> None:
     """Draw the faults, try them stage by stage, and print the table."""
     console = Console()
     rng = np.random.default_rng(args.seed)
-    commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
+    commit = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True
+    )
     console.print(f"commit {commit.stdout.strip() or 'unknown'}")
     faults = dict(enumerate(drawn(args.lines, rng), 1))
     if args.only:
@@ -238,7 +270,9 @@ def main(args: Args) -> None:
     noticed: dict[int, str] = {}  # by which test
     with tempfile.TemporaryDirectory() as folder:
         checkout = Path(folder) / "checkout"
-        tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        tracked = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout
         for name in filter(None, tracked.split("\0")):
             (checkout / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, checkout / name, follow_symlinks=False)
@@ -248,10 +282,19 @@ def main(args: Args) -> None:
                     continue
                 noticed[number] = noticed_by(fault, checkout, stage)
                 shown = noticed[number] or f"not by the tests of: {tests}"
-                console.print(f"{number} {fault.place}: {shown}", markup=False, highlight=False, soft_wrap=True)
-    shown_faults = table(f"{args.lines} lines, seed {args.seed}", ("", "line", "before", "after", "noticed by"), ())
+                console.print(
+                    f"{number} {fault.place}: {shown}",
+                    markup=False,
+                    highlight=False,
+                    soft_wrap=True,
+                )
+    shown_faults = table(
+        f"{args.lines} lines, seed {args.seed}", ("", "line", "before", "after", "noticed by"), ()
+    )
     for number, fault in faults.items():
-        shown_faults.add_row(str(number), fault.place, fault.before, fault.after, noticed[number] or "none")
+        shown_faults.add_row(
+            str(number), fault.place, fault.before, fault.after, noticed[number] or "none"
+        )
     console.print(shown_faults)
     console.print(f"noticed: {sum(test != '' for test in noticed.values())} of {len(faults)}")
 

@@ -1,7 +1,7 @@
 """The untuned model compared with the paper's measurements: mission times of Table II.
 
-`python benchmarks/paper_tables.py` prints the table. Source: Tiwari, Xiao, Chong, IROS 2018, arXiv 1811.03159;
-docs/model.md lists the contradictions of its tables.
+`python benchmarks/paper_tables.py` prints the table. Source: Tiwari, Xiao, Chong, IROS 2018, arXiv
+1811.03159; docs/model.md lists the contradictions of its tables.
 """
 
 import dataclasses
@@ -13,13 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from rich.console import Console
 
-sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.tables import table
 from homeward.physics import Robot, d_max, load_robot, mission_energy
 
 SPEED_MPS = 1.0
-"""Speed of all missions here: the paper's Table III is for about 1 m/s; it gives no speed for Table II."""
+"""Speed of all missions here: the paper's Table III is for about 1 m/s; it gives no speed for Table
+II."""
 
 INCLINE_RAD = math.radians(5.71)
 """Grade of the paper's incline (Trajectory)."""
@@ -46,10 +48,11 @@ MISSIONS = (
 
 
 def mission_hours(robot: Robot, mission: FieldTest) -> float:
-    """Duration of a mission of Table II by the model, h, at `SPEED_MPS` on a full battery, with sensing at rest.
+    """Duration of a mission of Table II by the model, h, at `SPEED_MPS` on a full battery, with
+    sensing at rest.
 
-    The robot shuttles on the incline, so that its power is the mean of uphill and downhill; a negative force consumes
-    nothing.
+    The robot shuttles on the incline, so that its power is the mean of uphill and downhill; a
+    negative force consumes nothing.
     """
     if mission.grade_rad == 0.0:
         distance_m = d_max(robot, SPEED_MPS, duty=mission.duty)
@@ -61,7 +64,8 @@ def mission_hours(robot: Robot, mission: FieldTest) -> float:
 
 
 def robots() -> dict[str, Robot]:
-    """The preset Rusti, with and without drag, and with and without the battery's 0.12 kg in m_R."""
+    """The preset Rusti, with and without drag, and with and without the battery's 0.12 kg in
+    m_R."""
     rusti = load_robot("rusti")
     no_drag = dataclasses.replace(rusti, drag_ns2_per_m2=0.0)
     return {
@@ -74,7 +78,9 @@ def robots() -> dict[str, Robot]:
 
 def main() -> None:
     """Print the measured and the modelled times."""
-    title = f"Table II: the model's hours (and model / measured) at {SPEED_MPS:g} m/s, nothing tuned"
+    title = (
+        f"Table II: the model's hours (and model / measured) at {SPEED_MPS:g} m/s, nothing tuned"
+    )
     shown = table(title, ("course",), ("duty", "measured h", *robots()))
     for mission in MISSIONS:
         hours = (mission_hours(robot, mission) for robot in robots().values())

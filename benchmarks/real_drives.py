@@ -1,14 +1,16 @@
 """The file that a diagnosis writes, on later drives of real vehicles, beside two regressions.
 
-`HOMEWARD_DATA=FOLDER python -m benchmarks.real_drives --sets bmw v9 leaf eco husky f1tenth`; with `--scales`, what the
-priors of the fit made to predict are worth.
+`HOMEWARD_DATA=FOLDER python -m benchmarks.real_drives --sets bmw v9 leaf eco husky f1tenth`; with
+`--scales`, what the priors of the fit made to predict are worth.
 
-A part of each set is diagnosed, and the file as written is replayed on the other drives, which nothing has seen. Beside
-it stand the given file and two regressions that are fitted to the same drives: a ridge on features of the motion, and
-least squares on a formula with no negative coefficient, so that a robot file could say the same. All are compared in
-the same windows: the energy of a drive (charge, where motor current was recorded), and the power.
+A part of each set is diagnosed, and the file as written is replayed on the other drives, which
+nothing has seen. Beside it stand the given file and two regressions that are fitted to the same
+drives: a ridge on features of the motion, and least squares on a formula with no negative
+coefficient, so that a robot file could say the same. All are compared in the same windows: the
+energy of a drive (charge, where motor current was recorded), and the power.
 
-What was concealed is a label: BMW and Leaf were recorded with the power of their heaters, which no recording contains.
+What was concealed is a label: BMW and Leaf were recorded with the power of their heaters, which no
+recording contains.
 """
 
 from __future__ import annotations
@@ -52,9 +54,11 @@ WIDTH = 170  # chosen: characters, so that a split stays in a line
 FEW_DRIVES = 6
 """Below so many, one drive in turn is held out instead of every second one."""
 TURN_MPS = 0.57
-"""Difference of wheel speeds by a turn of 1 rad/s, m/s: the track of a Husky; only scales a feature."""
+"""Difference of wheel speeds by a turn of 1 rad/s, m/s: the track of a Husky; only scales a
+feature."""
 KELVIN_C = 16.0, 22.0
-"""Below and above which the ridge may know heating and cooling, as in the published regressions of car energy."""
+"""Below and above which the ridge may know heating and cooling, as in the published regressions of
+car energy."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,8 @@ class Args:
     without: tuple[str, ...] = ()
     """Conditions under which an effect is named that are left out, to see what they are worth."""
     scales: bool = False
-    """Instead: the fit made to predict, without a diagnosis, with each of its priors half and twice as wide."""
+    """Instead: the fit made to predict, without a diagnosis, with each of its priors half and twice
+    as wide."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,8 @@ class Split:
 
 
 def splits(vehicle: Set) -> list[Split]:
-    """Divisions of a vehicle's drives: odd and even positions of the sorted names, both ways, or one in turn.
+    """Divisions of a vehicle's drives: odd and even positions of the sorted names, both ways, or
+    one in turn.
 
     Raises:
         DatasetError: Its recordings are not at hand.
@@ -91,7 +97,10 @@ def splits(vehicle: Set) -> list[Split]:
     if vehicle == "husky":
         divisions = []
         for ground in GROUNDS:
-            drives = [read_recording(path, "husky_borealtc") for path in sorted(fetch("husky_borealtc", ground))]
+            drives = [
+                read_recording(path, "husky_borealtc")
+                for path in sorted(fetch("husky_borealtc", ground))
+            ]
             divisions += _halves(vehicle, "husky", drives, f"{ground.lower()}, ")
         return divisions
     if vehicle == "f1tenth":
@@ -99,7 +108,9 @@ def splits(vehicle: Set) -> list[Split]:
         return _one_in_turn(vehicle, "f1tenth", _blocks(drive))
     folder = Path(os.environ.get("HOMEWARD_DATA", "")) / _FOLDERS[vehicle]
     if not os.environ.get("HOMEWARD_DATA") or not folder.is_dir():
-        raise DatasetError(f"{vehicle}: no folder {_FOLDERS[vehicle]} in HOMEWARD_DATA; its recordings are not public")
+        raise DatasetError(
+            f"{vehicle}: no folder {_FOLDERS[vehicle]} in HOMEWARD_DATA; its recordings are not public"
+        )
     robot = str(folder.parent / "robots" / f"{_ROBOTS[vehicle]}.toml")
     drives = [read_recording(path) for path in sorted(folder.glob("*.csv"))]
     if len(drives) < FEW_DRIVES:
@@ -141,14 +152,21 @@ def _blocks(drive: Recording) -> list[Recording]:
     block_of_sample = np.arange(len(drive)) * BLOCKS // len(drive)
     blocks = []
     for number in range(BLOCKS):
-        channels = {name: values[block_of_sample == number] for name, values in drive.channels.items()}
-        blocks.append(replace(drive, name=f"block {number}", sha256=f"{drive.sha256}{number}", channels=channels))
+        channels = {
+            name: values[block_of_sample == number] for name, values in drive.channels.items()
+        }
+        blocks.append(
+            replace(
+                drive, name=f"block {number}", sha256=f"{drive.sha256}{number}", channels=channels
+            )
+        )
     return blocks
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors on later drives: of all energy, of a drive's on average (each at most a half), and R2 of power."""
+    """Errors on later drives: of all energy, of a drive's on average (each at most a half), and R2
+    of power."""
 
     total_pct: float
     drive_pct: float
@@ -165,7 +183,8 @@ class Outcome:
     named: tuple[str, ...]
     holds: str
     errors: dict[str, Errors]
-    missed: dict[str, list[float]]  # by model: share by which the energy of each later drive is off, at most a half
+    # by model: share by which the energy of each later drive is off, at most a half
+    missed: dict[str, list[float]]
     heater_j: list[tuple[float, float]]  # of later drives with a label: by the file, by the label
 
 
@@ -230,7 +249,8 @@ def errors_of(predicted: Array, runs: Runs) -> Errors:
 
 @dataclass(frozen=True)
 class Motion:
-    """What the regressions know of a window: speed, acceleration, slope, turning and temperature, (windows,) each."""
+    """What the regressions know of a window: speed, acceleration, slope, turning and temperature,
+    (windows,) each."""
 
     speed_mps: Array
     accel_mps2: Array
@@ -256,7 +276,8 @@ def motion_of(runs: Runs) -> Motion:
 
 
 def ridge(training: Runs, later: Runs) -> Array:
-    """Ridge on standardised features, its penalty by cross-validation; prediction for the later windows."""
+    """Ridge on standardised features, its penalty by cross-validation; prediction for the later
+    windows."""
     motion_before = motion_of(training)
     turns = float(np.ptp(motion_before.turn_mps)) > 0.0
     warms = float(np.std(motion_before.warm_c)) > 0.5
@@ -273,7 +294,10 @@ def ridge(training: Runs, later: Runs) -> Array:
         if turns:
             columns += [motion.turn_mps, np.sqrt(motion.turn_mps), motion.turn_mps * speed]
         if warms:
-            columns += [np.maximum(KELVIN_C[0] - motion.warm_c, 0.0), np.maximum(motion.warm_c - KELVIN_C[1], 0.0)]
+            columns += [
+                np.maximum(KELVIN_C[0] - motion.warm_c, 0.0),
+                np.maximum(motion.warm_c - KELVIN_C[1], 0.0),
+            ]
         return np.column_stack([np.asarray(column, np.float64) for column in columns])
 
     model = make_pipeline(StandardScaler(), RidgeCV(np.logspace(-3.0, 4.0, 15)))
@@ -282,7 +306,8 @@ def ridge(training: Runs, later: Runs) -> Array:
 
 
 def formula(training: Runs, later: Runs) -> Array:
-    """P0 + max(F, 0) v + r min(F, 0) v + h max(T0 - T, 0), F = c0 + c2 v^2 + M a + W slope, no coefficient negative.
+    """P0 + max(F, 0) v + r min(F, 0) v + h max(T0 - T, 0), F = c0 + c2 v^2 + M a + W slope, no
+    coefficient negative.
 
     Motor current follows the force: P0 and max(F, 0) while moving, and two terms of turning.
     """
@@ -295,12 +320,21 @@ def formula(training: Runs, later: Runs) -> Array:
         idle, rolling, drag, mass, weight, back, heater, below_c, root = numbers
         speed = motion.speed_mps
         turn = motion.turn_mps
-        force = rolling + drag * speed**2 + mass * motion.accel_mps2 + weight * GRAVITY_MPS2 * motion.slope
+        force = (
+            rolling
+            + drag * speed**2
+            + mass * motion.accel_mps2
+            + weight * GRAVITY_MPS2 * motion.slope
+        )
         if current:
             moving = np.minimum((speed + 0.5 * turn) / 0.05, 1.0)
-            return np.asarray(moving * (idle + np.maximum(force, 0.0)) + below_c * turn + root * np.sqrt(turn))
+            return np.asarray(
+                moving * (idle + np.maximum(force, 0.0)) + below_c * turn + root * np.sqrt(turn)
+            )
         heated = heater * np.maximum(below_c - motion.warm_c, 0.0)
-        return np.asarray(idle + (np.maximum(force, 0.0) + back * np.minimum(force, 0.0)) * speed + heated)
+        return np.asarray(
+            idle + (np.maximum(force, 0.0) + back * np.minimum(force, 0.0)) * speed + heated
+        )
 
     force_size = spread if current else spread / mean_mps
     scale = np.array([
@@ -318,7 +352,8 @@ def formula(training: Runs, later: Runs) -> Array:
 
 
 def labelled_heater(split: Split, later: Runs, robot: Robot) -> list[tuple[float, float]]:
-    """Energy of the heater in later drives by the file, and by the label that no recording contains, J."""
+    """Energy of the heater in later drives by the file, and by the label that no recording
+    contains, J."""
     file = Path(split.later[0].name).parent / "labels.json"
     if split.vehicle not in ("bmw", "leaf") or not file.is_file():
         return []
@@ -338,7 +373,8 @@ def labelled_heater(split: Split, later: Runs, robot: Robot) -> list[tuple[float
 
 @dataclass(frozen=True)
 class Varied:
-    """Errors of the fit made to predict on later drives of one split, by the prior that was made wider or narrower."""
+    """Errors of the fit made to predict on later drives of one split, by the prior that was made
+    wider or narrower."""
 
     vehicle: str
     errors: dict[str, Errors]
@@ -356,7 +392,9 @@ def vary(split: Split) -> Varied:
             priors[f"{scale.name} x {factor:g}"] = wider
     errors = {}
     for name, scales in priors.items():
-        fit = fit_predictive(training, robot, robot, lambda changed: predict(training, changed), training.run, scales)
+        fit = fit_predictive(
+            training, robot, robot, lambda changed: predict(training, changed), training.run, scales
+        )
         errors[name] = errors_of(predict(later, fit.changed), later)
     return Varied(split.vehicle, errors)
 
@@ -364,13 +402,17 @@ def vary(split: Split) -> Varied:
 def show_varied(outcomes: Sequence[Varied]) -> None:
     """Print the mean over splits by vehicle, as a table with a row for each prior."""
     vehicles = list(dict.fromkeys(outcome.vehicle for outcome in outcomes))
-    table = Table(title="The fit made to predict, later drives: energy of a drive off by, %; R2 of power")
+    table = Table(
+        title="The fit made to predict, later drives: energy of a drive off by, %; R2 of power"
+    )
     for name in ("prior", *vehicles):
         table.add_column(name)
     for prior in outcomes[0].errors:
         cells = []
         for vehicle in vehicles:
-            of_vehicle = [outcome.errors[prior] for outcome in outcomes if outcome.vehicle == vehicle]
+            of_vehicle = [
+                outcome.errors[prior] for outcome in outcomes if outcome.vehicle == vehicle
+            ]
             drive_pct = np.mean([errors.drive_pct for errors in of_vehicle])
             cells.append(f"{drive_pct:.1f}  {np.mean([errors.r2 for errors in of_vehicle]):.3f}")
         table.add_row(prior, *cells)
@@ -378,7 +420,8 @@ def show_varied(outcomes: Sequence[Varied]) -> None:
 
 
 def at_hand(vehicles: Sequence[Set]) -> list[Split]:
-    """Splits of the vehicles whose recordings are at hand; the others are named on standard error."""
+    """Splits of the vehicles whose recordings are at hand; the others are named on standard
+    error."""
     work: list[Split] = []
     for vehicle in vehicles:
         try:
@@ -401,19 +444,34 @@ def main(args: Args) -> None:
 
 def _cell(errors: Sequence[Errors]) -> str:
     """Mean of some errors in a cell."""
-    total_pct, drive_pct, r2 = np.mean([dataclasses.astuple(of_split) for of_split in errors], axis=0).tolist()
+    total_pct, drive_pct, r2 = np.mean(
+        [dataclasses.astuple(of_split) for of_split in errors], axis=0
+    ).tolist()
     return f"{total_pct:.1f} / {drive_pct:.1f}  {r2:.2f}"
 
 
 def show(outcomes: Sequence[Outcome]) -> None:
-    """Print the errors of each split and their mean by vehicle, and the heaters beside their labels."""
+    """Print the errors of each split and their mean by vehicle, and the heaters beside their
+    labels."""
     console = Console(width=WIDTH)
-    table = Table(title="Later drives, energy off by: all of it / a drive on average, %; R2 of power")
-    for name in ("drives", "given file", "corrected.toml", "ridge", "least squares", "holds", "named"):
+    table = Table(
+        title="Later drives, energy off by: all of it / a drive on average, %; R2 of power"
+    )
+    for name in (
+        "drives",
+        "given file",
+        "corrected.toml",
+        "ridge",
+        "least squares",
+        "holds",
+        "named",
+    ):
         table.add_column(name)
     for outcome in outcomes:
         cells = [_cell([errors]) for errors in outcome.errors.values()]
-        table.add_row(outcome.split, *cells, outcome.holds, ", ".join(outcome.named) or outcome.verdict)
+        table.add_row(
+            outcome.split, *cells, outcome.holds, ", ".join(outcome.named) or outcome.verdict
+        )
     for vehicle in dict.fromkeys(outcome.vehicle for outcome in outcomes):
         all_of = [outcome.errors for outcome in outcomes if outcome.vehicle == vehicle]
         cells = [_cell([errors[model] for errors in all_of]) for model in all_of[0]]
@@ -421,7 +479,9 @@ def show(outcomes: Sequence[Outcome]) -> None:
     console.print(table)
     for outcome in outcomes:
         _show_heater(console, outcome.split, outcome.heater_j)
-    halves = [outcome for outcome in outcomes if outcome.split in ("bmw, odd to even", "bmw, even to odd")]
+    halves = [
+        outcome for outcome in outcomes if outcome.split in ("bmw, odd to even", "bmw, even to odd")
+    ]
     _show_heater(console, "bmw, both halves, each by the file of the other", [
         energies for outcome in halves for energies in outcome.heater_j
     ])  # fmt: skip
@@ -433,7 +493,9 @@ def _show_heater(console: Console, drives: str, energies_j: Sequence[tuple[float
         return
     by_file_j, by_label_j = np.sum(energies_j, axis=0)
     off = 100.0 * (by_file_j / by_label_j - 1.0) if by_label_j > 0.0 else np.nan
-    console.print(f"{drives}: energy of the heater in {len(energies_j)} labelled drives off by {off:+.0f} %")
+    console.print(
+        f"{drives}: energy of the heater in {len(energies_j)} labelled drives off by {off:+.0f} %"
+    )
 
 
 if __name__ == "__main__":

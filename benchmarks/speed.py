@@ -2,8 +2,8 @@
 
     python benchmarks/speed.py
 
-Ratios are medians over pairs: the peer and ours in turn, so that a drift of the machine affects both. Effects are just
-above zero: their computation is timed, without a change of the mission.
+Ratios are medians over pairs: the peer and ours in turn, so that a drift of the machine affects
+both. Effects are just above zero: their computation is timed, without a change of the mission.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import homeward
 from benchmarks.tables import table
@@ -37,12 +38,17 @@ from homeward.synthetic import record
 
 SIZES = (4096, 256, 16)
 """Missions side by side. Chosen: a large batch to a small one, by factors of 16."""
-TARGETS = {"no effects": (1.5, 4.0, 5.0), "3 effects": (1.3, 3.0, 4.0), "all effects": (0.6, 2.0, 3.0)}
+TARGETS = {
+    "no effects": (1.5, 4.0, 5.0),
+    "3 effects": (1.3, 3.0, 4.0),
+    "all effects": (0.6, 2.0, 3.0),
+}
 THREE = ("turning", "wind", "internal_resistance")
 PAIRS = 9  # timings of both in turn, of which the median counts; chosen
 PPO_STEPS = 65_536  # of our learner in a timing, of its peer a quarter; chosen
 QUIET = 0.95
-"""Share of the cores from which a machine counts as quiet: the rest is what the system itself takes."""
+"""Share of the cores from which a machine counts as quiet: the rest is what the system itself
+takes."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +70,17 @@ def main() -> None:
         for place in range(len(SIZES))
     ]
     tasks += [scalar_step, replay_rate, lambda: diagnosis_time({}, "20 s")]
-    tasks += [lambda: diagnosis_time({"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}}, "60 s")]
+    tasks += [
+        lambda: diagnosis_time({"turning": {"scrub": 0.3}, "inertia": {"mass_factor": 1.0}}, "60 s")
+    ]
     tasks += [import_time, ppo_rate]
     console = Console()
     share_free = free_share()
     if share_free < QUIET:
         taken = f"{1.0 - share_free:.0%}"
-        console.print(f"The machine is busy: {taken} of its cores are taken, and what is printed is too slow.")
+        console.print(
+            f"The machine is busy: {taken} of its cores are taken, and what is printed is too slow."
+        )
     rows = [task() for task in track(tasks, "measuring", console=Console(stderr=True))]
     title = f"homeward {homeward.__version__}, gymnasium {gym.__version__}, {os.cpu_count()} cores"
     shown = table(title, ("measure",), ("ours", "peer", "ratio", "asked for"))
@@ -87,13 +97,18 @@ def main() -> None:
 
 def robot_with(effects: str) -> Robot:
     """The default robot with some effects just above zero."""
-    ids = {"no effects": (), "3 effects": THREE, "all effects": tuple(effect.id for effect in EFFECTS)}[effects]
+    ids = {
+        "no effects": (),
+        "3 effects": THREE,
+        "all effects": tuple(effect.id for effect in EFFECTS),
+    }[effects]
     switches = {effect.id: {effect.switch.name: 1e-3} for effect in EFFECTS if effect.id in ids}
     return dataclasses.replace(load_robot("rusti_computer"), track_m=0.15, effects=switches)
 
 
 def some_actions(count: int, rounds: int = 100) -> list[NDArray[np.int64]]:
-    """Actions of some steps, each of shape (count, 3): missions last about as long as those of a trained agent."""
+    """Actions of some steps, each of shape (count, 3): missions last about as long as those of a
+    trained agent."""
     rng = np.random.default_rng(0)
     chance = rng.random((rounds, count))
     modes = np.where(chance < 0.002, 2, np.where(chance < 0.1, 0, 1))
@@ -127,7 +142,11 @@ def vector_step(effects: str, place: int) -> Timing:
     entry: Any = gym.VectorizeMode.VECTOR_ENTRY_POINT
     cartpole = gym.make_vec("CartPole-v1", num_envs=count, vectorization_mode=entry)
     survey = gym.make_vec(
-        IDS["Survey"], num_envs=count, vectorization_mode=entry, difficulty="known", robot=robot_with(effects)
+        IDS["Survey"],
+        num_envs=count,
+        vectorization_mode=entry,
+        difficulty="known",
+        robot=robot_with(effects),
     )
     cartpole.reset(seed=0)
     survey.reset(seed=0)
@@ -178,7 +197,13 @@ def scalar_step() -> Timing:
 
     peer_s, ours_s, ratio = paired(lambda: step(cartpole, [0, 1]), lambda: step(survey, actions))
     per_step = 1e6 / rounds
-    return Timing("scalar step", f"{ours_s * per_step:.1f} us", f"CartPole {peer_s * per_step:.1f} us", ratio, "1 x")
+    return Timing(
+        "scalar step",
+        f"{ours_s * per_step:.1f} us",
+        f"CartPole {peer_s * per_step:.1f} us",
+        ratio,
+        "1 x",
+    )
 
 
 def replay_rate() -> Timing:
@@ -190,9 +215,16 @@ def replay_rate() -> Timing:
     robot = load_robot("husky")
     replay(robot, time_s, speed_mps, grade_rad=grade_rad)
     seconds = statistics.median(
-        _seconds(lambda: replay(robot, time_s, speed_mps, grade_rad=grade_rad)) for _ in range(PAIRS)
+        _seconds(lambda: replay(robot, time_s, speed_mps, grade_rad=grade_rad))
+        for _ in range(PAIRS)
     )
-    return Timing("replay of a recording", f"{samples / seconds / 1e6:.1f} M samples/s", "", None, "5 M samples/s")
+    return Timing(
+        "replay of a recording",
+        f"{samples / seconds / 1e6:.1f} M samples/s",
+        "",
+        None,
+        "5 M samples/s",
+    )
 
 
 def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Timing:
@@ -207,11 +239,14 @@ def diagnosis_time(hidden: dict[str, dict[str, float]], target: str) -> Timing:
     analyse(runs[:1], robot)  # compiles
     seconds = _seconds(lambda: analyse(runs, robot))
     hidden_effects = f"{', '.join(hidden) or 'nothing'} concealed"
-    return Timing(f"diagnosis, 1 h at 10 Hz, 5 runs, {hidden_effects}", f"{seconds:.1f} s", "", None, target)
+    return Timing(
+        f"diagnosis, 1 h at 10 Hz, 5 runs, {hidden_effects}", f"{seconds:.1f} s", "", None, target
+    )
 
 
 def import_time() -> Timing:
-    """Seconds of `import homeward` beyond NumPy and Gymnasium, in fresh processes, and whether it compiles."""
+    """Seconds of `import homeward` beyond NumPy and Gymnasium, in fresh processes, and whether it
+    compiles."""
     code = (
         "import time, numpy, gymnasium; start = time.perf_counter(); import homeward; "
         "print(time.perf_counter() - start)"
@@ -219,16 +254,25 @@ def import_time() -> Timing:
     with tempfile.TemporaryDirectory() as folder:
         seconds = statistics.median(float(_python(code, folder)) for _ in range(5))
         compiled = sum(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
-    return Timing("import homeward", f"{seconds:.2f} s", f"{compiled} kernels compiled", None, "0.5 s, 0 kernels")
+    return Timing(
+        "import homeward",
+        f"{seconds:.2f} s",
+        f"{compiled} kernels compiled",
+        None,
+        "0.5 s, 0 kernels",
+    )
 
 
 def _python(code: str, cache: str) -> str:
     env = os.environ | {"HOMEWARD_CACHE": cache}
-    return subprocess.run([sys.executable, "-c", code], env=env, stdout=subprocess.PIPE, text=True, check=True).stdout
+    return subprocess.run(
+        [sys.executable, "-c", code], env=env, stdout=subprocess.PIPE, text=True, check=True
+    ).stdout
 
 
 def ppo_rate() -> Timing:
-    """Environment steps per second of `train.py`'s learner against stable-baselines3's PPO on CartPole with 8 envs."""
+    """Environment steps per second of `train.py`'s learner against stable-baselines3's PPO on
+    CartPole with 8 envs."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
 
@@ -239,7 +283,8 @@ def ppo_rate() -> Timing:
     ours = make_model(Options("Survey"), PPOSettings(), seed=0)
     peer = PPO("MlpPolicy", make_vec_env("CartPole-v1", n_envs=8, seed=0), seed=0, device="cpu")
 
-    # One thread for both: beside numba's, torch's idle threads would slow the peer by an order of magnitude.
+    # One thread for both: beside numba's, torch's idle threads would slow the peer by an order of
+    # magnitude.
     def learn_ours() -> None:
         with one_thread():
             ours.learn(PPO_STEPS)

@@ -1,9 +1,11 @@
-"""Every number of the diagnosis that a comparison reads, and the conditions under which an effect is named.
+"""Every number of the diagnosis that a comparison reads, and the conditions under which an effect
+is named.
 
-`python -m benchmarks.thresholds` lists them with their files and prints their counts. A threshold of
-`homeward/diagnosis/thresholds.py` counts once, wherever it is read; so does a number or a constant of a module that
-stands in a comparison. What follows from other thresholds is no choice of its own; errors of instruments, the cost of a
-change point, and the priors of the fit made to predict are no limits.
+`python -m benchmarks.thresholds` lists them with their files and prints their counts. A threshold
+of `homeward/diagnosis/thresholds.py` counts once, wherever it is read; so does a number or a
+constant of a module that stands in a comparison. What follows from other thresholds is no choice of
+its own; errors of instruments, the cost of a change point, and the priors of the fit made to
+predict are no limits.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ FOLDER = Path(__file__).resolve().parents[1] / "homeward" / "diagnosis"
 THRESHOLDS = FOLDER / "thresholds.py"
 STRUCTURE = frozenset({0, 1, 2})
 """Numbers of a comparison that count things or name a sign: none, one, two."""
-NO_LIMITS = frozenset({"GAUGE_GAIN_SD", "CURVE_SD", "CAPACITY_SD", "SMOOTHING_ERROR", "COST_OF_A_CHANGE"})
+NO_LIMITS = frozenset(
+    {"GAUGE_GAIN_SD", "CURVE_SD", "CAPACITY_SD", "SMOOTHING_ERROR", "COST_OF_A_CHANGE"}
+)
 """Standard errors of instruments and a count of parameters, which no comparison reads alone."""
 
 
@@ -45,7 +49,8 @@ def named() -> dict[str, set[str]]:
 
 
 def _follows_from_others(value: ast.expr) -> bool:
-    """Whether a value is derived from other thresholds, with no number of its own but those that count or halve."""
+    """Whether a value is derived from other thresholds, with no number of its own but those that
+    count or halve."""
     nodes = list(ast.walk(value))
     numbers = {node.value for node in nodes if isinstance(node, ast.Constant)}
     return numbers <= STRUCTURE and any(isinstance(node, ast.Name) for node in nodes)
@@ -74,7 +79,9 @@ def _numeric_constants(tree: ast.Module) -> Iterator[str]:
 
 def _is_numeric(value: ast.expr) -> bool:
     parts = value.elts if isinstance(value, ast.Tuple) else [value]
-    return all(isinstance(part, ast.Constant) and isinstance(part.value, int | float) for part in parts)
+    return all(
+        isinstance(part, ast.Constant) and isinstance(part.value, int | float) for part in parts
+    )
 
 
 def _has_number(compare: ast.Compare, constants: set[str]) -> bool:

@@ -1,8 +1,10 @@
-"""Parts of the pages that are generated from the code: `python -m docs.generate` writes all of them into the pages.
+"""Parts of the pages that are generated from the code: `python -m docs.generate` writes all of them
+into the pages.
 
-A page asks for one by a comment on a line of its own, `<!-- generated: features -->`; the part and another comment,
-`<!-- end of generated -->`, are written below it. So the files read whole on any viewer. MkDocs calls the hooks by
-name; it makes the parts anew, warns of a page whose parts are out of date, and an unknown name fails the build.
+A page asks for one by a comment on a line of its own, `<!-- generated: features -->`; the part and
+another comment, `<!-- end of generated -->`, are written below it. So the files read whole on any
+viewer. MkDocs calls the hooks by name; it makes the parts anew, warns of a page whose parts are out
+of date, and an unknown name fails the build.
 """
 
 from __future__ import annotations
@@ -50,7 +52,8 @@ _END = "<!-- end of generated -->"
 _MARK = re.compile(r"^<!-- generated: (\w+) ?(.*?) -->$", re.MULTILINE)
 # A part ends before the next begins: a comment that is new has no end yet.
 _FILLED = re.compile(
-    rf"^(<!-- generated: [^\n]*? -->)\n\n(?:(?!<!-- generated: ).)*?\n\n{_END}$", re.MULTILINE | re.DOTALL
+    rf"^(<!-- generated: [^\n]*? -->)\n\n(?:(?!<!-- generated: ).)*?\n\n{_END}$",
+    re.MULTILINE | re.DOTALL,
 )
 _COMMENTS = re.compile(rf"^(?:<!-- generated: .*? -->\n\n|\n{_END}\n)", re.MULTILINE)
 
@@ -89,7 +92,9 @@ AGENT_WORDS = {
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table in Markdown; bars inside cells are escaped."""
     lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+    return "\n".join(
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines
+    )
 
 
 def features() -> str:
@@ -111,7 +116,10 @@ def spaces(mission: str) -> str:
     """The head of an environment's page, as Gymnasium's have it."""
     rows = (
         ("make", f'`gymnasium.make("homeward:{IDS[mission]}")`'),
-        ("action space", f'`{action_space(True)}`; `{action_space(False)}` with `action_type="continuous"`'),
+        (
+            "action space",
+            f'`{action_space(True)}`; `{action_space(False)}` with `action_type="continuous"`',
+        ),
         ("observation space", f"`{observation_space()}`"),
     )
     return table(("", f"`{IDS[mission]}`"), rows)
@@ -126,19 +134,31 @@ def reference_scores(mission: str) -> str:
     for name, agent in measured["agents"].items():
         low, high = map(_figures, agent["score_ci95"])
         score = f"{_figures(agent['score_mean'])} ({low} to {high})"
-        rate, fewest, most = (100.0 * share for share in (agent["stranded_rate"], *agent["stranded_ci95"]))
+        rate, fewest, most = (
+            100.0 * share for share in (agent["stranded_rate"], *agent["stranded_ci95"])
+        )
         row = [f"`{name}`", score, f"{rate:.1f} % ({fewest:.1f} to {most:.1f})"]
         if optimum:
-            row.append(f"{_per_cent(agent['share_of_optimum_at_least'])} to {_per_cent(agent['share_of_optimum'])}")
+            row.append(
+                f"{_per_cent(agent['share_of_optimum_at_least'])} to {_per_cent(agent['share_of_optimum'])}"
+            )
         rows.append(row)
     if optimum:
         head.append("of the optimum")
-        rows.append(["optimum, between", f"{_figures(optimum['lower'])} and {_figures(optimum['upper'])}", "", ""])
+        rows.append(
+            [
+                "optimum, between",
+                f"{_figures(optimum['lower'])} and {_figures(optimum['upper'])}",
+                "",
+                "",
+            ]
+        )
     versions = ", ".join(f"{name} {version}" for name, version in measured["versions"].items())
-    conditions = (
-        f"{measured['episodes']} episodes at `uncertain`, seed {measured['seed']}, at commit {measured['commit']}"
+    episodes = f"{measured['episodes']} episodes at `uncertain`, seed {measured['seed']}"
+    conditions = f"{episodes}, at commit {measured['commit']}"
+    return (
+        f"{conditions}, by\n\n```\n{measured['command']}\n```\n\n{table(head, rows)}\n\n{versions}"
     )
-    return f"{conditions}, by\n\n```\n{measured['command']}\n```\n\n{table(head, rows)}\n\n{versions}"
 
 
 def _per_cent(share: float) -> str:
@@ -170,7 +190,14 @@ def missions() -> str:
             f"{settings['max_decisions']}",
             f"{settings['score_scale']:.4g}",
         ])  # fmt: skip
-    head = ("id", "route", "cruise speed", "length of a decision", "time limit, decisions", "good score")
+    head = (
+        "id",
+        "route",
+        "cruise speed",
+        "length of a decision",
+        "time limit, decisions",
+        "good score",
+    )
     return table(head, rows)
 
 
@@ -184,9 +211,28 @@ def difficulties() -> str:
             if drawn.high > drawn.low:
                 hidden.append(f"{words} {drawn.low:g} to {drawn.high:g}")
         weather = "changes" if difficulty.weather_changes else "as at the start"
-        route = "known" if difficulty.route_is_known else "two places ahead in sight, the rest forecast"
-        rows.append([f"`{name}`", f"`{difficulty.instruments}`", weather, route, "; ".join(hidden) or "nothing"])
-    return table(("difficulty", "instruments", "weather", "route and wind", "hidden, drawn for each mission"), rows)
+        route = (
+            "known" if difficulty.route_is_known else "two places ahead in sight, the rest forecast"
+        )
+        rows.append(
+            [
+                f"`{name}`",
+                f"`{difficulty.instruments}`",
+                weather,
+                route,
+                "; ".join(hidden) or "nothing",
+            ]
+        )
+    return table(
+        (
+            "difficulty",
+            "instruments",
+            "weather",
+            "route and wind",
+            "hidden, drawn for each mission",
+        ),
+        rows,
+    )
 
 
 def instruments() -> str:
@@ -196,26 +242,40 @@ def instruments() -> str:
     rows = []
     for field in dataclasses.fields(Instruments):
         if field.name != "gauges":
-            sizes = [f"{getattr(instruments, field.name):g}" for instruments in INSTRUMENTS.values()]
+            sizes = [
+                f"{getattr(instruments, field.name):g}" for instruments in INSTRUMENTS.values()
+            ]
             rows.append([f"`{field.name}`", *sizes, meanings[field.name]])
     names = []
     for instruments in INSTRUMENTS.values():
         has_all = instruments.gauges == tuple(GAUGES)
         names.append("all" if has_all else ", ".join(instruments.gauges))
-    rows.append(["`gauges`", *names, "gauges of the next table, of which each mission has one, all equally likely"])
+    rows.append(
+        [
+            "`gauges`",
+            *names,
+            "gauges of the next table, of which each mission has one, all equally likely",
+        ]
+    )
     return table(("size", *(f"`{name}`" for name in INSTRUMENTS), "meaning"), rows)
 
 
 def gauges() -> str:
     """Gauges of the state of charge, and how far they are off."""
-    batteries = {"rusti_computer": "constant voltage", "turtlebot3_burger": "Li-Po", "husky": "lead acid"}
+    batteries = {
+        "rusti_computer": "constant voltage",
+        "turtlebot3_burger": "Li-Po",
+        "husky": "lead acid",
+    }
     rows = []
     for name, gauge in GAUGES.items():
         errors = []
         for preset in batteries:
             robot = load_robot(preset)
             lasts_s = float(d_max(robot)) / float(optimal_speed(robot))
-            errors.append(f"{rms_error(gauge, robot, lasts_s):.1%}" if suits(gauge, robot) else "none")
+            errors.append(
+                f"{rms_error(gauge, robot, lasts_s):.1%}" if suits(gauge, robot) else "none"
+            )
         rows.append((f"`{name}`", gauge.meaning, *errors, gauge.source))
     heads = [f"error, {battery}" for battery in batteries.values()]
     return table(("gauge", "what it shows", *heads, "source of its sizes"), rows)
@@ -234,7 +294,14 @@ def robots() -> str:
             f"{float(d_max(robot)) / 1000.0:.3g} km",
         ])  # fmt: skip
     return table(
-        ("robot", "mass", "battery", "speed with the longest range", "d_max on level ground, without sensing"), rows
+        (
+            "robot",
+            "mass",
+            "battery",
+            "speed with the longest range",
+            "d_max on level ground, without sensing",
+        ),
+        rows,
     )
 
 
@@ -245,8 +312,18 @@ def robot_file() -> str:
         if "bounds" in field.metadata:
             default = "required" if field.default is dataclasses.MISSING else f"{field.default:g}"
             about = field.metadata
-            rows.append((about["section"], f"`{field.name}`", about["meaning"], str(about["bounds"]), default))
-    return table(("section", "name", "meaning", "allowed", "default"), sorted(rows, key=lambda row: row[0]))
+            rows.append(
+                (
+                    about["section"],
+                    f"`{field.name}`",
+                    about["meaning"],
+                    str(about["bounds"]),
+                    default,
+                )
+            )
+    return table(
+        ("section", "name", "meaning", "allowed", "default"), sorted(rows, key=lambda row: row[0])
+    )
 
 
 def agents() -> str:
@@ -269,7 +346,9 @@ def _effect(name: str) -> str:
     head = ("parameter", "unit", "minimum", "maximum", "default", "meaning")
     numbers = [_number(parameter, hypothesis.physical) for parameter in entry.parameters]
     needed = ", ".join(f"`{channel}`" for channel in entry.needs)
-    confused_with = ", ".join(f"[`{effect}`](#{effect})" for effect in entry.confused_with) or "nothing"
+    confused_with = (
+        ", ".join(f"[`{effect}`](#{effect})" for effect in entry.confused_with) or "nothing"
+    )
     parts = [
         f"## `{name}`",
         entry.sentence,
@@ -312,7 +391,8 @@ _MOST_LEVELS = 8  # of a series that is written out
 
 
 def drives() -> str:
-    """The drives of the menu that the diagnosis advises from, each as an instruction and as a timetable."""
+    """The drives of the menu that the diagnosis advises from, each as an instruction and as a
+    timetable."""
     return "\n\n".join(map(_drive, MENU))
 
 
@@ -324,20 +404,25 @@ def _drive(drive: Manoeuvre) -> str:
         levels = getattr(drive, field.name)
         if field.name in LEVELS and levels is not field.default:
             words, factor, unit = LEVELS[field.name]
-            rows.append(f"* {words}: {_timetable(factor * np.broadcast_to(levels, SAMPLES), step_s, unit)}")
+            rows.append(
+                f"* {words}: {_timetable(factor * np.broadcast_to(levels, SAMPLES), step_s, unit)}"
+            )
     duration = _minutes(float(step_s.sum()))
     instruction = f"{drive.sentence[0].upper()}{drive.sentence[1:]} ({duration})."
     return "\n".join([f"### {drive.id.replace('_', ' ')}", "", instruction, "", *rows])
 
 
 def _timetable(levels: Array, step_s: Array, unit: str) -> str:
-    """A series in words: its levels in turn, how long each is held, and how often the whole series comes."""
+    """A series in words: its levels in turn, how long each is held, and how often the whole series
+    comes."""
     changes = np.flatnonzero(np.diff(levels, prepend=np.nan) != 0.0)
     stages = levels[changes]
     count = len(stages)
     if count == 1:
         return f"{stages[0]:.3g}{unit} throughout"
-    period = next(n for n in range(1, count + 1) if np.array_equal(np.tile(stages[:n], count // n), stages))
+    period = next(
+        n for n in range(1, count + 1) if np.array_equal(np.tile(stages[:n], count // n), stages)
+    )
     if period > _MOST_LEVELS:  # no levels, but a ramp
         peaks = np.flatnonzero(np.diff(np.sign(np.diff(stages))) < 0.0) + 1
         turns = [0, *peaks, count - 1]
@@ -359,8 +444,12 @@ def channels() -> str:
     """Channels of a recording, and which effects ask for each."""
     rows = []
     for name, channel in CHANNELS.items():
-        effects = [effect for effect, hypothesis in CATALOGUE.items() if name in hypothesis.entry.needs]
-        rows.append((f"`{name}`", channel.unit, channel.meaning, ", ".join(map(_effect_link, effects))))
+        effects = [
+            effect for effect, hypothesis in CATALOGUE.items() if name in hypothesis.entry.needs
+        ]
+        rows.append(
+            (f"`{name}`", channel.unit, channel.meaning, ", ".join(map(_effect_link, effects)))
+        )
     return table(("channel", "unit", "meaning", "effects that need it"), rows)
 
 
@@ -375,7 +464,8 @@ def _effect_link(name: str) -> str:
 
 
 def conditions() -> str:
-    """Conditions under which an effect is named: its own, and those on all named effects together."""
+    """Conditions under which an effect is named: its own, and those on all named effects
+    together."""
 
     def rows(conditions: Sequence[Condition[Any]]) -> list[tuple[str, ...]]:
         return [
@@ -412,7 +502,9 @@ def results(heading: str) -> str:
     section = sections[heading]
     level = len(section[1])
     # The section ends where the next heading of its level or a higher one begins.
-    until_next = re.split(rf"^#{{2,{level}}} ", page[section.end() :], maxsplit=1, flags=re.MULTILINE)[0]
+    until_next = re.split(
+        rf"^#{{2,{level}}} ", page[section.end() :], maxsplit=1, flags=re.MULTILINE
+    )[0]
     return until_next.strip()
 
 
@@ -421,10 +513,16 @@ def _diagnosed() -> tuple[str, bytes]:
     """Output of `diagnose.py` for the shipped recording, and its report."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, str(ROOT / "diagnose.py"), "--robot", "husky", "--out", folder]
-        run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "COLUMNS": "80"})
+        run = subprocess.run(
+            command, capture_output=True, text=True, env={**os.environ, "COLUMNS": "80"}
+        )
         if run.returncode:
-            raise RuntimeError(f"diagnose.py --robot husky ended with {run.returncode}: {run.stderr.strip()}")
-        return run.stdout.replace(folder, "runs/diagnosis"), (Path(folder) / "report.html").read_bytes()
+            raise RuntimeError(
+                f"diagnose.py --robot husky ended with {run.returncode}: {run.stderr.strip()}"
+            )
+        return run.stdout.replace(folder, "runs/diagnosis"), (
+            Path(folder) / "report.html"
+        ).read_bytes()
 
 
 def worked_case() -> str:
@@ -440,7 +538,8 @@ GENERATED: dict[str, Callable[..., str]] = {
         reference_scores, results, robot_file, robots, spaces, worked_case,
     )
 }  # fmt: skip
-"""Parts by the name that pages use; some take an argument, as in `<!-- generated: results Speed -->`."""
+"""Parts by the name that pages use; some take an argument, as in
+`<!-- generated: results Speed -->`."""
 
 
 def on_config(config: Any) -> Any:
@@ -464,7 +563,9 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Make the generated parts anew. A link to a file outside the site becomes the file's name."""
     up_to_date = filled(markdown)
     if up_to_date != markdown:
-        LOG.warning(f"{page.file.src_uri}: its generated parts are out of date; run python -m docs.generate")
+        LOG.warning(
+            f"{page.file.src_uri}: its generated parts are out of date; run python -m docs.generate"
+        )
     up = r"\.\./" * (page.file.src_uri.count("/") + 1)
     return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", _outside, _COMMENTS.sub("", up_to_date))
 
@@ -490,7 +591,8 @@ def main() -> None:
 
 
 def _generated(mark: re.Match[str]) -> str:
-    """A part, its highest headings one level below the section of the page in which the comment is."""
+    """A part, its highest headings one level below the section of the page in which the comment
+    is."""
     name, argument = mark.groups()
     make = GENERATED[name]
     part = make(argument) if argument else make()
@@ -511,7 +613,12 @@ def _outside(link: re.Match[str]) -> str:
 
 def on_page_content(content: str, **_: Any) -> str:
     """Turn equations into MathML, which browsers render without scripts."""
-    return re.sub(r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>', _equation, content, flags=re.DOTALL)
+    return re.sub(
+        r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>',
+        _equation,
+        content,
+        flags=re.DOTALL,
+    )
 
 
 def _equation(equation: re.Match[str]) -> str:

@@ -1,7 +1,7 @@
 """The clip and the stills of the viewer in docs/: `python docs/make_clip.py`.
 
-Real missions, as the agents drive them: a survey by `dmax_adaptive` as a clip and a still, and as stills one of
-`soc50` that strands out and back and a patrol.
+Real missions, as the agents drive them: a survey by `dmax_adaptive` as a clip and a still, and as
+stills one of `soc50` that strands out and back and a patrol.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ STILLS = {
     "viewer_stranded": ("OutAndBack", "harsh", "soc50", 5, 1.0),
     "viewer_patrol": ("Patrol", "known", "dmax_adaptive", 5, 0.5),
 }
-"""File, mission, difficulty, agent, seed, and when in the mission the picture is taken: a share of its decisions."""
+"""File, mission, difficulty, agent, seed, and when in the mission the picture is taken: a share of
+its decisions."""
 
 
 def mission_frames(mission: str, difficulty: str, agent: str, seed: int) -> list[Frame]:
@@ -39,7 +40,9 @@ def mission_frames(mission: str, difficulty: str, agent: str, seed: int) -> list
     is_first = np.array([True])
     is_over = False
     while not is_over:
-        observation, _, terminated, truncated, _ = env.step(policy.act(observation[None], is_first)[0])
+        observation, _, terminated, truncated, _ = env.step(
+            policy.act(observation[None], is_first)[0]
+        )
         frames.append(env.render())
         is_first = np.array([False])
         is_over = terminated or truncated
@@ -54,7 +57,9 @@ def main(out: Path = Path("docs")) -> None:
     """
     for name, (mission, difficulty, agent, seed, when) in STILLS.items():
         frames = mission_frames(mission, difficulty, agent, seed)
-        Image.fromarray(frames[round(when * (len(frames) - 1))]).save(out / f"{name}.png", optimize=True)
+        Image.fromarray(frames[round(when * (len(frames) - 1))]).save(
+            out / f"{name}.png", optimize=True
+        )
         if name == "viewer_survey":
             write_gif(out / "viewer.gif", frames[::2], frames_per_s=10.0, width=720)
     for file in sorted(out.glob("viewer*")):

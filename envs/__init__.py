@@ -1,14 +1,16 @@
 """Gymnasium environments whose dynamics are the battery-dissemination model.
 
-`homeward/OutAndBack-v0`, `homeward/Survey-v0` and `homeward/Patrol-v0` are registered on `import homeward`; without an
-import use `gym.make("homeward:homeward/Survey-v0")`. `homeward/MOOutAndBack-v0`, `homeward/MOSurvey-v0` and
-`homeward/MOPatrol-v0` have a vector of rewards, see `homeward.envs.multi_objective`.
+`homeward/OutAndBack-v0`, `homeward/Survey-v0` and `homeward/Patrol-v0` are registered on
+`import homeward`; without an import use `gym.make("homeward:homeward/Survey-v0")`.
+`homeward/MOOutAndBack-v0`, `homeward/MOSurvey-v0` and `homeward/MOPatrol-v0` have a vector of
+rewards, see `homeward.envs.multi_objective`.
 """
 
 if __name__ == "envs":
     raise ImportError("import it as homeward.envs: the folder envs/ is the source of that package")
 
-from gymnasium.envs import registration  # not `gymnasium`, of which old versions come here half imported
+# not `gymnasium`, of which old versions come here half imported
+from gymnasium.envs import registration
 
 __all__ = [
     "IDS", "MISSION_FILES", "MULTI_OBJECTIVE_IDS", "actions", "features", "multi_objective", "options", "register",
@@ -28,7 +30,8 @@ MULTI_OBJECTIVE_IDS = {mission: f"homeward/MO{mission}-v0" for mission in IDS}
 
 
 def register() -> None:
-    """Register the environments with Gymnasium; called on `import homeward`. A second call does nothing."""
+    """Register the environments with Gymnasium; called on `import homeward`. A second call does
+    nothing."""
     for mission, env_id in IDS.items():
         if env_id not in registration.registry:
             registration.register(

@@ -1,8 +1,9 @@
 """Actions: from the numbers of `env.step` to commands, and back.
 
-An action is a speed, a sensing rate, and one of stop, go and return. A return heads home at once. It is final once it
-has been chosen in several decisions in a row (`homeward.envs.options.RETURN_SHARE`), so that a policy that explores
-does not end its mission by the first return that it tries.
+An action is a speed, a sensing rate, and one of stop, go and return. A return heads home at once.
+It is final once it has been chosen in several decisions in a row
+(`homeward.envs.options.RETURN_SHARE`), so that a policy that explores does not end its mission by
+the first return that it tries.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from homeward.envs.state import RETURN, STOP
 from homeward.physics.jit import inline
 
 LEVELS = 5
-"""Number of levels of speed and of sensing rate in the discrete action space. Chosen: steps of a quarter, and
-75 actions."""
+"""Number of levels of speed and of sensing rate in the discrete action space. Chosen: steps of a
+quarter, and 75 actions."""
 MODES = ("stop", "go", "return")
 FLAT_ACTIONS = LEVELS * LEVELS * len(MODES)
 """Number of actions of the flat action space: all combinations of the discrete one."""
@@ -59,7 +60,11 @@ def action_space(discrete: bool) -> spaces.Space[Any]:
 
 def space_of(action_type: str) -> spaces.Space[Any]:
     """Space of one action, by `homeward.envs.options.Options.action_type`."""
-    return spaces.Discrete(FLAT_ACTIONS) if action_type == "flat" else action_space(action_type == "discrete")
+    return (
+        spaces.Discrete(FLAT_ACTIONS)
+        if action_type == "flat"
+        else action_space(action_type == "discrete")
+    )
 
 
 def flatten_actions(actions: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -80,7 +85,8 @@ def unflatten_actions(numbers: Any, count: int | None = None) -> NDArray[np.int6
         count: How many there should be; any number of them if None.
 
     Raises:
-        OptionError: They are no whole numbers of one dimension, too few or many, or one is not in the space.
+        OptionError: They are no whole numbers of one dimension, too few or many, or one is not in
+            the space.
 
     >>> unflatten_actions(np.array([1, 74])).tolist()
     [[0, 0, 1], [4, 4, 2]]
@@ -111,10 +117,15 @@ def allowed_actions(discrete: bool) -> str:
 def limits(known: Known) -> tuple[tuple[float, float], tuple[float, float]]:
     """Lowest and highest speed (m/s) and sensing rate (Hz) that can be commanded."""
     shared = known.shared[0]
-    return (float(shared["min_speed_mps"]), float(shared["max_speed_mps"])), (0.0, float(shared["max_sensing_hz"]))
+    return (float(shared["min_speed_mps"]), float(shared["max_speed_mps"])), (
+        0.0,
+        float(shared["max_sensing_hz"]),
+    )
 
 
-def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mode: ArrayLike) -> NDArray[Any]:
+def encode_actions(
+    known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mode: ArrayLike
+) -> NDArray[Any]:
     """Actions for commands: exact in a continuous space, at the nearest levels in a discrete one.
 
     Commands beyond the robot's limits become the limits.
@@ -143,7 +154,9 @@ def encode_actions(known: Known, speed_mps: ArrayLike, sensing_hz: ArrayLike, mo
         return np.stack((speed_level, sensing_level, modes), axis=-1).astype(np.int64)
     # Each mode has a third of [-1, 1]; the middle of it is used.
     middles = (modes - 1.0) * 2.0 / 3.0
-    return np.stack((2.0 * speed_share - 1.0, 2.0 * sensing_share - 1.0, middles), axis=-1).astype(np.float32)
+    return np.stack((2.0 * speed_share - 1.0, 2.0 * sensing_share - 1.0, middles), axis=-1).astype(
+        np.float32
+    )
 
 
 def decode_actions(known: Known, actions: NDArray[Any]) -> Commands:
@@ -178,8 +191,8 @@ def modes(actions: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def thirds(actions: NDArray[Any]) -> NDArray[np.float64]:
-    """Position of the last number of continuous actions, shape (n, 3), in thirds of [-1, 1], one per mode; shape
-    (n,)."""
+    """Position of the last number of continuous actions, shape (n, 3), in thirds of [-1, 1], one
+    per mode; shape (n,)."""
     return 0.5 * len(MODES) * (actions[:, 2].astype(np.float64) + 1.0)
 
 
@@ -201,7 +214,8 @@ def _share(value: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
 
 @inline
 def at_level(level: Any, low: float, high: float) -> Any:
-    """Value of a level of the discrete action space, between the lowest and the highest; also for compiled code.
+    """Value of a level of the discrete action space, between the lowest and the highest; also for
+    compiled code.
 
     >>> at_level(np.arange(LEVELS), 0.1, 0.9).round(2).tolist()
     [0.1, 0.3, 0.5, 0.7, 0.9]
@@ -214,11 +228,17 @@ def first_bad_action(choices: Any, levels: Any, shared: Any) -> int:
     """Index of the first action that is not in the action space, or -1."""
     if shared.discrete:
         for i in range(len(choices)):
-            if not (0 <= choices[i, 0] < LEVELS and 0 <= choices[i, 1] < LEVELS and 0 <= choices[i, 2] < 3):
+            if not (
+                0 <= choices[i, 0] < LEVELS
+                and 0 <= choices[i, 1] < LEVELS
+                and 0 <= choices[i, 2] < 3
+            ):
                 return i
     else:
         for i in range(len(levels)):
-            if not (abs(levels[i, 0]) <= 1.0 and abs(levels[i, 1]) <= 1.0 and abs(levels[i, 2]) <= 1.0):
+            if not (
+                abs(levels[i, 0]) <= 1.0 and abs(levels[i, 1]) <= 1.0 and abs(levels[i, 2]) <= 1.0
+            ):
                 return i
     return -1
 

@@ -34,7 +34,8 @@ def _by_cache_lines(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
 
 
 class EnergyLedger(Mapping[str, float]):
-    """Energy that left the battery, J, by cause: a mapping over an array, because filling a dictionary is slow.
+    """Energy that left the battery, J, by cause: a mapping over an array, because filling a
+    dictionary is slow.
 
     Args:
         joules: Energy of each cause, J, shape (len(CAUSES),).
@@ -96,7 +97,8 @@ def info_of(records: NDArray[np.void], *, live: bool = True) -> dict[str, Any]:
 
 
 def observation_space(docks: bool = False) -> spaces.Box:
-    """Space of one observation, see `homeward.envs.features.FEATURES`; with docks `DOCK_FEATURES` follow."""
+    """Space of one observation, see `homeward.envs.features.FEATURES`; with docks `DOCK_FEATURES`
+    follow."""
     return spaces.Box(-LIMIT, LIMIT, (len(names_of(docks)),), np.float32)
 
 
@@ -119,7 +121,8 @@ class Batch:
         self._none = np.zeros(count, np.bool_)
         self._discrete = options.action_type != "continuous"
         self._action_shape = (count, 3)
-        # The kernels write the features that all missions have; where docks add some, into an array of their own.
+        # The kernels write the features that all missions have; where docks add some, into an array
+        # of their own.
         self._features = np.zeros((count, len(FEATURES)), np.float32) if options.docks else None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -129,7 +132,8 @@ class Batch:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._write_constants()
-        self.threads = Threads(self.count) if Threads.worthwhile(self.count) else None  # of the present machine
+        # of the present machine
+        self.threads = Threads(self.count) if Threads.worthwhile(self.count) else None
 
     def _write_constants(self) -> None:
         """Write the known and the hidden constants into one record for the kernels."""
@@ -150,7 +154,8 @@ class Batch:
 
     @property
     def robots(self) -> NDArray[np.void]:
-        """True robots, `ROBOT_DTYPE`, shape (count,): hidden from agents, for planners with full knowledge."""
+        """True robots, `ROBOT_DTYPE`, shape (count,): hidden from agents, for planners with full
+        knowledge."""
         return self._robots
 
     @property
@@ -160,12 +165,13 @@ class Batch:
 
     @property
     def constants(self) -> NDArray[np.void]:
-        """Constants of the environment in the form of the kernels, `CONSTANTS_DTYPE`, shape (1,), hidden ones
-        included."""
+        """Constants of the environment in the form of the kernels, `CONSTANTS_DTYPE`, shape (1,),
+        hidden ones included."""
         return self._constants
 
     def reset(self, begin: NDArray[np.bool_], observations: NDArray[np.float32]) -> None:
-        """Begin new missions where a mask of shape (count,) is true, and write their observations."""
+        """Begin new missions where a mask of shape (count,) is true, and write their
+        observations."""
         kernel.reset_missions(
             begin.nonzero()[0], self._numbas_generators(), self._constants, self.records, self._robots, self._routes,
             self._rows(observations),
@@ -183,8 +189,9 @@ class Batch:
     ) -> int:
         """Step every mission that is not over; write the results and return how many ended.
 
-        Where the mask `begin` of shape (count,) is true, a new mission begins instead; its action is not used. Flat
-        actions are given by their three parts (`homeward.envs.actions.unflatten_actions`).
+        Where the mask `begin` of shape (count,) is true, a new mission begins instead; its action
+        is not used. Flat actions are given by their three parts
+        (`homeward.envs.actions.unflatten_actions`).
 
         Raises:
             OptionError: An action is not in the action space; no mission was stepped.
@@ -237,12 +244,15 @@ class Batch:
         array = np.asarray(actions)
         if array.shape != self._action_shape:
             if array.shape[:1] == (self.count,):
-                raise OptionError(f"an action has shape {array.shape[1:]}; give (3,): speed, sensing and mode")
+                raise OptionError(
+                    f"an action has shape {array.shape[1:]}; give (3,): speed, sensing and mode"
+                )
             raise OptionError(f"actions have shape {array.shape}; give {self._action_shape}")
         if array.dtype != dtype:
             if array.dtype.kind not in ("iu" if dtype is np.int64 else "iuf"):
                 raise OptionError(f"actions have dtype {array.dtype}; give {np.dtype(dtype)}")
-            with np.errstate(over="ignore"):  # infinity is refused like any number beyond the bounds
+            # infinity is refused like any number beyond the bounds
+            with np.errstate(over="ignore"):
                 array = array.astype(dtype)
         return np.ascontiguousarray(array)
 

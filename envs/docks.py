@@ -17,7 +17,8 @@ Docks = tuple[tuple[float, float], ...]
 """Position along the route (m) and power of the charger (W) of each dock."""
 
 ON_BORDER = 1e-6
-"""Share of a place within which a dock is on a border between places. Chosen: above rounding, and no distance."""
+"""Share of a place within which a dock is on a border between places. Chosen: above rounding, and
+no distance."""
 
 
 class DockError(ValueError):
@@ -50,23 +51,32 @@ def checked(docks: Any) -> Docks:
         docks: Pairs of position (m) and power (W), or their text (`docks_of`).
 
     Raises:
-        DockError: They are no pairs of numbers, too many, two are at one position, or a number is not allowed.
+        DockError: They are no pairs of numbers, too many, two are at one position, or a number is
+            not allowed.
     """
     if isinstance(docks, str):
         docks = docks_of(docks)
-    pairs = [tuple(dock) for dock in docks] if _is_list(docks) and all(map(_is_list, docks)) else None
+    pairs = (
+        [tuple(dock) for dock in docks] if _is_list(docks) and all(map(_is_list, docks)) else None
+    )
     if pairs is None or not all(len(dock) == 2 and all(map(_is_number, dock)) for dock in pairs):
-        raise DockError(f"docks = {docks!r} is not allowed; give pairs of position (m) and power of the charger (W)")
+        raise DockError(
+            f"docks = {docks!r} is not allowed; give pairs of position (m) and power of the charger (W)"
+        )
     if len(pairs) > MOST_DOCKS:
         raise DockError(f"{len(pairs)} docks are given; give at most {MOST_DOCKS}")
     for position_m, charger_w in pairs:
         if not 0.0 <= position_m < np.inf:
             raise DockError(f"a dock at {position_m:g} m is not on the route; home is 0 m")
         if not 0.0 < charger_w < np.inf:
-            raise DockError(f"the charger of the dock at {position_m:g} m has {charger_w:g} W; give a power above 0 W")
+            raise DockError(
+                f"the charger of the dock at {position_m:g} m has {charger_w:g} W; give a power above 0 W"
+            )
     positions_m = [position_m for position_m, _ in pairs]
     if len(set(positions_m)) < len(positions_m):
-        raise DockError(f"two docks are at one position, of {', '.join(f'{at_m:g}' for at_m in positions_m)} m")
+        raise DockError(
+            f"two docks are at one position, of {', '.join(f'{at_m:g}' for at_m in positions_m)} m"
+        )
     return tuple(sorted((float(position_m), float(charger_w)) for position_m, charger_w in pairs))
 
 
@@ -79,7 +89,8 @@ def _is_number(value: Any) -> bool:
 
 
 def write_docks(docks: Docks, idle_w: float, shared: Any) -> None:
-    """Write docks into the shared record, which has the route's length; one beside a border is on it.
+    """Write docks into the shared record, which has the route's length; one beside a border is on
+    it.
 
     Args:
         docks: The docks.
@@ -87,7 +98,8 @@ def write_docks(docks: Docks, idle_w: float, shared: Any) -> None:
         shared: Shared record.
 
     Raises:
-        DockError: One is beyond the end of the route, or its charger is weaker than the robot's electronics.
+        DockError: One is beyond the end of the route, or its charger is weaker than the robot's
+            electronics.
     """
     length_m = float(shared["length_m"])
     place_m = float(shared["place_m"])
@@ -97,7 +109,9 @@ def write_docks(docks: Docks, idle_w: float, shared: Any) -> None:
         if abs(position_m / place_m - border) < ON_BORDER:
             position_m = border * place_m
         if position_m > max(length_m, shared["places"] * place_m):
-            raise DockError(f"a dock at {position_m:g} m is not on the route, which ends at {length_m:g} m")
+            raise DockError(
+                f"a dock at {position_m:g} m is not on the route, which ends at {length_m:g} m"
+            )
         if charger_w <= idle_w:
             raise DockError(
                 f"the charger of the dock at {position_m:g} m has {charger_w:g} W, which charges no battery; give more "
@@ -118,7 +132,8 @@ def charger_w(mission: Any, shared: Any) -> Any:
 
 @inline
 def next_dock_m(mission: Any, shared: Any) -> Any:
-    """Position of the next dock in the direction of travel, m, which may be here; infinite if there is none."""
+    """Position of the next dock in the direction of travel, m, which may be here; infinite if there
+    is none."""
     nearest_m = np.inf
     position_m = np.inf
     for k in range(shared.dock_count):
@@ -143,16 +158,21 @@ def observe_docks(
     position_m = records["position_m"]
     place_m = float(shared["place_m"])
     here = records["here"]
-    home_cost_j = here["home_cost_j"] + (position_m - records["place"] * place_m) * here["home_j_per_m"]
+    home_cost_j = (
+        here["home_cost_j"] + (position_m - records["place"] * place_m) * here["home_j_per_m"]
+    )
     out_m = np.full(len(records), np.inf)
     back_m = position_m.copy()
     back_j = home_cost_j.astype(np.float64)
-    # By increasing position: the last one behind is the nearest there, and the first one ahead the nearest ahead.
+    # By increasing position: the last one behind is the nearest there, and the first one ahead the
+    # nearest ahead.
     for dock in shared["docks"][: int(shared["dock_count"])]:
         away_m = dock["position_m"] - position_m
         place = min(int(dock["position_m"] / place_m), int(shared["places"]) - 1)
         ground = routes["places"][:, place]
-        cost_j = ground["home_cost_j"] + (dock["position_m"] - place * place_m) * ground["home_j_per_m"]
+        cost_j = (
+            ground["home_cost_j"] + (dock["position_m"] - place * place_m) * ground["home_j_per_m"]
+        )
         back_m = np.where(away_m <= 0.0, np.abs(away_m), back_m)
         back_j = np.where(away_m <= 0.0, home_cost_j - cost_j, back_j)
         out_m = np.where(away_m >= 0.0, np.minimum(out_m, away_m), out_m)
@@ -173,4 +193,6 @@ def text_of(docks: Docks | str) -> str:
     >>> text_of(((0.0, 60.0), (120.0, 45.5)))
     '0:60,120:45.5'
     """
-    return ",".join(f"{position_m:.12g}:{charger_w:.12g}" for position_m, charger_w in checked(docks))
+    return ",".join(
+        f"{position_m:.12g}:{charger_w:.12g}" for position_m, charger_w in checked(docks)
+    )

@@ -1,5 +1,5 @@
-"""One decision, compiled: driven place by place through the physics kernel, with the prediction of the robot's own
-model."""
+"""One decision, compiled: driven place by place through the physics kernel, with the prediction of
+the robot's own model."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ def decide(
     sensing_hz: float,
     mode: int,
 ) -> None:
-    """Carry out one decision, place by place, until its time is over, the battery is empty or the robot is home.
+    """Carry out one decision, place by place, until its time is over, the battery is empty or the
+    robot is home.
 
     A robot that stops drives on to a dock that it reaches within the decision, and stands there.
     """
@@ -52,7 +53,9 @@ def decide(
         docks_now = 0.0 < to_dock_m <= speed_mps * left_s
         if mission.dwell_s > 0.0:
             dt_s = min(left_s, mission.dwell_s)
-        elif docks_now or (mode != STOP and _may_drive(mission, shared, heads_home and not mission.returning)):
+        elif docks_now or (
+            mode != STOP and _may_drive(mission, shared, heads_home and not mission.returning)
+        ):
             halt_m = (mission.place + (mission.direction > 0.0)) * shared.place_m
             ahead_m = mission.direction * (halt_m - mission.position_m)
             if ahead_m <= 0.0:
@@ -68,7 +71,13 @@ def decide(
                 dt_s = ahead_m / driven_mps
         headwind_mps = weather.headwind(mission, mission.here)
         conditions = _conditions(
-            mission, mission.here, driven_mps, sensing_hz, accel_mps2, headwind_mps, mission.direction
+            mission,
+            mission.here,
+            driven_mps,
+            sensing_hz,
+            accel_mps2,
+            headwind_mps,
+            mission.direction,
         )
         charger_w = 0.0
         if driven_mps == 0.0:
@@ -94,7 +103,8 @@ def decide(
 
 @inline
 def _count_asked(mission: Any, shared: Any, heads_home: bool) -> None:
-    """Turn a robot that is asked to return; the return is final when it was asked often enough in a row."""
+    """Turn a robot that is asked to return; the return is final when it was asked often enough in a
+    row."""
     if heads_home:
         mission.direction = -1.0
         mission.asked += 1
@@ -118,7 +128,8 @@ def _take_back(mission: Any, heads_home: bool, outwards: float) -> None:
 
 @inline
 def _may_drive(mission: Any, shared: Any, heads_home_for_now: bool) -> Any:
-    """Whether the robot may drive on: not beyond the end of the route, nor outwards while a return is chosen."""
+    """Whether the robot may drive on: not beyond the end of the route, nor outwards while a return
+    is chosen."""
     if heads_home_for_now:
         return mission.direction < 0.0 and mission.position_m > 0.0
     return mission.direction < 0.0 or mission.position_m < shared.length_m
@@ -134,14 +145,19 @@ def cross(mission: Any, robot: Any, route: Any, nominal: Any, shared: Any) -> No
     mission.place = ahead
     if mission.place == mission.mapped:
         home_cost_j = mission.here.home_cost_j + mission.here.home_j_per_m * shared.place_m
-        true_home_cost_j = mission.here.true_home_cost_j + mission.here.true_home_j_per_m * shared.place_m
-        map_place(mission, robot, route.places[ahead], nominal, shared, home_cost_j, true_home_cost_j)
+        true_home_cost_j = (
+            mission.here.true_home_cost_j + mission.here.true_home_j_per_m * shared.place_m
+        )
+        map_place(
+            mission, robot, route.places[ahead], nominal, shared, home_cost_j, true_home_cost_j
+        )
     mission.here = route.places[ahead]
 
 
 @inline
 def _arrive(mission: Any, shared: Any) -> None:
-    """Reach an end of the route: home ends a mission that returns, and one that shuttles turns after a pit stop."""
+    """Reach an end of the route: home ends a mission that returns, and one that shuttles turns
+    after a pit stop."""
     if shared.shuttles and (mission.position_m > 0.0 or mission.legs % 2.0 == 1.0):
         mission.legs += 1.0
     if mission.returning:
@@ -153,9 +169,16 @@ def _arrive(mission: Any, shared: Any) -> None:
 
 @inline
 def map_place(
-    mission: Any, robot: Any, place: Any, believed: Any, shared: Any, home_cost_j: float, true_home_cost_j: float
+    mission: Any,
+    robot: Any,
+    place: Any,
+    believed: Any,
+    shared: Any,
+    home_cost_j: float,
+    true_home_cost_j: float,
 ) -> None:
-    """Predict the energy of a place at the first visit, by the robot's own model and the grade as read."""
+    """Predict the energy of a place at the first visit, by the robot's own model and the grade as
+    read."""
     place.home_cost_j = home_cost_j
     place.true_home_cost_j = true_home_cost_j
     cruise_mps = shared.cruise_mps
@@ -164,7 +187,8 @@ def map_place(
     if shared.route_is_known:
         headwind_mps = true_headwind_mps
 
-    # The model's powers are computed in the mission's own record, with cold windings, long after a start, at time 0.
+    # The model's powers are computed in the mission's own record, with cold windings, long after a
+    # start, at time 0.
     state_before = (
         mission.time_s,
         mission.step_s,
@@ -182,13 +206,21 @@ def map_place(
     mission.speed_mps = cruise_mps
     mission.winding_k = 0.0
     mission.start_left = 0.0
-    true_home_w = demand(robot, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, true_headwind_mps, -1.0))
+    true_home_w = demand(
+        robot, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, true_headwind_mps, -1.0)
+    )
     # The robot's model knows the charge, and so the voltage, as it is read, and the slope likewise.
     place.sin_grade = place.sine_read
     mission.energy_j = mission.soc * mission.capacity_j
-    standing_w = demand(believed, mission, _conditions(mission, place, 0.0, 0.0, 0.0, headwind_mps, 1.0))
-    out_w = demand(believed, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, headwind_mps, 1.0))
-    home_w = demand(believed, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, headwind_mps, -1.0))
+    standing_w = demand(
+        believed, mission, _conditions(mission, place, 0.0, 0.0, 0.0, headwind_mps, 1.0)
+    )
+    out_w = demand(
+        believed, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, headwind_mps, 1.0)
+    )
+    home_w = demand(
+        believed, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, headwind_mps, -1.0)
+    )
     place.sin_grade = true_sine
     mission.energy_j = true_j
     (
@@ -211,8 +243,11 @@ def map_place(
 
 
 @inline
-def _account(mission: Any, nominal: Any, shared: Any, conditions: Any, passed_s: float, new_m: float) -> None:
-    """Add the energy that the robot's own model predicts for a stretch, and the samples taken and sent on it."""
+def _account(
+    mission: Any, nominal: Any, shared: Any, conditions: Any, passed_s: float, new_m: float
+) -> None:
+    """Add the energy that the robot's own model predicts for a stretch, and the samples taken and
+    sent on it."""
     here = mission.here
     drive_j_per_m = here.back_j_per_m
     if conditions.direction > 0.0:
@@ -220,18 +255,36 @@ def _account(mission: Any, nominal: Any, shared: Any, conditions: Any, passed_s:
     drive_j_per_m += shared.drag_j_per_m * (
         conditions.speed_mps * conditions.speed_mps - shared.cruise_mps * shared.cruise_mps
     )
-    sensing_w = model.ancillary_power(nominal, conditions.sensing_hz) - model.ancillary_power(nominal, 0.0)
-    mission.modelled_j += (max(drive_j_per_m, 0.0) * conditions.speed_mps + here.standing_w + sensing_w) * passed_s
+    sensing_w = model.ancillary_power(nominal, conditions.sensing_hz) - model.ancillary_power(
+        nominal, 0.0
+    )
+    mission.modelled_j += (
+        max(drive_j_per_m, 0.0) * conditions.speed_mps + here.standing_w + sensing_w
+    ) * passed_s
     if shared.senses:
-        sensing.sense(mission, here, shared, conditions.sensing_hz * passed_s, conditions.speed_mps * passed_s, new_m)
+        sensing.sense(
+            mission,
+            here,
+            shared,
+            conditions.sensing_hz * passed_s,
+            conditions.speed_mps * passed_s,
+            new_m,
+        )
         sensing.transmit(mission, shared, conditions.speed_mps > 0.0, passed_s)
 
 
 @inline
 def _conditions(
-    mission: Any, place: Any, speed_mps: float, sensing_hz: float, accel_mps2: float, headwind_mps: float, ahead: float
+    mission: Any,
+    place: Any,
+    speed_mps: float,
+    sensing_hz: float,
+    accel_mps2: float,
+    headwind_mps: float,
+    ahead: float,
 ) -> Any:
-    """Conditions at a place; `ahead` is 1 away from home and -1 towards it, the headwind that of the way out."""
+    """Conditions at a place; `ahead` is 1 away from home and -1 towards it, the headwind that of
+    the way out."""
     sine = ahead * place.sin_grade
     return Conditions(
         speed_mps=speed_mps,

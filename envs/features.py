@@ -1,7 +1,7 @@
 """The observation: one table of named features, without hidden variables.
 
-Energies are readings of the robot's instruments (`homeward.envs.conditions.instruments`). Ways and loads are predicted
-by its own model.
+Energies are readings of the robot's instruments (`homeward.envs.conditions.instruments`). Ways and
+loads are predicted by its own model.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from homeward.physics import model
 from homeward.physics.jit import inline
 
 GAINS = (10.0, 40.0, 100.0)
-"""Gains at which margins are observed again, clipped to -1 and 1: a hundredth of the battery decides about the turn,
-which a network hardly resolves on the scale of the whole battery. Chosen: full scale is a tenth, a fortieth and a
-hundredth of the battery."""
+"""Gains at which margins are observed again, clipped to -1 and 1: a hundredth of the battery
+decides about the turn, which a network hardly resolves on the scale of the whole battery. Chosen:
+full scale is a tenth, a fortieth and a hundredth of the battery."""
 SINE_UNIT = 0.1
 INTEREST_UNIT = 2.0
 WIND_UNIT_MPS = 10.0
@@ -28,10 +28,13 @@ _PER_SINE = 1.0 / SINE_UNIT
 _PER_INTEREST = 1.0 / INTEREST_UNIT
 _PER_WIND = 1.0 / WIND_UNIT_MPS
 _DRAWN = 0.05
-"""Share of the battery, added to both used and modelled energy, that draws the consumption towards the model's.
-Chosen: ten decisions at cruise, so that the first ones change it little."""
+"""Share of the battery, added to both used and modelled energy, that draws the consumption towards
+the model's. Chosen: ten decisions at cruise, so that the first ones change it little."""
 _STRETCHES = tuple(
-    (first, f"places {first} to {last - 1} from here outwards, {'in sight' if k < IN_SIGHT else 'known or forecast'}")
+    (
+        first,
+        f"places {first} to {last - 1} from here outwards, {'in sight' if k < IN_SIGHT else 'known or forecast'}",
+    )
     for k, (first, last) in enumerate(AHEAD)
 )
 
@@ -44,14 +47,32 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
     ),
     ("power", "cruise power", "mean power of the last decision by the power meter"),
     ("distance", "reach", "distance from home"),
-    ("home_cost", "usable energy", "energy to get home over the driven ground, by the robot's own model"),
+    (
+        "home_cost",
+        "usable energy",
+        "energy to get home over the driven ground, by the robot's own model",
+    ),
     ("margin", "usable energy", "metered minus home_cost: the d_max margin"),
-    *((f"margin_{gain:g}", "-1 to 1", f"the same times {gain:g}, clipped to -1 and 1") for gain in GAINS),
+    *(
+        (f"margin_{gain:g}", "-1 to 1", f"the same times {gain:g}, clipped to -1 and 1")
+        for gain in GAINS
+    ),
     ("corrected", "usable energy", "metered minus (1 + consumption) times home_cost"),
-    *((f"corrected_{gain:g}", "-1 to 1", f"the same times {gain:g}, clipped to -1 and 1") for gain in GAINS),
-    ("consumption", "1", "metered over modelled energy used, each plus 0.05, minus 1, within [-1, 1]"),
+    *(
+        (f"corrected_{gain:g}", "-1 to 1", f"the same times {gain:g}, clipped to -1 and 1")
+        for gain in GAINS
+    ),
+    (
+        "consumption",
+        "1",
+        "metered over modelled energy used, each plus 0.05, minus 1, within [-1, 1]",
+    ),
     ("modelled", "usable energy", "energy used so far by the robot's own model"),
-    ("returning", "1", "1 once the return is final; before, the share of the required decisions in a row"),
+    (
+        "returning",
+        "1",
+        "1 once the return is final; before, the share of the required decisions in a row",
+    ),
     ("outbound", "1", "1 if the next metre leads away from home, -1 if towards it"),
     ("speed", "top speed", "speed reading of the last decision"),
     ("sensing", "top rate", "sensing rate of the last decision"),
@@ -63,7 +84,11 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
     ("backlog", "memory", "samples on board"),
     ("link", "1", "share of the radio's rate at this distance"),
     ("headwind", "10 m/s", "wind against the direction of travel, by the forecast"),
-    ("forecast_east", "10 m/s", "forecast of the wind at the start, towards where it comes from: east component"),
+    (
+        "forecast_east",
+        "10 m/s",
+        "forecast of the wind at the start, towards where it comes from: east component",
+    ),
     ("forecast_north", "10 m/s", "its north component"),
     ("east", "1", "direction of travel by compass: east component"),
     ("north", "1", "its north component"),
@@ -77,8 +102,16 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
 DOCK_FEATURES: tuple[tuple[str, str, str], ...] = (
     ("dock_out", "reach", "distance to the next dock outwards, 10 if there is none"),
     ("dock_back", "reach", "distance to the next dock towards home or, if there is none, to home"),
-    ("dock_cost", "usable energy", "energy to get there over the driven ground, by the robot's own model"),
-    ("supplied", "usable energy", "energy that chargers have supplied so far, by their own meters, which are exact"),
+    (
+        "dock_cost",
+        "usable energy",
+        "energy to get there over the driven ground, by the robot's own model",
+    ),
+    (
+        "supplied",
+        "usable energy",
+        "energy that chargers have supplied so far, by their own meters, which are exact",
+    ),
     ("charged", "usable energy", "state of charge that this is, by the estimate of metered"),
 )
 """Further features of missions with docks, after the others; at a dock both distances are 0."""
@@ -96,7 +129,8 @@ def names_of(docks: bool) -> tuple[str, ...]:
 
 
 LIMIT = 10.0
-"""Bound of every feature; values are clipped to it. Chosen: ten times the unit of each, which are typical sizes."""
+"""Bound of every feature; values are clipped to it. Chosen: ten times the unit of each, which are
+typical sizes."""
 
 _STEEPEST = 10.0 * STEEPEST_READ  # in units of a sine of 0.1
 _SHARE = (0.0, 1.0)
@@ -105,20 +139,26 @@ _POSITIVE = (0.0, LIMIT)
 
 RANGES: dict[str, tuple[float, float]] = {
     **dict.fromkeys(NAMES, (-LIMIT, LIMIT)),
-    **dict.fromkeys(("energy", "metered", "returning", "sensing", "backlog", "link", "time"), _SHARE),
-    **dict.fromkeys((f"{name}_{gain:g}" for name in ("margin", "corrected") for gain in GAINS), _SIGNED),
+    **dict.fromkeys(
+        ("energy", "metered", "returning", "sensing", "backlog", "link", "time"), _SHARE
+    ),
+    **dict.fromkeys(
+        (f"{name}_{gain:g}" for name in ("margin", "corrected") for gain in GAINS), _SIGNED
+    ),
     **dict.fromkeys(("consumption", "outbound", "east", "north"), _SIGNED),
     **dict.fromkeys(("distance", "modelled", "score", "pit_stop"), _POSITIVE),
     **dict.fromkeys((name for name in NAMES if name.startswith("interest")), _POSITIVE),
     **dict.fromkeys(("grade", "grade_mean"), (-_STEEPEST, _STEEPEST)),
 }
-"""Lowest and highest value of each feature, in its units: the allowed interval if nothing narrower is certain."""
+"""Lowest and highest value of each feature, in its units: the allowed interval if nothing narrower
+is certain."""
 
 _AT = {name: INDEX[f"{name}_{AHEAD[0][0]}"] for name in ("grade", "interest")}
 
 
 def _row_dtype() -> np.dtype[np.void]:
-    """One observation as a record: a field for each feature, and one for each profile of the way ahead."""
+    """One observation as a record: a field for each feature, and one for each profile of the way
+    ahead."""
     fields: list[Any] = []
     for name in NAMES:
         kind, _, first = name.rpartition("_")
@@ -137,7 +177,10 @@ OBSERVATION_DTYPE = _row_dtype()
 @inline
 def home_cost(mission: Any, shared: Any) -> Any:
     """Energy to get home over the driven ground, J, predicted by the robot's own model."""
-    return mission.here.home_cost_j + (mission.position_m - mission.place * shared.place_m) * mission.here.home_j_per_m
+    return (
+        mission.here.home_cost_j
+        + (mission.position_m - mission.place * shared.place_m) * mission.here.home_j_per_m
+    )
 
 
 @inline
@@ -191,7 +234,9 @@ def observe(mission: Any, shared: Any, cost_j: float, out: Any) -> None:
     out.interest = min(_PER_INTEREST * place.interest, LIMIT)
     out.backlog = mission.backlog * shared.per_backlog
     out.link = 1.0 / fading(mission.position_m, shared.per_link_m)
-    against_mps = model.headwind(mission.forecast_east_mps, mission.forecast_north_mps, place.east, place.north)
+    against_mps = model.headwind(
+        mission.forecast_east_mps, mission.forecast_north_mps, place.east, place.north
+    )
     out.headwind = _cut(_PER_WIND * mission.direction * against_mps, LIMIT)
     out.forecast_east = _cut(_PER_WIND * mission.forecast_east_mps, LIMIT)
     out.forecast_north = _cut(_PER_WIND * mission.forecast_north_mps, LIMIT)

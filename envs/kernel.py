@@ -19,23 +19,26 @@ from homeward.physics.jit import compiled, inline, prefetch
 
 _FETCH_AHEAD = 4  # missions; chosen: 0.7 us (benchmarks/speed.py), above the latency of memory
 _FORECAST_PLACES = 4
-"""Places that the forecast averages. Chosen: an eighth of a generated route, a piece between two knots."""
+"""Places that the forecast averages. Chosen: an eighth of a generated route, a piece between two
+knots."""
 _FORECAST_SINE = 0.01
-"""Standard deviation of the forecast's error of a grade's sine: elevation models of 30 m cells are good to some metres
-(Tadono and others, 2014: 5 m), on stretches of several hundred."""
+"""Standard deviation of the forecast's error of a grade's sine: elevation models of 30 m cells are
+good to some metres (Tadono and others, 2014: 5 m), on stretches of several hundred."""
 _FORECAST_INTEREST = 0.3
-"""Relative standard deviation of the forecast's error of the interest: chosen so that the forecast usually ranks
-stretches correctly without revealing their interest."""
+"""Relative standard deviation of the forecast's error of the interest: chosen so that the forecast
+usually ranks stretches correctly without revealing their interest."""
 _SEEN, _FORECAST = range(2)
 """Rows of cumulative sums over the places."""
 _KEYS = 2.0**53  # as many keys as `random` has values (53 bits)
 _PER_COUNT = 1.0 / np.maximum(np.arange(MAX_PLACES + 1), 1)
-"""Inverse of a number of places, because hundreds of divisions at each start are slow; that of none is 1."""
+"""Inverse of a number of places, because hundreds of divisions at each start are slow; that of none
+is 1."""
 
 
 @inline
 def _add_up_interest(route: Any, shared: Any) -> None:
-    """Store an offset for each place: the interest of all metres up to x is offset + interest * x."""
+    """Store an offset for each place: the interest of all metres up to x is offset + interest *
+    x."""
     total = 0.0
     for k in range(shared.places):
         place = route.places[k]
@@ -45,7 +48,8 @@ def _add_up_interest(route: Any, shared: Any) -> None:
 
 @inline
 def _read_route(mission: Any, route: Any, shared: Any) -> None:
-    """Store for each place the mean slope and interest of the stretches ahead, as seen and forecast."""
+    """Store for each place the mean slope and interest of the stretches ahead, as seen and
+    forecast."""
     count = shared.places
     _add_up_interest(route, shared)
     # Cumulative sums to each place, as seen and as forecast.
@@ -94,7 +98,9 @@ def note_ahead(route: Any, shared: Any, sines: Any, interests: Any) -> None:
                 row = _SEEN
             per_place = _PER_COUNT[end - start]
             place.sine_ahead[stretch] = (sines[row, end] - sines[row, start]) * per_place
-            place.interest_ahead[stretch] = (interests[row, end] - interests[row, start]) * per_place
+            place.interest_ahead[stretch] = (
+                interests[row, end] - interests[row, start]
+            ) * per_place
 
 
 @inline
@@ -165,13 +171,24 @@ def _reset(mission: Any, robot: Any, route: Any, rng: Any, c: Any) -> None:
 
 @inline
 def _margin(mission: Any, shared: Any) -> Any:
-    """True energy beyond the way home over the driven ground, J, as the true robot would drive it at cruise."""
+    """True energy beyond the way home over the driven ground, J, as the true robot would drive it
+    at cruise."""
     here_m = mission.position_m - mission.place * shared.place_m
-    return mission.energy_j - (mission.here.true_home_cost_j + here_m * mission.here.true_home_j_per_m)
+    return mission.energy_j - (
+        mission.here.true_home_cost_j + here_m * mission.here.true_home_j_per_m
+    )
 
 
 @inline
-def _begin(i: Any, generators: Any, constants: Any, records: Any, robots: Any, routes: Any, observations: Any) -> None:
+def _begin(
+    i: Any,
+    generators: Any,
+    constants: Any,
+    records: Any,
+    robots: Any,
+    routes: Any,
+    observations: Any,
+) -> None:
     """Begin mission i and observe its start; arguments as for `reset_missions`."""
     mission = records[i]
     c = constants[0]
@@ -183,7 +200,8 @@ def _begin(i: Any, generators: Any, constants: Any, records: Any, robots: Any, r
 
 @inline
 def _fetch_next_place(records: Any, routes: Any, i: int) -> None:
-    """Prefetch the place that a mission to be stepped shortly may reach, because loading it takes time."""
+    """Prefetch the place that a mission to be stepped shortly may reach, because loading it takes
+    time."""
     if i < len(records):
         mission = records[i]
         next_place = mission.place - 1
@@ -194,10 +212,18 @@ def _fetch_next_place(records: Any, routes: Any, i: int) -> None:
 
 @inline
 def _step(
-    mission: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
+    mission: Any,
+    robot: Any,
+    route: Any,
+    c: Any,
+    row: Any,
+    speed_mps: float,
+    sensing_hz: float,
+    mode: int,
 ) -> Any:
     """Step a mission by one decision and return the reward."""
-    # If nothing is hidden, all missions have the robot of the file: one record, always in the cache.
+    # If nothing is hidden, all missions have the robot of the file: one record, always in the
+    # cache.
     true_robot = robot if c.hidden.own_robots else c.nominal
     shared = c.shared
     before_j = mission.energy_j
@@ -212,10 +238,17 @@ def _step(
 
 @inline
 def _step_if_going(
-    mission: Any, robot: Any, route: Any, c: Any, row: Any, speed_mps: float, sensing_hz: float, mode: int
+    mission: Any,
+    robot: Any,
+    route: Any,
+    c: Any,
+    row: Any,
+    speed_mps: float,
+    sensing_hz: float,
+    mode: int,
 ) -> Any:
-    """Step a mission, unless it is over; return its reward, whether it ended at home or stranded, and whether out of
-    time.
+    """Step a mission, unless it is over; return its reward, whether it ended at home or stranded,
+    and whether out of time.
 
     It takes records, because arrays that pass into it would cost as much time as the step.
     """
@@ -243,12 +276,15 @@ def _step_at(
     terminated: Any,
     truncated: Any,
 ) -> Any:
-    """Step mission i, unless it is over, and return whether it ended; arguments as for `step_in_turn`."""
+    """Step mission i, unless it is over, and return whether it ended; arguments as for
+    `step_in_turn`."""
     mission = records[i]
     c = constants[0]
     _fetch_next_place(records, routes, i + _FETCH_AHEAD)
     commanded = command(choices, levels, i, c.shared)
-    earned, ended, late = _step_if_going(mission, robots[i], routes[i], c, observations[i], *commanded)
+    earned, ended, late = _step_if_going(
+        mission, robots[i], routes[i], c, observations[i], *commanded
+    )
     rewards[i] = earned
     terminated[i] = ended
     truncated[i] = late
@@ -271,7 +307,8 @@ def step_in_turn(
     """Step every mission by one decision; finished ones are left unchanged, without an observation.
 
     Args:
-        choices: Discrete actions, int64, shape (n, 3): speed level, sensing level, stop / go / return; or (0, 3).
+        choices: Discrete actions, int64, shape (n, 3): speed level, sensing level, stop / go /
+            return; or (0, 3).
         levels: Continuous actions, float32, shape (n, 3), within [-1, 1]; or (0, 3).
         constants: `CONSTANTS_DTYPE`, shape (1,).
         records: `MISSION_DTYPE`, shape (n,).
@@ -283,8 +320,8 @@ def step_in_turn(
         truncated: Written, shape (n,).
 
     Returns:
-        Number of missions that ended in this step, or -1 - i if action i is not in the action space: then no mission
-        was stepped.
+        Number of missions that ended in this step, or -1 - i if action i is not in the action
+        space: then no mission was stepped.
     """
     bad = first_bad_action(choices, levels, constants[0].shared)
     if bad >= 0:
@@ -292,7 +329,17 @@ def step_in_turn(
     ended = 0
     for i in range(len(records)):
         ended += _step_at(
-            i, choices, levels, constants, records, robots, routes, observations, rewards, terminated, truncated
+            i,
+            choices,
+            levels,
+            constants,
+            records,
+            robots,
+            routes,
+            observations,
+            rewards,
+            terminated,
+            truncated,
         )
     return ended
 
@@ -312,7 +359,8 @@ def step_in_parallel(
     terminated: Any,
     truncated: Any,
 ) -> int:
-    """Step missions on several cores and begin others; arguments as for `step_in_turn` and `reset_missions`.
+    """Step missions on several cores and begin others; arguments as for `step_in_turn` and
+    `reset_missions`.
 
     Args:
         begin: Which missions to restart instead, bool, shape (n,).
@@ -329,14 +377,30 @@ def step_in_parallel(
             _begin(np.int64(i), generators, constants, records, robots, routes, observations)
         else:
             ended += _step_at(
-                i, choices, levels, constants, records, robots, routes, observations, rewards, terminated, truncated
+                i,
+                choices,
+                levels,
+                constants,
+                records,
+                robots,
+                routes,
+                observations,
+                rewards,
+                terminated,
+                truncated,
             )
     return ended
 
 
 @compiled
 def reset_missions(
-    indices: Any, generators: Any, constants: Any, records: Any, robots: Any, routes: Any, observations: Any
+    indices: Any,
+    generators: Any,
+    constants: Any,
+    records: Any,
+    robots: Any,
+    routes: Any,
+    observations: Any,
 ) -> None:
     """Begin new missions at some indices; arguments as for `step_in_turn` and some more.
 

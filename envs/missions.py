@@ -22,8 +22,8 @@ CODES = {name: code for code, name in enumerate(MISSIONS)}
 def by_mission(function: str, arguments: str) -> Callable[..., Any]:
     """One function that calls that of the mission whose number stands in the shared record.
 
-    It is written out as text, as the sums of the effects (`homeward.physics.kernel`), because numba compiles branches
-    over functions, and no table of them.
+    It is written out as text, as the sums of the effects (`homeward.physics.kernel`), because numba
+    compiles branches over functions, and no table of them.
 
     Args:
         function: Name of the field of `Mission`.

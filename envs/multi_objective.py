@@ -13,18 +13,21 @@ from homeward.envs.scalar import HomewardEnv
 OBJECTIVES = ("reward", "stranding", "energy", "time")
 """Entries of the vector, each to be maximised:
 
-- `reward`: the reward of the environment with one objective: the score over that of a good mission, and its shaping.
+- `reward`: the reward of the environment with one objective: the score over that of a good mission,
+  and its shaping.
 - `stranding`: -1 when the robot strands, otherwise 0.
-- `energy`: minus the energy drawn from the battery in the decision, over the usable energy of the robot's file.
+- `energy`: minus the energy drawn from the battery in the decision, over the usable energy of the
+  robot's file.
 - `time`: minus one decision, over the time limit.
 """
 
 
 class MultiObjectiveEnv(HomewardEnv):
-    """A mission whose reward is a vector, see `OBJECTIVES`; the weights (1, 0, 0, 0) give the scalar reward.
+    """A mission whose reward is a vector, see `OBJECTIVES`; the weights (1, 0, 0, 0) give the
+    scalar reward.
 
-    `mo_gymnasium.make("homeward/MOSurvey-v0")` and `gymnasium.make` create it, by default without shaping, so that
-    returns are the objectives themselves.
+    `mo_gymnasium.make("homeward/MOSurvey-v0")` and `gymnasium.make` create it, by default without
+    shaping, so that returns are the objectives themselves.
 
     Args:
         **options: As of `HomewardEnv`.

@@ -1,8 +1,9 @@
 """Observations on a real robot: from its readings, as the environments compute them for agents.
 
-The environments' own code, in plain Python, updates a mission record: with the decisions as commanded, corrected to the
-position readings; the map of the way home by the slope readings; and the other instruments as read. With the same
-readings a policy therefore gets the same observations on a robot as in the environment.
+The environments' own code, in plain Python, updates a mission record: with the decisions as
+commanded, corrected to the position readings; the map of the way home by the slope readings; and
+the other instruments as read. With the same readings a policy therefore gets the same observations
+on a robot as in the environment.
 """
 
 from __future__ import annotations
@@ -26,9 +27,11 @@ from homeward.physics.plain import plain
 
 Array = NDArray[np.float64]
 
-_STANDING_MPS = 1e-6  # chosen: above 0, because the kernel divides by speed, and no distance in a decision
+# chosen: above 0, because the kernel divides by speed, and no distance in a decision
+_STANDING_MPS = 1e-6
 _BORDER = 1e-6
-"""Share of a place within which a robot counts as being on its border. Chosen: above rounding, and no distance."""
+"""Share of a place within which a robot counts as being on its border. Chosen: above rounding, and
+no distance."""
 
 
 class Read(NamedTuple):
@@ -37,7 +40,8 @@ class Read(NamedTuple):
     Attributes:
         position_m: Position along the route at its end, m; home is 0.
         power_w: Mean power out of the battery, W.
-        soc: State of charge at its end, 0 to 1, as a share of the energy (`homeward.physics.battery.energy_share`).
+        soc: State of charge at its end, 0 to 1, as a share of the energy
+            (`homeward.physics.battery.energy_share`).
         speed_mps: Speed at its end, m/s.
         temperature_c: Air temperature at its end, C.
     """
@@ -54,9 +58,10 @@ class Observer:
 
     Args:
         known: Constants of the environment.
-        forecast: The route as forecast, in the places of `known`: slopes, headings and interest; by default flat, with
-            the mean interest of generated routes.
-        forecast_mps: Forecast of the wind: components towards where it comes from, east and north, m/s.
+        forecast: The route as forecast, in the places of `known`: slopes, headings and interest; by
+            default flat, with the mean interest of generated routes.
+        forecast_mps: Forecast of the wind: components towards where it comes from, east and north,
+            m/s.
         mean_grade: Mean sine of the route's slope; by default that of the forecast.
 
     Raises:
@@ -73,7 +78,9 @@ class Observer:
         self.known = known
         s = known.shared[0]
         if s["dock_count"]:
-            raise ValueError("features of docks are not read on a robot yet; give an environment without docks")
+            raise ValueError(
+                "features of docks are not read on a robot yet; give an environment without docks"
+            )
         self._count = int(s["places"])
         self._place_m = float(s["place_m"])
         if forecast is None:
@@ -85,7 +92,9 @@ class Observer:
                 interest=zeros + MEAN_INTEREST,
                 heading_rad=zeros,
             )
-        if len(forecast.grade_rad) != self._count or not math.isclose(forecast.place_m, self._place_m, rel_tol=1e-9):
+        if len(forecast.grade_rad) != self._count or not math.isclose(
+            forecast.place_m, self._place_m, rel_tol=1e-9
+        ):
             raise ValueError(
                 f"the forecast has {len(forecast.grade_rad)} places of {forecast.place_m:g} m; give {self._count} of "
                 f"{self._place_m:g} m"
@@ -123,7 +132,8 @@ class Observer:
         mission["soc"] = _or(read.soc, 1.0)
         mission["metered"] = mission["soc"]
         mission["soc_lowest"] = 1.0
-        # The energy left is read, not computed: it decides the voltage, and the battery does not run out.
+        # The energy left is read, not computed: it decides the voltage, and the battery does not
+        # run out.
         mission["endless"] = True
         mission["capacity_j"] = usable_j
         mission["energy_j"] = mission["soc"] * usable_j
@@ -144,13 +154,15 @@ class Observer:
         heading_rad: float = math.nan,
         outwards: bool = True,
     ) -> None:
-        """Store a reading of the ground, here or at a place in sight. Slopes read in a place are averaged.
+        """Store a reading of the ground, here or at a place in sight. Slopes read in a place are
+        averaged.
 
         Args:
             position_m: Position along the route, m.
             grade_rad: Slope along the way out, rad; NaN: not seen.
             interest: Its interest; NaN: not seen.
-            heading_rad: Direction of the way out there, rad counter-clockwise from east; NaN: not seen.
+            heading_rad: Direction of the way out there, rad counter-clockwise from east; NaN: not
+                seen.
             outwards: On a border between places: whether the place beyond it is meant.
         """
         places_from_home = position_m / self._place_m
@@ -200,7 +212,8 @@ class Observer:
         return _as_features(rows)
 
     def _drive(self, action: NDArray[Any], along_mps: float | None) -> None:
-        """Drive as commanded or, if the positions contradict that, at the speed that they imply, along the way out."""
+        """Drive as commanded or, if the positions contradict that, at the speed that they imply,
+        along the way out."""
         commands = decode_actions(self.known, action)
         speed_mps = float(commands.speed_mps[0])
         sensing_hz = float(commands.sensing_hz[0])
@@ -281,22 +294,29 @@ def _begin(records: Any, routes: Any, constants: Any, position_m: float, rows: A
 
 
 def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any) -> None:
-    """Store slope and interest ahead of each place, and predict the present place with the slopes read since."""
+    """Store slope and interest ahead of each place, and predict the present place with the slopes
+    read since."""
     mission, route, c = records[0], routes[0], constants[0]
     note_ahead(route, c.shared, sines, interests)
     here = route.places[mission.place]
     if mission.place == mission.mapped - 1 and here.sine_read != mission.here.sine_read:
-        map_place(mission, c.nominal, here, c.nominal, c.shared, here.home_cost_j, here.true_home_cost_j)
+        map_place(
+            mission, c.nominal, here, c.nominal, c.shared, here.home_cost_j, here.true_home_cost_j
+        )
         mission.mapped -= 1
     mission.here = here
 
 
-def _drive(records: Any, routes: Any, constants: Any, speed_mps: float, sensing_hz: float, mode: int) -> None:
+def _drive(
+    records: Any, routes: Any, constants: Any, speed_mps: float, sensing_hz: float, mode: int
+) -> None:
     c = constants[0]
     decide(records[0], c.nominal, routes[0], c.nominal, c.shared, speed_mps, sensing_hz, mode)
 
 
-def _read(records: Any, routes: Any, constants: Any, position_m: float, temperature_c: float, rows: Any) -> None:
+def _read(
+    records: Any, routes: Any, constants: Any, position_m: float, temperature_c: float, rows: Any
+) -> None:
     """Set the robot's position and readings, and observe."""
     mission, c = records[0], constants[0]
     _move_to(mission, routes[0], c, position_m)
@@ -314,7 +334,10 @@ def _move_to(mission: Any, route: Any, c: Any, position_m: float) -> None:
     mission.position_m = position_m
     mission.furthest_m = max(mission.furthest_m, position_m)
     mission.direction = 1.0
-    while mission.place < shared.places - 1 and position_m > (mission.place + 1) * shared.place_m + slack_m:
+    while (
+        mission.place < shared.places - 1
+        and position_m > (mission.place + 1) * shared.place_m + slack_m
+    ):
         cross(mission, c.nominal, route, c.nominal, shared)
     mission.direction = -1.0
     while mission.place > 0 and position_m < mission.place * shared.place_m - slack_m:

@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from homeward.envs.conditions.difficulty import DIFFICULTIES, DIFFICULTY, Difficulty, Uniform
-from homeward.envs.conditions.gauges import GAUGES, RISE, resistance_ohm, rms_error, suits, write_gauge
+from homeward.envs.conditions.gauges import (
+    GAUGES,
+    RISE,
+    resistance_ohm,
+    rms_error,
+    suits,
+    write_gauge,
+)
 from homeward.envs.conditions.instruments import InstrumentError, Instruments, load_instruments
 from homeward.envs.docks import DockError, Docks, checked, write_docks
 from homeward.envs.mission_base import Mission
@@ -36,51 +43,60 @@ SHAPINGS = ("dmax", "none")
 RANDOMISATIONS = ("generic", "file")
 WEATHERS = ("still", "changing")
 RETURN_SHARE = 0.015
-"""Decisions in a row that make a return final, over those in which the battery lasts at cruise: usually three of two
-hundred. With one, a random policy ends its mission after three decisions. With eight, the value of a return is hardly
-learned: stable-baselines3's PPO had learned to stand still after 0.3 M decisions of OutAndBack, and with three to come
-home (0.4 M, 96 % of 200 unseen missions; one seed of training each, at commit b39fd99, which had other features).
+"""Decisions in a row that make a return final, over those in which the battery lasts at cruise:
+usually three of two hundred. With one, a random policy ends its mission after three decisions. With
+eight, the value of a return is hardly learned: stable-baselines3's PPO had learned to stand still
+after 0.3 M decisions of OutAndBack, and with three to come home (0.4 M, 96 % of 200 unseen
+missions; one seed of training each, at commit b39fd99, which had other features).
 `benchmarks/agents/plain_ppo.py` measures the present result."""
 OFF_COMMAND = 0.1
-"""Share of a decision's way at top speed by which a robot may differ from its command: beyond that, it is assumed to
-have driven evenly between its positions. Chosen: a tenth or twice of it changes no test of `observer` and `onboard`."""
+"""Share of a decision's way at top speed by which a robot may differ from its command: beyond that,
+it is assumed to have driven evenly between its positions. Chosen: a tenth or twice of it changes no
+test of `observer` and `onboard`."""
 _MOST_HALF = 0.6
-"""Half of the widest range that is drawn from a file's uncertainty. Chosen: the factors then stay above 0.4."""
+"""Half of the widest range that is drawn from a file's uncertainty. Chosen: the factors then stay
+above 0.4."""
 _CERTAIN = 1e12
-"""Weight of the prior of the capacity, in readings, where it is certain; its inverse is the least weight. Chosen:
-beyond the readings of any mission, and above 0, because it divides."""
+"""Weight of the prior of the capacity, in readings, where it is certain; its inverse is the least
+weight. Chosen: beyond the readings of any mission, and above 0, because it divides."""
 _SQRT_3 = 3.0**0.5  # from half the width of a uniform number to its standard deviation
 
 _DECISIONS = 200
-"""Decisions in which a robot without sensing drives its battery empty, unless `decision_s` says otherwise. Chosen: one
-consumes 0.5 % of the battery."""
+"""Decisions in which a robot without sensing drives its battery empty, unless `decision_s` says
+otherwise. Chosen: one consumes 0.5 % of the battery."""
 _FEWEST_DECISIONS, _MOST_DECISIONS = 5, 20_000
-"""Bounds of the same. With fewer, one decision is so much of the way that the moment to turn is a matter of luck; with
-more, an episode takes tens of thousands of steps. One second is allowed for every preset."""
+"""Bounds of the same. With fewer, one decision is so much of the way that the moment to turn is a
+matter of luck; with more, an episode takes tens of thousands of steps. One second is allowed for
+every preset."""
 _LONGEST = 5.0
-"""Longest time limit, over the time that the battery lasts at cruise. Chosen: what the features `modelled` and
-`charged` show ends at ten batteries, and the fastest sensing may double the consumption."""
+"""Longest time limit, over the time that the battery lasts at cruise. Chosen: what the features
+`modelled` and `charged` show ends at ten batteries, and the fastest sensing may double the
+consumption."""
 _REACH = 0.625
-"""Distance scale and length of generated routes, over d_max. Chosen a quarter above the half from which a robot comes
-home, so that the battery and not the end of the route limits it: of 1,000 missions out and back each, driven by
-`dmax_adaptive` (uncertain) and by `dmax_mapped` (known, also with hidden wind), none reached the end."""
+"""Distance scale and length of generated routes, over d_max. Chosen a quarter above the half from
+which a robot comes home, so that the battery and not the end of the route limits it: of 1,000
+missions out and back each, driven by `dmax_adaptive` (uncertain) and by `dmax_mapped` (known, also
+with hidden wind), none reached the end."""
 _MOST_CROSSINGS = 10_000
-"""Places that may be crossed in one decision: each is an iteration of the kernel. Chosen: they take about 2 ms."""
+"""Places that may be crossed in one decision: each is an iteration of the kernel. Chosen: they take
+about 2 ms."""
 _HALF_INFORMATION = 0.25
-"""Samples per metre that yield half of the information, over those of the fastest rate at cruise. Chosen so that the
-five sensing levels yield 0, 1/2, 2/3, 3/4 and 4/5 at cruise."""
+"""Samples per metre that yield half of the information, over those of the fastest rate at cruise.
+Chosen so that the five sensing levels yield 0, 1/2, 2/3, 3/4 and 4/5 at cruise."""
 _MEMORY = 0.1
-"""Samples that fit on board, over those of the fastest rate while the battery lasts at cruise. Chosen so that the
-highest level fills it in a tenth of that time, and moderate sensing does not. Of 1,000 missions (uncertain), driven
-until the battery is empty with the speed of `dmax_adaptive`, level 4 throughout overflows it in 48 % and level 2 in 15
-%; with its own levels `dmax_adaptive` loses nothing."""
+"""Samples that fit on board, over those of the fastest rate while the battery lasts at cruise.
+Chosen so that the highest level fills it in a tenth of that time, and moderate sensing does not. Of
+1,000 missions (uncertain), driven until the battery is empty with the speed of `dmax_adaptive`,
+level 4 throughout overflows it in 48 % and level 2 in 15 %; with its own levels `dmax_adaptive`
+loses nothing."""
 _RADIO = 0.25
-"""Samples that the radio sends at base, over those of the fastest rate. Chosen so that a standing robot there keeps up
-with level 1, and a driving one with none."""
+"""Samples that the radio sends at base, over those of the fastest rate. Chosen so that a standing
+robot there keeps up with level 1, and a driving one with none."""
 _LINK = 0.25
-"""Distance at which the radio is half as fast, over the distance scale. Chosen so that a stop to send gains near base
-and little from where a robot turns: at half of d_max 9 % of the rate are left. `dmax_adaptive` sends 47 % of its
-information (1,000 missions, uncertain) and carries the rest home."""
+"""Distance at which the radio is half as fast, over the distance scale. Chosen so that a stop to
+send gains near base and little from where a robot turns: at half of d_max 9 % of the rate are left.
+`dmax_adaptive` sends 47 % of its information (1,000 missions, uncertain) and carries the rest
+home."""
 
 
 class OptionError(ValueError):
@@ -88,7 +104,8 @@ class OptionError(ValueError):
 
 
 class RenderModeError(OptionError, TypeError):
-    """An unknown render mode; also a `TypeError`, after which stable-baselines3 continues without rendering."""
+    """An unknown render mode; also a `TypeError`, after which stable-baselines3 continues without
+    rendering."""
 
 
 @dataclass(frozen=True)
@@ -98,33 +115,37 @@ class Options:
     Attributes:
         mission: `OutAndBack`, `Survey` or `Patrol`; set by the id.
         robot: Preset name, path of a robot file, or a `Robot`.
-        route: `generated`, `hidden_wind` (generated, with a tail wind on the way out that the forecast lacks), the name
-            of a shipped profile, the path of a CSV profile or of a track (GPX, FIT, or CSV with positions), or a
-            `Route`. At `known`, wind acts only on robots with the effect `wind`; at `uncertain` and `harsh`, on all.
-        difficulty: `known` (as in the files, route and wind known), `uncertain` (battery health, rolling resistance,
-            payload and wind hidden, changing weather, the route seen a little ahead and forecast beyond) or
-            `harsh` (also rough patches); see `homeward.envs.conditions.difficulty`.
-        instruments: Instruments of the robot: `exact`, `meter`, `gauge`, `any_gauge`, the path of a TOML file with
-            sizes, or `Instruments`; by default those of the difficulty: `exact` for `known`, `meter` for `uncertain`
-            and `any_gauge` for `harsh`.
-        weather: `still` (as at the start) or `changing` (`homeward.envs.conditions.weather`); by default that of the
-            difficulty. Nothing changes at `known`.
-        action_type: `discrete` (`MultiDiscrete`), `continuous` (`Box`) or `flat` (`Discrete`: the combinations of
-            `discrete` as one list, for learners such as DQN).
+        route: `generated`, `hidden_wind` (generated, with a tail wind on the way out that the
+            forecast lacks), the name of a shipped profile, the path of a CSV profile or of a track
+            (GPX, FIT, or CSV with positions), or a `Route`. At `known`, wind acts only on robots
+            with the effect `wind`; at `uncertain` and `harsh`, on all.
+        difficulty: `known` (as in the files, route and wind known), `uncertain` (battery health,
+            rolling resistance, payload and wind hidden, changing weather, the route seen a little
+            ahead and forecast beyond) or `harsh` (also rough patches); see
+            `homeward.envs.conditions.difficulty`.
+        instruments: Instruments of the robot: `exact`, `meter`, `gauge`, `any_gauge`, the path of a
+            TOML file with sizes, or `Instruments`; by default those of the difficulty: `exact` for
+            `known`, `meter` for `uncertain` and `any_gauge` for `harsh`.
+        weather: `still` (as at the start) or `changing` (`homeward.envs.conditions.weather`); by
+            default that of the difficulty. Nothing changes at `known`.
+        action_type: `discrete` (`MultiDiscrete`), `continuous` (`Box`) or `flat` (`Discrete`: the
+            combinations of `discrete` as one list, for learners such as DQN).
         shaping: `dmax` (potential-based, from d_max) or `none` (only the score on coming home).
         discount: Discount factor of the shaping, in (0, 1].
-        decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts at cruise, and
-            between a 20,000th and a fifth of it.
-        randomise: `generic` (robots within the ranges of the difficulty) or, from `uncertain` on, `file` (robots drawn
-            with the uncertainty in the table `[uncertainty]` of the robot's file, and its instruments).
-        true_robot: The robot that is simulated, if it is not `robot`: the map of the way home and the commands are
-            those of `robot`, the consumption is not.
-        scaled_for: The robot for which lengths, times and memory are scaled, if it is not `robot`: different robots
-            then have the same routes and limits.
-        docks: Charging places (`homeward.envs.docks`): pairs of position along the route (m) and power of the charger
-            (W), or their text `POSITION:POWER,...`. A robot that stands at one charges.
-        time_limit_s: Time limit of a mission, s, in whole decisions; by default twice the time that the battery lasts
-            at cruise. Missions with docks need one, as no battery limits them.
+        decision_s: Time between decisions, s; by default a 200th of the time that the battery lasts
+            at cruise, and between a 20,000th and a fifth of it.
+        randomise: `generic` (robots within the ranges of the difficulty) or, from `uncertain` on,
+            `file` (robots drawn with the uncertainty in the table `[uncertainty]` of the robot's
+            file, and its instruments).
+        true_robot: The robot that is simulated, if it is not `robot`: the map of the way home and
+            the commands are those of `robot`, the consumption is not.
+        scaled_for: The robot for which lengths, times and memory are scaled, if it is not `robot`:
+            different robots then have the same routes and limits.
+        docks: Charging places (`homeward.envs.docks`): pairs of position along the route (m) and
+            power of the charger (W), or their text `POSITION:POWER,...`. A robot that stands at one
+            charges.
+        time_limit_s: Time limit of a mission, s, in whole decisions; by default twice the time that
+            the battery lasts at cruise. Missions with docks need one, as no battery limits them.
 
     Raises:
         OptionError: A value is not allowed.
@@ -156,7 +177,9 @@ class Options:
             ("randomise", self.randomise, RANDOMISATIONS),
         ):
             if not isinstance(value, str) or value not in allowed:
-                raise OptionError(f"{name} = {value!r} is not allowed; choose from {', '.join(allowed)}")
+                raise OptionError(
+                    f"{name} = {value!r} is not allowed; choose from {', '.join(allowed)}"
+                )
         object.__setattr__(self, "discount", _number("discount", self.discount, 1.0))
         if self.instruments is not None:
             try:
@@ -171,7 +194,9 @@ class Options:
         except DockError as error:
             raise OptionError(str(error)) from None
         if self.docks and self.time_limit_s is None:
-            raise OptionError("docks need a time limit, as no battery ends the mission; give one in seconds")
+            raise OptionError(
+                "docks need a time limit, as no battery ends the mission; give one in seconds"
+            )
 
 
 def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Options:
@@ -189,7 +214,9 @@ def parse_options(keywords: dict[str, Any], others: tuple[str, ...] = ()) -> Opt
         if name not in (*names, "mission"):
             close = difflib.get_close_matches(name, names, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
-            raise OptionError(f"unknown keyword {name!r}{hint}; allowed: {', '.join((*names, *others))}")
+            raise OptionError(
+                f"unknown keyword {name!r}{hint}; allowed: {', '.join((*names, *others))}"
+            )
     return Options(**keywords)
 
 
@@ -206,10 +233,16 @@ def check_reset_options(options: Any, allowed: tuple[str, ...] = ()) -> None:
     if options is None:
         return
     if not isinstance(options, dict):
-        raise OptionError(f"options = {options!r} of reset is not allowed; give a dictionary or None")
+        raise OptionError(
+            f"options = {options!r} of reset is not allowed; give a dictionary or None"
+        )
     unknown = [name for name in options if name not in allowed]
     if unknown:
-        known = f"it knows {', '.join(allowed)}" if allowed else "it knows none; options of missions are given to make"
+        known = (
+            f"it knows {', '.join(allowed)}"
+            if allowed
+            else "it knows none; options of missions are given to make"
+        )
         raise OptionError(f"reset does not know the option {unknown[0]!r}; {known}")
 
 
@@ -260,9 +293,9 @@ def known_of(options: Options) -> Known:
 def constants_of(options: Options) -> tuple[Known, Hidden]:
     """Constants of an environment.
 
-    Everything scales with the robot, or with `scaled_for`: distances with its d_max, times with its battery's duration,
-    information and memory with its fastest sensing rate, so that a mission takes a few hundred decisions with any
-    robot.
+    Everything scales with the robot, or with `scaled_for`: distances with its d_max, times with its
+    battery's duration, information and memory with its fastest sensing rate, so that a mission
+    takes a few hundred decisions with any robot.
 
     Raises:
         RobotError, RouteError, OptionError, InstrumentError: An option is invalid.
@@ -286,7 +319,11 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     interest = MEAN_INTEREST
     is_generated = isinstance(options.route, str) and options.route in (GENERATED, HIDDEN_WIND)
     if not is_generated:
-        route = options.route if isinstance(options.route, Route) else load_route(options.route, length_m / places)
+        route = (
+            options.route
+            if isinstance(options.route, Route)
+            else load_route(options.route, length_m / places)
+        )
         _check_route(route, scale, mission, range_m, decision_s)
         _write(route, h["fixed"])
         places = len(route.grade_rad)
@@ -350,7 +387,13 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     for inverse, name in INVERSES.items():
         if s[name]:
             s[inverse] = 1.0 / s[name]
-    known = Known(mission=options.mission, robot=robot, shared=shared, difficulty=difficulty, instruments=instruments)
+    known = Known(
+        mission=options.mission,
+        robot=robot,
+        shared=shared,
+        difficulty=difficulty,
+        instruments=instruments,
+    )
     return known, Hidden(robot=truth, record=hidden)
 
 
@@ -362,11 +405,15 @@ def _robot(given: Any) -> Robot:
     """
     robot = load_robot(given)
     if not np.isfinite(d_max(robot)):
-        raise OptionError(f"robot {robot.name!r} never runs empty on level ground; check its effects")
+        raise OptionError(
+            f"robot {robot.name!r} never runs empty on level ground; check its effects"
+        )
     return robot
 
 
-def _difficulty(options: Options, robot: Robot, decision_s: float) -> tuple[Difficulty, Instruments]:
+def _difficulty(
+    options: Options, robot: Robot, decision_s: float
+) -> tuple[Difficulty, Instruments]:
     """What varies between missions, and the instruments, with what other options change of them."""
     difficulty = DIFFICULTY[options.difficulty]
     if options.weather == "still":
@@ -397,7 +444,8 @@ def _write_robot(robot: Robot, s: Any) -> None:
 
 
 def _mission_range_m(robot: Robot, mission: Mission, duty: float) -> float:
-    """Range of a robot on a mission at cruise, m: with its pit stops, and half of the fastest sensing rate."""
+    """Range of a robot on a mission at cruise, m: with its pit stops, and half of the fastest
+    sensing rate."""
     sensing_hz = 0.0
     if mission.senses:
         sensing_hz = 0.5 * robot.max_sensing_hz
@@ -409,15 +457,17 @@ def _by_file(
 ) -> tuple[Difficulty, Instruments]:
     """Ranges and instruments of the robot's file; what it lacks is that of the difficulty.
 
-    A range is that of a uniform distribution with the file's standard deviation. Instruments are the file's own if the
-    time between decisions is given, because a reading is then a mean over it.
+    A range is that of a uniform distribution with the file's standard deviation. Instruments are
+    the file's own if the time between decisions is given, because a reading is then a mean over it.
     """
     uncertainty = robot.uncertainty
     if uncertainty is None or uncertainty.of == "charge" or difficulty.route_is_known:
         why = f"{robot.name!r} has no table [uncertainty] of energy or force"
         if difficulty.route_is_known and uncertainty is not None:
             why = "nothing is hidden at `known`"
-        raise OptionError(f"randomise = 'file' is not allowed: {why}; give the corrected.toml of a diagnosis")
+        raise OptionError(
+            f"randomise = 'file' is not allowed: {why}; give the corrected.toml of a diagnosis"
+        )
 
     def around(middle: float, name: str, otherwise: Uniform, between_runs: float = 0.0) -> Uniform:
         variance = uncertainty.variance(name)
@@ -449,7 +499,9 @@ def _by_file(
     return difficulty, replace(instruments, **sizes)
 
 
-def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Difficulty, s: Any) -> None:
+def _write_instruments(
+    instruments: Instruments, robot: Robot, difficulty: Difficulty, s: Any
+) -> None:
     s["inexact"] = instruments != Instruments()
     for name in ("soc_noise", "power_gain", "power_noise", "speed_noise", "grade_noise"):
         s[name] = getattr(instruments, name)
@@ -463,7 +515,8 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
     sensing_w = float(ancillary_power(robot, robot.max_sensing_hz) - ancillary_power(robot, 0.0))
     full_w = driving_w + sensing_w
     s["power_offset_w"] = instruments.power_offset * full_w[0]
-    # A metered joule is 1 / (health * gain) of a joule by the file: mean and deviation to first order.
+    # A metered joule is 1 / (health * gain) of a joule by the file: mean and deviation to first
+    # order.
     health = difficulty.health
     health_sd = health.deviation / health.mean
     s["soc_per_metered"] = (1.0 + health_sd**2) / health.mean
@@ -476,7 +529,8 @@ def _write_instruments(instruments: Instruments, robot: Robot, difficulty: Diffi
 
 
 def _write_gauges(instruments: Instruments, robot: Robot, s: Any) -> None:
-    """Write the gauges that a robot can have: those that map a voltage only if it changes with the charge."""
+    """Write the gauges that a robot can have: those that map a voltage only if it changes with the
+    charge."""
     fitting = [GAUGES[name] for name in instruments.gauges if suits(GAUGES[name], robot)]
     if not fitting:
         raise OptionError(
@@ -484,11 +538,20 @@ def _write_gauges(instruments: Instruments, robot: Robot, s: Any) -> None:
             "give its chemistry and cells_in_series, or another gauge"
         )
     lasts_s = robot.usable_energy_j / float(s["cruise_w"])
-    s["soc_error"] = np.sqrt(np.mean([rms_error(gauge, robot, lasts_s, RISE) ** 2 for gauge in fitting]))
+    s["soc_error"] = np.sqrt(
+        np.mean([rms_error(gauge, robot, lasts_s, RISE) ** 2 for gauge in fitting])
+    )
     s["resistance_ohm"] = resistance_ohm(robot)
     s["gauge_count"] = len(fitting)
     for gauge, record in zip(fitting, s["gauges"], strict=False):
-        write_gauge(gauge, robot, instruments.soc_step, instruments.soc_lag_s, float(s["decision_s"]), record)
+        write_gauge(
+            gauge,
+            robot,
+            instruments.soc_step,
+            instruments.soc_lag_s,
+            float(s["decision_s"]),
+            record,
+        )
 
 
 def _decision_s(options: Options, robot: Robot, lasts_s: float) -> float:
@@ -517,7 +580,9 @@ def _max_decisions(options: Options, robot: Robot, lasts_s: float, decision_s: f
     return int(options.time_limit_s / decision_s * (1.0 + 1e-12))
 
 
-def _check_route(route: Route, robot: Robot, mission: Mission, range_m: float, decision_s: float) -> None:
+def _check_route(
+    route: Route, robot: Robot, mission: Mission, range_m: float, decision_s: float
+) -> None:
     shortest_m = float(f"{robot.max_speed_mps * decision_s / _MOST_CROSSINGS:.1g}")
     if route.place_m < shortest_m:
         raise RouteError(

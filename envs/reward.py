@@ -1,10 +1,10 @@
 """The reward: the score of a mission, and the potential that shapes it.
 
-A decision that brings the robot home is rewarded with the score over that of a good mission. Every decision is rewarded
-with `discount * potential after - potential before`, which does not change the ranking of policies (Ng, Harada,
-Russell, Policy invariance under reward transformations, ICML 1999). The potential uses the true energy, the true way
-home and the interest ahead, not readings. It is a function of the mission's state, as the theorem requires, and is
-available in training only.
+A decision that brings the robot home is rewarded with the score over that of a good mission. Every
+decision is rewarded with `discount * potential after - potential before`, which does not change the
+ranking of policies (Ng, Harada, Russell, Policy invariance under reward transformations, ICML
+1999). The potential uses the true energy, the true way home and the interest ahead, not readings.
+It is a function of the mission's state, as the theorem requires, and is available in training only.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ _attainable = by_mission("attainable", "mission, route, shared, margin_j")
 
 @inline
 def attainable(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
-    """Score that the mission may still add with energy beyond the way home; none once it returns."""
+    """Score that the mission may still add with energy beyond the way home; none once it
+    returns."""
     if mission.returning:
         return 0.0
     return _attainable(mission, route, shared, margin_j)
@@ -33,10 +34,11 @@ def attainable(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
 
 @inline
 def potential(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
-    """Potential of a state, from d_max: the score so far and the attainable score, if the way home is still possible.
+    """Potential of a state, from d_max: the score so far and the attainable score, if the way home
+    is still possible.
 
-    It falls to zero as the energy falls short of the way home by a fiftieth of the battery (chosen: four decisions at
-    cruise): in training, a turn that is too late is penalised at once.
+    It falls to zero as the energy falls short of the way home by a fiftieth of the battery (chosen:
+    four decisions at cruise): in training, a turn that is too late is penalised at once.
     """
     fits = min(max(1.0 + 50.0 * margin_j * shared.per_usable_j, 0.0), 1.0)
     return fits * (mission.score + attainable(mission, route, shared, margin_j)) * shared.per_score

@@ -36,7 +36,9 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
 
     metadata = {"render_modes": list(MODES), "render_fps": FRAMES_PER_S}  # noqa: RUF012 (as Gymnasium has it)
 
-    def __init__(self, *, mission: str = "Survey", render_mode: str | None = None, **options: Any) -> None:
+    def __init__(
+        self, *, mission: str = "Survey", render_mode: str | None = None, **options: Any
+    ) -> None:
         self.render_mode = render_mode
         self.options = parse_options({"mission": mission, **options}, ("render_mode",))
         self.observation_space: Any = observation_space(bool(self.options.docks))
@@ -81,7 +83,9 @@ class HomewardEnv(gym.Env[NDArray[np.float32], NDArray[Any]]):
         """
         batch = self.batch
         if not batch.generators or batch.records["over"][0]:
-            raise gym.error.ResetNeeded("the mission is over or has not begun; call reset() before step()")
+            raise gym.error.ResetNeeded(
+                "the mission is over or has not begun; call reset() before step()"
+            )
         observations = np.empty(self._observation_shape, np.float32)
         actions = np.asarray(action)[None]
         parts = unflatten_actions(actions) if self._flat else actions

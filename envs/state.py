@@ -1,4 +1,5 @@
-"""Records of the environments: one mission, one place of a route, and what all missions of an env share."""
+"""Records of the environments: one mission, one place of a route, and what all missions of an env
+share."""
 
 from __future__ import annotations
 
@@ -12,10 +13,12 @@ from homeward.physics.robot import ROBOT_DTYPE
 STOP, GO, RETURN = range(3)
 
 AHEAD = ((1, 2), (2, 3), (3, 5), (5, 9), (9, 17), (17, 33), (33, 65))
-"""Stretches of the way ahead whose mean grade and interest are observed: first and after-last place from here. The
-farther, the coarser; together they hold the longest route. Chosen: each as long as all before it."""
+"""Stretches of the way ahead whose mean grade and interest are observed: first and after-last place
+from here. The farther, the coarser; together they hold the longest route. Chosen: each as long as
+all before it."""
 IN_SIGHT = 2
-"""Stretches that are seen; beyond, there is a forecast, unless the route is known. Chosen: two places."""
+"""Stretches that are seen; beyond, there is a forecast, unless the route is known. Chosen: two
+places."""
 
 PLACE_DTYPE = np.dtype(
     [
@@ -28,13 +31,16 @@ PLACE_DTYPE = np.dtype(
         ("interest", np.float32),
         # Readings of the robot and, from its first visit on, its own predictions.
         ("sine_read", np.float32),  # of the grade
-        ("home_cost_j", np.float32),  # from the start of this place home; this and the rest by the robot's own model
+        # from the start of this place home; this and the rest by the robot's own model
+        ("home_cost_j", np.float32),
         ("home_j_per_m", np.float32),  # towards home, all power
         ("back_j_per_m", np.float32),  # towards home, drive only
         ("out_j_per_m", np.float32),  # away from home, drive only
         ("standing_w", np.float32),  # standing here, nothing sensed
-        ("interest_to_here", np.float32),  # see `homeward.envs.kernel`; this and the next two for the potential
-        ("true_home_cost_j", np.float32),  # as home_cost_j and home_j_per_m, by the true robot on the true ground
+        # see `homeward.envs.kernel`; this and the next two for the potential
+        ("interest_to_here", np.float32),
+        # as home_cost_j and home_j_per_m, by the true robot on the true ground
+        ("true_home_cost_j", np.float32),
         ("true_home_j_per_m", np.float32),
         ("unused", np.float32, (3,)),  # to the end of the second line
         ("sine_ahead", np.float32, (len(AHEAD),)),  # means, as they are seen or forecast from here
@@ -42,7 +48,8 @@ PLACE_DTYPE = np.dtype(
     ],
     align=True,
 )
-"""One place of a route. It fills two cache lines of the processor, because each takes time to load."""
+"""One place of a route. It fills two cache lines of the processor, because each takes time to
+load."""
 
 MISSION_DTYPE = np.dtype(
     [
@@ -66,7 +73,8 @@ MISSION_DTYPE = np.dtype(
         ("mean_north_mps", np.float64),
         ("gust_east_mps", np.float64),  # present deviation of the wind from its mean
         ("gust_north_mps", np.float64),
-        ("gust_keeps", np.float64),  # its autocorrelation over a decision, and deviation of its change
+        # its autocorrelation over a decision, and deviation of its change
+        ("gust_keeps", np.float64),
         ("gust_kick", np.float64),
         ("forecast_east_mps", np.float64),  # of the wind at the start
         ("forecast_north_mps", np.float64),
@@ -75,16 +83,20 @@ MISSION_DTYPE = np.dtype(
         ("meter_offset_w", np.float64),
         ("soc_followed", np.float64),  # lagged state of charge, before noise and rounding
         ("soc_lowest", np.float64),  # reading so far, or `gauges.LOST`
-        ("metered_followed", np.float64),  # metered energy with the same lag, as a share of a full battery
-        ("sum_used_metered", np.float64),  # sums over the readings, to estimate the metered energy of a full battery
+        # metered energy with the same lag, as a share of a full battery
+        ("metered_followed", np.float64),
+        # sums over the readings, to estimate the metered energy of a full battery
+        ("sum_used_metered", np.float64),
         ("sum_metered_squared", np.float64),
         ("soc", np.float64),  # read
         ("metered", np.float64),  # state of charge by the meter
         ("metered_j", np.float64),  # energy by the meter since the start
         ("supplied_j", np.float64),  # energy that chargers supplied, by their meters
-        ("charged", np.float64),  # the same as a share of a full battery, by the estimate of `metered`
+        # the same as a share of a full battery, by the estimate of `metered`
+        ("charged", np.float64),
         ("gauge", np.int64),  # which one the mission has
-        ("gauge_reset_left", np.float64),  # share of charge at which it is set anew; 0 if it is not, or was
+        # share of charge at which it is set anew; 0 if it is not, or was
+        ("gauge_reset_left", np.float64),
         ("gauge_shift", np.float64),  # what it shows too much since
         ("read_w", np.float64),
         ("read_mps", np.float64),
@@ -116,8 +128,9 @@ MAX_PLACES = 64
 generated route; a place takes 128 bytes in every mission."""
 
 ROUTE_DTYPE = np.dtype([("places", PLACE_DTYPE, (MAX_PLACES,)), ("apart", PLACE_DTYPE)], align=True)
-"""The route of one mission; the shared record says how many places it has. The last field keeps routes from lying at
-multiples of a power of two, where they would evict each other from the caches."""
+"""The route of one mission; the shared record says how many places it has. The last field keeps
+routes from lying at multiples of a power of two, where they would evict each other from the
+caches."""
 
 MOST_DOCKS = 8
 """Most docks of a route. Chosen: their table stays in a few cache lines."""
@@ -140,7 +153,8 @@ INVERSES = {
     "per_return_decisions": "return_decisions",
     "per_cruise_w": "cruise_w",
 }
-"""Fields of the shared record that hold the inverse of another: a step has no time for divisions."""
+"""Fields of the shared record that hold the inverse of another: a step has no time for
+divisions."""
 
 SHARED_DTYPE = np.dtype(
     [
@@ -175,18 +189,22 @@ SHARED_DTYPE = np.dtype(
         ("information_per_m", np.float64),  # expected, for the potential
         ("score_scale", np.float64),  # score of a good mission
         ("discount", np.float64),
-        ("drag_j_per_m", np.float64),  # drive energy per metre against drag at 1 m/s, by the robot's own model
+        # drive energy per metre against drag at 1 m/s, by the robot's own model
+        ("drag_j_per_m", np.float64),
         # Sizes of the instruments' errors, see `homeward.envs.conditions.instruments`.
         ("soc_noise", np.float64),
-        ("soc_error", np.float64),  # root mean square of what the gauges show beyond what a counter shows
-        ("soc_lag_decisions", np.float64),  # lag of the state of charge, and share of a difference that is
+        # root mean square of what the gauges show beyond what a counter shows
+        ("soc_error", np.float64),
+        # lag of the state of charge, and share of a difference that is
+        ("soc_lag_decisions", np.float64),
         ("soc_keeps", np.float64),  # left after a decision
         ("power_gain", np.float64),
         ("power_offset_w", np.float64),
         ("power_noise", np.float64),
         ("speed_noise", np.float64),
         ("grade_noise", np.float64),
-        ("soc_per_metered", np.float64),  # prior: state of charge used over energy by the meter, as shares
+        # prior: state of charge used over energy by the meter, as shares
+        ("soc_per_metered", np.float64),
         ("soc_prior", np.float64),  # weight of that, as a sum of squares of metered shares
         *((name, np.float64) for name in INVERSES),
         ("curve", CURVE_DTYPE),  # of the robot's file
@@ -201,11 +219,14 @@ SHARED_DTYPE = np.dtype(
 """Constants that all missions of an environment share, and that agents know."""
 
 UNIFORM_DTYPE = np.dtype([("low", np.float64), ("span", np.float64)])
-DRAWN_DTYPE = np.dtype([(name, UNIFORM_DTYPE) for name in ("health", "rolling", "payload", "surface")])
+DRAWN_DTYPE = np.dtype(
+    [(name, UNIFORM_DTYPE) for name in ("health", "rolling", "payload", "surface")]
+)
 
 HIDDEN_DTYPE = np.dtype(
     [
-        ("own_robots", np.bool_),  # whether missions have true robots that are not the one of the file
+        # whether missions have true robots that are not the one of the file
+        ("own_robots", np.bool_),
         ("forecast_errs", np.bool_),
         ("weather_changes", np.bool_),
         ("generated", np.bool_),  # whether every mission has a route of its own
@@ -215,7 +236,8 @@ HIDDEN_DTYPE = np.dtype(
         ("temperature_c", np.float64),  # of a given route, and its wind
         ("wind_mps", np.float64),
         ("wind_from_rad", np.float64),
-        ("truth", ROBOT_DTYPE),  # the robot around which the true ones are drawn, by default the nominal one
+        # the robot around which the true ones are drawn, by default the nominal one
+        ("truth", ROBOT_DTYPE),
         ("fixed", ROUTE_DTYPE),  # the route of every mission, unless routes are generated
     ],
     align=True,

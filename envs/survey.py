@@ -23,7 +23,11 @@ def score(mission: Any, shared: Any) -> Any:
 def attainable(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
     """Information ahead, sensed evenly, and as often as memory and radio allow."""
     way_m = room_m(mission, shared, margin_j)
-    radio_hz = sensing.DRIVING_LINK * shared.radio_hz / sensing.fading(mission.position_m, shared.per_link_m)
+    radio_hz = (
+        sensing.DRIVING_LINK
+        * shared.radio_hz
+        / sensing.fading(mission.position_m, shared.per_link_m)
+    )
     room = shared.backlog_limit - mission.backlog + radio_hz * way_m / shared.cruise_mps
     samples = min(room, shared.max_sensing_hz * way_m / shared.cruise_mps)
     end_m = mission.position_m + way_m

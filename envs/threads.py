@@ -1,4 +1,5 @@
-"""Number of threads that step a batch: several where that is faster, and one where they would wait for each other."""
+"""Number of threads that step a batch: several where that is faster, and one where they would wait
+for each other."""
 
 from __future__ import annotations
 
@@ -11,29 +12,33 @@ from collections.abc import Iterator
 import numba
 
 _MISSIONS_A_THREAD = 128
-"""Missions below which stepping is faster than waking a thread: two threads gain from twice as many on
-(benchmarks/speed.py --only-threads of commit 8a8e0e2, docs/results.md: 1.15 times at 256)."""
+"""Missions below which stepping is faster than waking a thread: two threads gain from twice as many
+on (benchmarks/speed.py --only-threads of commit 8a8e0e2, docs/results.md: 1.15 times at 256)."""
 _CALIBRATION_S = 0.004
 _CALIBRATION_STEPS = 8
-"""Shortest time, and fewest steps, for which one thread is timed. Chosen: 0.8 % of the next, and a mean of eight."""
+"""Shortest time, and fewest steps, for which one thread is timed. Chosen: 0.8 % of the next, and a
+mean of eight."""
 _TRUST_S = 0.5
 """Time for which that measurement is used. Chosen: other work may begin or end within a second."""
 _PATIENCE_S = 0.001
 _CREDIT_S = 0.01
-"""Time, s, that several threads may lose against one before they are no longer used; and time, s, saved since they were
-tried that offsets such losses. The operating system occasionally lets any thread wait for some milliseconds. Chosen."""
+"""Time, s, that several threads may lose against one before they are no longer used; and time, s,
+saved since they were tried that offsets such losses. The operating system occasionally lets any
+thread wait for some milliseconds. Chosen."""
 _PAYBACK = 20.0
 _MOST_PAYBACK = 320.0
-"""Ratio of time on one thread to time lost by several, before these are tried again; the share lost is at most its
-inverse, 5 %. The ratio doubles with every try that fails, down to a share of 0.3 %. Chosen."""
+"""Ratio of time on one thread to time lost by several, before these are tried again; the share lost
+is at most its inverse, 5 %. The ratio doubles with every try that fails, down to a share of 0.3 %.
+Chosen."""
 
 
 class Threads:
     """Chooses between one thread and several by measured step times.
 
-    Several threads end a step together, so each waits for the slowest. With other busy processes or threads, the
-    slowest is one that the system keeps from running: a step then takes a hundred times as long. That cannot be
-    predicted, so both are timed: one thread occasionally, several as long as they are faster.
+    Several threads end a step together, so each waits for the slowest. With other busy processes or
+    threads, the slowest is one that the system keeps from running: a step then takes a hundred
+    times as long. That cannot be predicted, so both are timed: one thread occasionally, several as
+    long as they are faster.
 
     Args:
         missions: Number of missions in a step.
@@ -43,7 +48,8 @@ class Threads:
     """
 
     forked = False
-    """Whether this process was forked: the threads of its parent are gone, and OpenMP ends it where it needs others."""
+    """Whether this process was forked: the threads of its parent are gone, and OpenMP ends it where
+    it needs others."""
 
     def __init__(self, missions: int) -> None:
         if not Threads.forked:
@@ -73,10 +79,12 @@ class Threads:
     def _record_several(self, seconds: float) -> None:
         self._left_s -= seconds
         self._lost_s = max(self._lost_s + seconds - self._one_s, -_CREDIT_S)
-        if self._lost_s > _PATIENCE_S:  # they wait for each other: one thread, until what was lost is paid back
+        # they wait for each other: one thread, until what was lost is paid back
+        if self._lost_s > _PATIENCE_S:
             self._calibrate(self._payback * self._lost_s)
             self._payback = min(2.0 * self._payback, _MOST_PAYBACK)
-        elif self._left_s < 0.0:  # they are faster, but the time of one thread was measured long ago
+        # they are faster, but the time of one thread was measured long ago
+        elif self._left_s < 0.0:
             self._calibrate(_CALIBRATION_S)
             self._payback = _PAYBACK
 
@@ -99,7 +107,8 @@ class Threads:
 
     @contextlib.contextmanager
     def at_work(self) -> Iterator[None]:
-        """Let numba take so many threads, and no two steps of this process at a time: some of its layers cannot."""
+        """Let numba take so many threads, and no two steps of this process at a time: some of its
+        layers cannot."""
         allowed = numba.get_num_threads()
         with _AT_WORK:
             if self.number < allowed:
@@ -114,8 +123,8 @@ class Threads:
 def _start_threads() -> None:
     """Start numba's threads, and keep torch's number.
 
-    The start sets the number of OpenMP threads of the process, which torch shares: a `torch.set_num_threads(1)` before
-    would be undone by the first step on several threads.
+    The start sets the number of OpenMP threads of the process, which torch shares: a
+    `torch.set_num_threads(1)` before would be undone by the first step on several threads.
     """
     torch = sys.modules.get("torch")
     if torch is None:

@@ -21,7 +21,8 @@ from homeward.envs.options import OptionError, check_reset_options, parse_option
 class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any]]):
     """Missions side by side; equal, step for step, to scalar environments with the same seeds.
 
-    The arrays in `info` are read-only views of the running missions: copy what you keep beyond the next step.
+    The arrays in `info` are read-only views of the running missions: copy what you keep beyond the
+    next step.
 
     Args:
         num_envs: Number of missions.
@@ -46,16 +47,24 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         **options: Any,
     ) -> None:
         if not isinstance(num_envs, int) or num_envs < 1:
-            raise OptionError(f"num_envs = {num_envs!r} is not allowed; give a whole number of at least 1")
+            raise OptionError(
+                f"num_envs = {num_envs!r} is not allowed; give a whole number of at least 1"
+            )
         if render_mode is not None:
-            raise OptionError(f"render_mode = {render_mode!r} is not allowed here; render a scalar environment")
+            raise OptionError(
+                f"render_mode = {render_mode!r} is not allowed here; render a scalar environment"
+            )
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
             modes = ", ".join(mode.value for mode in AutoresetMode)
-            raise OptionError(f"autoreset_mode = {autoreset_mode!r} is not allowed; choose from {modes}") from None
+            raise OptionError(
+                f"autoreset_mode = {autoreset_mode!r} is not allowed; choose from {modes}"
+            ) from None
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.options = parse_options({"mission": mission, **options}, ("num_envs", "autoreset_mode", "render_mode"))
+        self.options = parse_options(
+            {"mission": mission, **options}, ("num_envs", "autoreset_mode", "render_mode")
+        )
         self.num_envs = num_envs
         self.render_mode = None
         self.single_observation_space = observation_space(bool(self.options.docks))
@@ -72,7 +81,10 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         self._observation_shape = (num_envs, *(self.single_observation_space.shape or ()))
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin new missions, all or those of `options["reset_mask"]`.
 
@@ -81,7 +93,8 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             options: `reset_mask`, bool of shape (num_envs,): which missions to restart.
 
         Raises:
-            OptionError: The seeds or the mask have the wrong length or type, or an option is not known.
+            OptionError: The seeds or the mask have the wrong length or type, or an option is not
+                known.
         """
         check_reset_options(options, ("reset_mask",))
         restarts = self._restarts(options)
@@ -97,11 +110,18 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
 
     def step(
         self, actions: NDArray[Any]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[
+        NDArray[np.float32],
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        NDArray[np.bool_],
+        dict[str, Any],
+    ]:
         """Step all missions; finished ones restart as the autoreset mode says.
 
         Raises:
-            OptionError: An action is not in the action space, or with autoreset disabled a mission is over.
+            OptionError: An action is not in the action space, or with autoreset disabled a mission
+                is over.
             gymnasium.error.ResetNeeded: No mission has begun.
         """
         if not self.batch.generators:
@@ -136,16 +156,22 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             return self._everyone
         mask = np.asarray(options["reset_mask"])
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-            raise OptionError(f"reset_mask must be a bool array of shape ({self.num_envs},) with at least one True")
+            raise OptionError(
+                f"reset_mask must be a bool array of shape ({self.num_envs},) with at least one True"
+            )
         if not self.batch.generators:
-            raise OptionError("a reset_mask needs missions that have begun; call reset() without one first")
+            raise OptionError(
+                "a reset_mask needs missions that have begun; call reset() without one first"
+            )
         return mask
 
     def _seed(self, seed: int | Sequence[int | None] | None, restarts: NDArray[np.bool_]) -> None:
         seeds = self._one_each(seed)
         if self.batch.generators and all(generator_seed is None for generator_seed in seeds):
             return
-        generators = list(self.batch.generators) or [seeding.np_random(generator_seed)[0] for generator_seed in seeds]
+        generators = list(self.batch.generators) or [
+            seeding.np_random(generator_seed)[0] for generator_seed in seeds
+        ]
         for i in np.flatnonzero(restarts):
             if seeds[i] is not None:
                 generators[i] = seeding.np_random(seeds[i])[0]
@@ -156,12 +182,20 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
             return [None] * self.num_envs
         numbers: Sequence[int | None]
         try:
-            numbers = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+            numbers = (
+                [seed + i for i in range(self.num_envs)]
+                if isinstance(seed, int | np.integer)
+                else seed
+            )
             seeds = [None if number is None else operator.index(number) for number in numbers]
         except TypeError:
-            raise OptionError(f"seed = {seed!r} is not allowed; give a whole number, or one a mission") from None
+            raise OptionError(
+                f"seed = {seed!r} is not allowed; give a whole number, or one a mission"
+            ) from None
         if len(seeds) != self.num_envs:
-            raise OptionError(f"{len(seeds)} seeds were given for {self.num_envs} missions; give one each")
+            raise OptionError(
+                f"{len(seeds)} seeds were given for {self.num_envs} missions; give one each"
+            )
         if any(number is not None and number < 0 for number in seeds):
             raise OptionError(f"seed = {seed!r} is not allowed; seeds are not negative")
         return seeds
@@ -175,7 +209,9 @@ class HomewardVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[Any
         mask = self._over.copy()
         info["final_obs"] = final
         info["_final_obs"] = mask
-        info["final_info"] = info_of(self.batch.records, live=False) | {f"_{key}": mask for key in INFO_KEYS}
+        info["final_info"] = info_of(self.batch.records, live=False) | {
+            f"_{key}": mask for key in INFO_KEYS
+        }
         info["_final_info"] = mask
         self.batch.reset(mask, observations)
         self._over[:] = False

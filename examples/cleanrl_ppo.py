@@ -1,6 +1,7 @@
 """PPO in one file, in the manner of CleanRL, on the native vector environment.
 
-`python examples/cleanrl_ppo.py --steps 2000000` prints how missions end as it learns. Needs homeward and torch.
+`python examples/cleanrl_ppo.py --steps 2000000` prints how missions end as it learns. Needs
+homeward and torch.
 """
 
 from __future__ import annotations
@@ -8,7 +9,9 @@ from __future__ import annotations
 try:
     from homeward.installed import needed
 except ModuleNotFoundError:
-    raise SystemExit("needs homeward: pip install -e '.[train]' in its checkout, or run .venv/bin/python") from None
+    raise SystemExit(
+        "needs homeward: pip install -e '.[train]' in its checkout, or run .venv/bin/python"
+    ) from None
 
 needed("train", "torch")
 
@@ -59,14 +62,16 @@ class Args:
 
 
 class Agent(nn.Module):
-    """Policy and value, two hidden layers each; an action is three choices: speed, sensing rate, stop / go / return."""
+    """Policy and value, two hidden layers each; an action is three choices: speed, sensing rate,
+    stop / go / return."""
 
     def __init__(self, features: int, choices: list[int]) -> None:
         super().__init__()
         self.choices = choices
         self.critic = network(features, 1, 1.0)
         self.actor = network(features, sum(choices), 0.01)
-        # A robot that may turn back at every decision hardly ever gets anywhere by chance: begin with one that goes on.
+        # A robot that may turn back at every decision hardly ever gets anywhere by chance: begin
+        # with one that goes on.
         with torch.no_grad():
             self.actor[-1].bias[-3:] = torch.tensor([-1.5, 2.0, -2.2])
 
@@ -76,13 +81,20 @@ class Agent(nn.Module):
 
     def policy(self, observations: Tensor) -> list[Categorical]:
         """Distribution of each choice."""
-        return [Categorical(logits=part) for part in self.actor(observations).split(self.choices, dim=-1)]
+        return [
+            Categorical(logits=part)
+            for part in self.actor(observations).split(self.choices, dim=-1)
+        ]
 
 
 def network(inputs: int, outputs: int, last_gain: float) -> nn.Sequential:
     """Two hidden layers of 64, initialised as PPO likes it."""
     layers: list[nn.Module] = []
-    for before, after, gain in ((inputs, 64, math.sqrt(2)), (64, 64, math.sqrt(2)), (64, outputs, last_gain)):
+    for before, after, gain in (
+        (inputs, 64, math.sqrt(2)),
+        (64, 64, math.sqrt(2)),
+        (64, outputs, last_gain),
+    ):
         layer = nn.Linear(before, after)
         nn.init.orthogonal_(layer.weight, gain)
         nn.init.zeros_(layer.bias)
@@ -92,11 +104,14 @@ def network(inputs: int, outputs: int, last_gain: float) -> nn.Sequential:
 
 def log_prob(policy: list[Categorical], actions: Tensor) -> Tensor:
     """Log probability of actions of shape (n, 3)."""
-    return torch.stack([one.log_prob(action) for one, action in zip(policy, actions.unbind(-1), strict=True)]).sum(0)
+    return torch.stack(
+        [one.log_prob(action) for one, action in zip(policy, actions.unbind(-1), strict=True)]
+    ).sum(0)
 
 
 def main(args: Args) -> list[float]:
-    """Train, and return the mean return of the missions that ended in each update; nan where none did."""
+    """Train, and return the mean return of the missions that ended in each update; nan where none
+    did."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(1)  # batches are small, and idle threads of the one starve the other
     numba.set_num_threads(1)
@@ -133,16 +148,25 @@ def main(args: Args) -> list[float]:
             rewards[t], dones[t] = torch.from_numpy(reward), torch.from_numpy(over)
             if over.any():
                 final = info["final_info"]
-                ended += [(returns[i], final["home"][i], final["stranded"][i]) for i in np.flatnonzero(over)]
+                ended += [
+                    (returns[i], final["home"][i], final["stranded"][i])
+                    for i in np.flatnonzero(over)
+                ]
                 returns[over] = 0.0
             # Out of time is not the end of the world: what would have followed counts.
             for i in np.flatnonzero(truncated & ~terminated):
                 with torch.no_grad():
-                    rewards[t, i] += args.gamma * agent.value(torch.from_numpy(info["final_obs"][i]))
+                    rewards[t, i] += args.gamma * agent.value(
+                        torch.from_numpy(info["final_obs"][i])
+                    )
             observation = torch.from_numpy(following)
 
         with torch.no_grad():
-            advantages, advantage, following_value = torch.zeros(shape), torch.zeros(()), agent.value(observation)
+            advantages, advantage, following_value = (
+                torch.zeros(shape),
+                torch.zeros(()),
+                agent.value(observation),
+            )
             for t in reversed(range(args.num_steps)):
                 goes_on = 1.0 - dones[t]
                 error = rewards[t] + args.gamma * goes_on * following_value - values[t]
@@ -150,14 +174,18 @@ def main(args: Args) -> list[float]:
                 advantages[t], following_value = advantage, values[t]
             targets = advantages + values
 
-        flat = [one.flatten(0, 1) for one in (observations, actions, log_probs, advantages, targets)]
+        flat = [
+            one.flatten(0, 1) for one in (observations, actions, log_probs, advantages, targets)
+        ]
         for _ in range(args.epochs):
             for rows in torch.randperm(args.num_steps * args.num_envs).chunk(args.minibatches):
                 seen, taken, old_log_prob, gain, target = (one[rows] for one in flat)
                 policy = agent.policy(seen)
                 ratio = (log_prob(policy, taken) - old_log_prob).exp()
                 gain = (gain - gain.mean()) / (gain.std() + 1e-8)
-                policy_loss = -torch.min(ratio * gain, ratio.clamp(1.0 - args.clip, 1.0 + args.clip) * gain).mean()
+                policy_loss = -torch.min(
+                    ratio * gain, ratio.clamp(1.0 - args.clip, 1.0 + args.clip) * gain
+                ).mean()
                 value_loss = 0.5 * (agent.value(seen) - target).square().mean()
                 optimizer.zero_grad()
                 (policy_loss + value_loss).backward()

@@ -1,10 +1,11 @@
 """PPO with a limit on stranding: a Lagrange multiplier weights the cost `info["cost"]`.
 
-`python examples/lagrangian_ppo.py --limit 0.02` maximises the score subject to at most 2 % of missions stranding. After
-every update the multiplier, which is what a stranding takes from the reward, rises while more of the last missions
-stranded and falls while fewer did (PPO-Lagrangian: Ray, Achiam, Amodei, Benchmarking Safe Exploration in Deep
-Reinforcement Learning, 2019). It prints multiplier, stranding and score on the way, and both on unseen missions at the
-end. Everything comes from the environments as they are: the reward, and the cost beside it.
+`python examples/lagrangian_ppo.py --limit 0.02` maximises the score subject to at most 2 % of
+missions stranding. After every update the multiplier, which is what a stranding takes from the
+reward, rises while more of the last missions stranded and falls while fewer did (PPO-Lagrangian:
+Ray, Achiam, Amodei, Benchmarking Safe Exploration in Deep Reinforcement Learning, 2019). It prints
+multiplier, stranding and score on the way, and both on unseen missions at the end. Everything comes
+from the environments as they are: the reward, and the cost beside it.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ from __future__ import annotations
 try:
     from homeward.installed import needed
 except ModuleNotFoundError:
-    raise SystemExit("needs homeward: pip install -e '.[train]' in its checkout, or run .venv/bin/python") from None
+    raise SystemExit(
+        "needs homeward: pip install -e '.[train]' in its checkout, or run .venv/bin/python"
+    ) from None
 
 needed("train", "torch", "stable_baselines3")
 
@@ -36,7 +39,8 @@ from homeward.envs.options import OptionError
 _LAST = 1000
 """Missions over which the rate of stranding is taken."""
 _STEP = 0.05
-"""Largest difference from the limit that moves the multiplier, so that the first missions do not wind it up."""
+"""Largest difference from the limit that moves the multiplier, so that the first missions do not
+wind it up."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,9 @@ class DualAscent(BaseCallback):
         if not env.costs:
             return
         rate = float(np.mean(env.costs))
-        env.multiplier = max(env.multiplier + args.gain * float(np.clip(rate - args.limit, -_STEP, _STEP)), 0.0)
+        env.multiplier = max(
+            env.multiplier + args.gain * float(np.clip(rate - args.limit, -_STEP, _STEP)), 0.0
+        )
         tenth = 10 * self.num_timesteps // args.steps
         if tenth > self._tenth:
             self._tenth = tenth
@@ -122,7 +128,8 @@ def train(args: Args) -> tuple[PPO, float]:
 
 
 def evaluate(model: PPO, args: Args) -> tuple[int, int, float]:
-    """How many missions stranded, of how many, and the mean score, of likeliest actions on unseen missions."""
+    """How many missions stranded, of how many, and the mean score, of likeliest actions on unseen
+    missions."""
     env = missions(args, 1 << 40)
     observations, costs, scores = env.reset(), [], []
     # Short missions end first: so that they do not count for more, each environment gives as many.
@@ -143,7 +150,8 @@ def main(args: Args) -> tuple[int, int, float]:
     Raises:
         OptionError: The environment is not known.
     """
-    torch.set_num_threads(1)  # the network is small: threads that wait for each other cost more than they give
+    # the network is small: threads that wait for each other cost more than they give
+    torch.set_num_threads(1)
     model, multiplier = train(args)
     stranded, episodes, score = evaluate(model, args)
     low, high = wilson(stranded, episodes)

@@ -1,8 +1,8 @@
 """Missions of a rule as a Minari data set, and a network that learns the rule from it.
 
 `pip install -e '.[examples,train]' -c constraints.txt`, then
-`python examples/minari_dataset.py --episodes 200`. The data set lies in Minari's folder (`MINARI_DATASETS_PATH`)
-and opens with `minari.load_dataset("homeward/survey-v0")`.
+`python examples/minari_dataset.py --episodes 200`. The data set lies in Minari's folder
+(`MINARI_DATASETS_PATH`) and opens with `minari.load_dataset("homeward/survey-v0")`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,9 @@ def record(args: Args) -> MinariDataset:
     missions = []
     for number in range(args.episodes):
         observation, _ = env.reset(seed=args.seed + number)
-        mission = EpisodeBuffer(id=number, seed=args.seed + number, observations=[observation], actions=[])
+        mission = EpisodeBuffer(
+            id=number, seed=args.seed + number, observations=[observation], actions=[]
+        )
         begun, over = True, False
         while not over:
             action = rule.act(observation[None], np.array([begun]))[0]
@@ -85,7 +87,8 @@ def record(args: Args) -> MinariDataset:
 
 
 def clone(dataset: MinariDataset, args: Args) -> tuple[nn.Sequential, float]:
-    """Learn to choose as the data set does; return the network and its share of right choices in missions apart."""
+    """Learn to choose as the data set does; return the network and its share of right choices in
+    missions apart."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(1)
     choices = dataset.action_space.nvec.tolist()
@@ -99,19 +102,27 @@ def clone(dataset: MinariDataset, args: Args) -> tuple[nn.Sequential, float]:
 
     observations, actions = stacked(episodes[apart:])
     network = nn.Sequential(
-        nn.Linear(observations.shape[1], 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, sum(choices))
+        nn.Linear(observations.shape[1], 64),
+        nn.Tanh(),
+        nn.Linear(64, 64),
+        nn.Tanh(),
+        nn.Linear(64, sum(choices)),
     )
     optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
     for _ in range(args.updates):
         rows = torch.randint(len(observations), (256,))
         parts = network(observations[rows]).split(choices, dim=-1)
-        losses = [nn.functional.cross_entropy(part, actions[rows, i]) for i, part in enumerate(parts)]
+        losses = [
+            nn.functional.cross_entropy(part, actions[rows, i]) for i, part in enumerate(parts)
+        ]
         optimizer.zero_grad()
         torch.stack(losses).sum().backward()
         optimizer.step()
     observations, actions = stacked(episodes[:apart])
     with torch.no_grad():
-        chosen = torch.stack([part.argmax(-1) for part in network(observations).split(choices, dim=-1)], dim=-1)
+        chosen = torch.stack(
+            [part.argmax(-1) for part in network(observations).split(choices, dim=-1)], dim=-1
+        )
     return network, float((chosen == actions).float().mean())
 
 
@@ -119,9 +130,13 @@ def main(args: Args) -> tuple[MinariDataset, float]:
     """Record, learn, and return the data set and the share of right choices."""
     dataset = record(args)
     mean = np.mean([one.rewards.sum() for one in dataset.iterate_episodes()])
-    print(f"{args.name}: {dataset.total_episodes} missions, {dataset.total_steps} decisions, return {mean:.3f}")
+    print(
+        f"{args.name}: {dataset.total_episodes} missions, {dataset.total_steps} decisions, return {mean:.3f}"
+    )
     _, right = clone(dataset, args)
-    print(f"a network learned from them chooses as {args.agent} does in {right:.1%} of choices in missions kept apart")
+    print(
+        f"a network learned from them chooses as {args.agent} does in {right:.1%} of choices in missions kept apart"
+    )
     return dataset, right
 
 

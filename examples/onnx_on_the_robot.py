@@ -1,7 +1,9 @@
-"""A trained policy on a robot without torch: `python examples/onnx_on_the_robot.py`, with the extra `onnx`.
+"""A trained policy on a robot without torch: `python examples/onnx_on_the_robot.py`, with the extra
+`onnx`.
 
-It exports the policy that ships, and lets it drive one mission from the file alone: onnxruntime runs the network, the
-beliefs run beside it, and the companion is updated with what the robot reads. An environment stands in for the robot.
+It exports the policy that ships, and lets it drive one mission from the file alone: onnxruntime
+runs the network, the beliefs run beside it, and the companion is updated with what the robot reads.
+An environment stands in for the robot.
 """
 
 from __future__ import annotations
@@ -9,7 +11,9 @@ from __future__ import annotations
 try:
     from homeward import installed  # noqa: F401 - it says in a line what is not installed
 except ModuleNotFoundError:
-    raise SystemExit("needs homeward: pip install -e '.[onnx]' in its checkout, or run .venv/bin/python") from None
+    raise SystemExit(
+        "needs homeward: pip install -e '.[onnx]' in its checkout, or run .venv/bin/python"
+    ) from None
 
 import math
 from dataclasses import dataclass
@@ -75,7 +79,9 @@ def main(args: Args) -> bool:
         action = encode_actions(env.batch.known, speed_mps, sensing_hz, MODES.index(mode))[0]
         _, _, terminated, truncated, info = env.step(action)
         over, decisions = terminated or truncated, decisions + 1
-    print(f"{'home' if info['home'] else 'not home'} after {decisions} decisions, score {info['score']:.0f}")
+    print(
+        f"{'home' if info['home'] else 'not home'} after {decisions} decisions, score {info['score']:.0f}"
+    )
     return bool(info["home"])
 
 

@@ -1,7 +1,8 @@
 """From nothing to a mission that you can watch, in some seconds: `python examples/quickstart.py`.
 
-It asks the model how far the robot gets, makes an environment, lets the rule `dmax_adaptive` drive one mission, says
-what came of it and where the energy went, and writes the mission as runs/quickstart/mission.gif.
+It asks the model how far the robot gets, makes an environment, lets the rule `dmax_adaptive` drive
+one mission, says what came of it and where the energy went, and writes the mission as
+runs/quickstart/mission.gif.
 """
 
 from __future__ import annotations
@@ -9,7 +10,9 @@ from __future__ import annotations
 try:
     import homeward
 except ModuleNotFoundError:
-    raise SystemExit("needs homeward: pip install -e '.[view]' in its checkout, or run .venv/bin/python") from None
+    raise SystemExit(
+        "needs homeward: pip install -e '.[view]' in its checkout, or run .venv/bin/python"
+    ) from None
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,7 +48,9 @@ def main(args: Args) -> Path:
     """Drive one mission and return the path of its clip."""
     # The model: how far on one charge?
     robot = homeward.load_robot(args.robot)
-    print(f"{robot.name}: {quantities.distance(float(homeward.physics.d_max(robot)))} on one charge, on the flat")
+    print(
+        f"{robot.name}: {quantities.distance(float(homeward.physics.d_max(robot)))} on one charge, on the flat"
+    )
 
     # The environment, as any of Gymnasium's, and an agent that needs no training.
     env = gym.make(args.env, robot=robot, difficulty=args.difficulty, render_mode="rgb_array")
@@ -63,7 +68,9 @@ def main(args: Args) -> Path:
     # What came of it. Only a robot that gets home scores.
     ending = "home" if info["home"] else "stranded" if info["stranded"] else "out of time"
     score = info["score"] if info["home"] else 0.0
-    print(f"{args.agent}: {ending} after {len(frames) - 1} decisions, score {quantities.count(score)}")
+    print(
+        f"{args.agent}: {ending} after {len(frames) - 1} decisions, score {quantities.count(score)}"
+    )
     used = info["energy_j"]
     for cause, joules in sorted(used.items(), key=lambda one: -one[1]):
         if joules > 0.001 * used.total():

@@ -1,8 +1,8 @@
 """PPO of RLlib on an environment of homeward.
 
 `pip install -e '.[examples,train]' -c constraints.txt`, then
-`python examples/rllib_ppo.py --iterations 50`. Not `ray[rllib]`: that asks for an older Gymnasium, though RLlib works
-with ours.
+`python examples/rllib_ppo.py --iterations 50`. Not `ray[rllib]`: that asks for an older Gymnasium,
+though RLlib works with ours.
 """
 
 from __future__ import annotations

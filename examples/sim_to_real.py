@@ -1,18 +1,22 @@
-"""From simulation to a robot that differs from its file: test drives, diagnosis, training and evaluation.
+"""From simulation to a robot that differs from its file: test drives, diagnosis, training and
+evaluation.
 
-`python examples/sim_to_real.py --out runs/sim_to_real` simulates a Husky whose turning scrub, rough ground and
-computing load the preset `husky` lacks. It records a few test drives of this robot with noise, and diagnoses them from
-the preset alone. It then trains policies in simulators only, with several training seeds, and drives them, beside
-rules, on that Husky:
+`python examples/sim_to_real.py --out runs/sim_to_real` simulates a Husky whose turning scrub, rough
+ground and computing load the preset `husky` lacks. It records a few test drives of this robot with
+noise, and diagnoses them from the preset alone. It then trains policies in simulators only, with
+several training seeds, and drives them, beside rules, on that Husky:
 
-* nominal-trained: in the simulator of the preset, with the episode conditions of the site (difficulty `uncertain`);
+* nominal-trained: in the simulator of the preset, with the episode conditions of the site
+  (difficulty `uncertain`);
 * randomised-trained: the same with more randomisation, to cover what is missing (`harsh`);
-* corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the conditions of the site;
-* file-randomised: in the same, with robots and instruments drawn from that file's table `[uncertainty]`.
+* corrected-trained: in the simulator of OUT/diagnosis/corrected.toml, with the conditions of the
+  site;
+* file-randomised: in the same, with robots and instruments drawn from that file's table
+  `[uncertainty]`.
 
-All see the same features and drive the same unseen missions, with the routes, limits and conditions of the preset's
-site and the Husky as the true robot. Each policy assumes the robot, instruments and conditions of its own simulator. If
-a run is killed, the same command continues it.
+All see the same features and drive the same unseen missions, with the routes, limits and conditions
+of the preset's site and the Husky as the true robot. Each policy assumes the robot, instruments and
+conditions of its own simulator. If a run is killed, the same command continues it.
 """
 
 from __future__ import annotations
@@ -93,7 +97,8 @@ class Args:
 
 @dataclass(frozen=True)
 class Contender:
-    """A contender: the agent, the robot file that it assumes, and the randomisation of its training."""
+    """A contender: the agent, the robot file that it assumes, and the randomisation of its
+    training."""
 
     agent: str
     believes: str
@@ -107,10 +112,11 @@ def real_robot() -> Robot:
 
 
 def test_drive(robot: Robot, rng: np.random.Generator) -> pd.DataFrame:
-    """Five minutes out and back over hilly ground with rough patches, with stops, turns and several sensing rates.
+    """Five minutes out and back over hilly ground with rough patches, with stops, turns and several
+    sensing rates.
 
-    The drive goes through the kernel of the environments. Measured with noise: speed 3 mm/s, yaw rate 0.5 mrad/s, grade
-    2 mrad, power 3 W and 2 %.
+    The drive goes through the kernel of the environments. Measured with noise: speed 3 mm/s, yaw
+    rate 0.5 mrad/s, grade 2 mrad, power 3 W and 2 %.
     """
     time_s: Array = STEP_S * np.arange(SAMPLES, dtype=np.float64)
     speed = _smooth(robot.max_speed_mps * _levels(rng, (0.0, 0.4, 0.7, 1.0), 10.0, 25.0), 1.5)
@@ -143,7 +149,9 @@ def test_drive(robot: Robot, rng: np.random.Generator) -> pd.DataFrame:
     return pd.DataFrame(columns).round(5)
 
 
-def _levels(rng: np.random.Generator, choices: tuple[float, ...], shortest_s: float, longest_s: float) -> Array:
+def _levels(
+    rng: np.random.Generator, choices: tuple[float, ...], shortest_s: float, longest_s: float
+) -> Array:
     """Levels held for random times, shape (SAMPLES,)."""
     lengths = (rng.uniform(shortest_s, longest_s, SAMPLES) / STEP_S).astype(int)
     return np.repeat(rng.choice(choices, SAMPLES), lengths)[:SAMPLES]
@@ -167,7 +175,8 @@ def diagnosed(args: Args) -> Analysis:
 
 
 def contenders(args: Args) -> dict[str, Contender]:
-    """Policies and, for reference, rules: one that trusts its map and one that corrects it by what it measures."""
+    """Policies and, for reference, rules: one that trusts its map and one that corrects it by what
+    it measures."""
     corrected = str(args.out / "diagnosis" / "corrected.toml")
     return {
         "nominal-trained": Contender("ppo", NOMINAL),
@@ -191,7 +200,9 @@ def simulator(one: Contender) -> Options:
 
 def reality(one: Contender, real: Path) -> Options:
     """The environment of the evaluation: the same site and conditions, and the real robot."""
-    return dataclasses.replace(simulator(one), difficulty=SITE, randomise="generic", true_robot=str(real))
+    return dataclasses.replace(
+        simulator(one), difficulty=SITE, randomise="generic", true_robot=str(real)
+    )
 
 
 def folder(args: Args, label: str, number: int) -> Path:
@@ -211,8 +222,13 @@ def learn(args: Args, label: str, one: Contender, number: int) -> None:
 
 def drive(args: Args, label: str, one: Contender, options: Options, seeds: list[int]) -> list[Run]:
     """Drive unseen missions, once for each training seed."""
-    env = HomewardVectorEnv(**vars(simulator(one)))  # with the robot that it assumes; the options say what it meets
-    files = [folder(args, label, number) for number in range(args.trainings)] if one.agent == "ppo" else [None]
+    # with the robot that it assumes; the options say what it meets
+    env = HomewardVectorEnv(**vars(simulator(one)))
+    files = (
+        [folder(args, label, number) for number in range(args.trainings)]
+        if one.agent == "ppo"
+        else [None]
+    )
     return [run_episodes(make_policy(one.agent, env, file), options, seeds) for file in files]
 
 
@@ -220,7 +236,8 @@ def main(args: Args) -> dict[str, Any]:
     """Run it all, print what was found and the table, and return what sim_to_real.json holds.
 
     Raises:
-        TrainingError, OptionError, RobotError, RecordingError, AgentError: An argument cannot be used.
+        TrainingError, OptionError, RobotError, RecordingError, AgentError: An argument cannot be
+        used.
         OSError: The output folder cannot be written to.
     """
     if args.episodes < 2 or args.seed < 0 or args.trainings < 1:
@@ -264,7 +281,11 @@ def show(result: dict[str, Any], analysis: Analysis, args: Args) -> None:
     console.print(analysis.diagnosis.summary, markup=False, highlight=False)
     for effect, true in MISSING.items():
         found = {**analysis.corrected.effects}.get(effect)
-        numbers = "not found" if found is None else ", ".join(f"{name} {value:.3g}" for name, value in found.items())
+        numbers = (
+            "not found"
+            if found is None
+            else ", ".join(f"{name} {value:.3g}" for name, value in found.items())
+        )
         truth = ", ".join(f"{name} {value:g}" for name, value in true.items())
         console.print(f"{effect}: {numbers}; in truth {truth}", highlight=False)
     real, simulated = result["real"], result["simulated"]
@@ -280,18 +301,26 @@ def show(result: dict[str, Any], analysis: Analysis, args: Args) -> None:
     for heading in ("score", "minus nominal", "minus corrected", "stranded", "late", "simulated"):
         table.add_column(heading, justify="right", no_wrap=True)
     for label, one in real["agents"].items():
-        against = [real["paired"].get(f"{label} - {other}") for other in ("nominal-trained", "corrected-trained")]
+        against = [
+            real["paired"].get(f"{label} - {other}")
+            for other in ("nominal-trained", "corrected-trained")
+        ]
         alone = simulated["agents"][label]
         table.add_row(
             label,
             _interval(one["score_mean"], one["score_ci95"], ".0f"),
-            *("" if other is None else _interval(other["mean"], other["ci95"], "+.0f") for other in against),
+            *(
+                "" if other is None else _interval(other["mean"], other["ci95"], "+.0f")
+                for other in against
+            ),
             _interval(one["stranded_rate"], one["stranded_ci95"], ".1%"),
             str(one["timed_out"]),
             f"{alone['score_mean']:.0f}\n{alone['stranded_rate']:.1%}",
         )
     console.print(table)
-    console.print(f"Written to {args.out}: recordings, diagnosis, policies, sim_to_real.json", highlight=False)
+    console.print(
+        f"Written to {args.out}: recordings, diagnosis, policies, sim_to_real.json", highlight=False
+    )
 
 
 def _interval(value: float, ends: list[float], form: str) -> str:

@@ -1,6 +1,7 @@
 """PPO from TorchRL's parts on an environment of homeward with continuous actions.
 
-`pip install -e '.[examples,train]' -c constraints.txt`, then `python examples/torchrl_ppo.py --steps 200000`.
+`pip install -e '.[examples,train]' -c constraints.txt`, then
+`python examples/torchrl_ppo.py --steps 200000`.
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ def hidden(features: int, outputs: int) -> nn.Sequential:
 
 
 def main(args: Args) -> list[float]:
-    """Train, and return the mean return of the missions that ended in each batch; nan where none did."""
+    """Train, and return the mean return of the missions that ended in each batch; nan where none
+    did."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(1)  # batches are small
     env = make_env(args)
@@ -85,10 +87,16 @@ def main(args: Args) -> list[float]:
     loss = ClipPPOLoss(actor, critic, clip_epsilon=0.2, entropy_coeff=0.001)
     optimizer = torch.optim.Adam(loss.parameters(), lr=args.learning_rate)
     buffer = ReplayBuffer(
-        storage=LazyTensorStorage(args.batch), sampler=SamplerWithoutReplacement(), batch_size=args.minibatch
+        storage=LazyTensorStorage(args.batch),
+        sampler=SamplerWithoutReplacement(),
+        batch_size=args.minibatch,
     )
     collector = Collector(
-        env, actor, frames_per_batch=args.batch, total_frames=args.steps, auto_register_policy_transforms=True
+        env,
+        actor,
+        frames_per_batch=args.batch,
+        total_frames=args.steps,
+        auto_register_policy_transforms=True,
     )
     history, steps = [], 0
     for batch in collector:

@@ -1,4 +1,5 @@
-"""Ground robots that must get home on one battery charge: model, environments, agents and diagnosis."""
+"""Ground robots that must get home on one battery charge: model, environments, agents and
+diagnosis."""
 
 import importlib as _importlib
 from types import ModuleType as _ModuleType

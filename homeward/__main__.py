@@ -1,4 +1,5 @@
-"""The command `homeward`, also as `python -m homeward`: finds the subcommand and loads only what it needs."""
+"""The command `homeward`, also as `python -m homeward`: finds the subcommand and loads only what it
+needs."""
 
 from __future__ import annotations
 
@@ -43,7 +44,10 @@ that says why, 3 a failed download, 130 after Ctrl-C.
 
 def usage() -> str:
     """The text of `homeward --help`."""
-    lines = [f"  homeward {name} {arguments:<{28 - len(name)}}{does}" for name, (arguments, does) in COMMANDS.items()]
+    lines = [
+        f"  homeward {name} {arguments:<{28 - len(name)}}{does}"
+        for name, (arguments, does) in COMMANDS.items()
+    ]
     return _HELP.format(version=__version__, commands="\n".join(lines))
 
 
@@ -67,7 +71,10 @@ def run() -> int:
         close = difflib.get_close_matches(name, COMMANDS, n=1)
         if close:
             hint = f" (did you mean {close[0]!r}?)"
-        print(f"homeward: unknown command {name!r}{hint}; commands: {', '.join(COMMANDS)}", file=sys.stderr)
+        print(
+            f"homeward: unknown command {name!r}{hint}; commands: {', '.join(COMMANDS)}",
+            file=sys.stderr,
+        )
         return 2
     code: int = importlib.import_module(f"homeward.commands.{name}").run()
     return code

@@ -28,11 +28,13 @@ Args = TypeVar("Args")
 
 _ANY_WIDTH = 10_000  # columns; chosen: wider than any table
 _LONGEST = 2000
-"""Maximum length of a message, which may quote a long part of a file. Chosen: a screen of a terminal (80 by 25)."""
+"""Maximum length of a message, which may quote a long part of a file. Chosen: a screen of a
+terminal (80 by 25)."""
 
 
 class Terminal(Console):
-    """A console that prints text literally: names from files cannot style it or contain control characters.
+    """A console that prints text literally: names from files cannot style it or contain control
+    characters.
 
     Styled text is given as `rich.text.Text`, made of what `printable` returns.
     """
@@ -44,8 +46,10 @@ class Terminal(Console):
         """Print a table; if the terminal is too narrow, columns are omitted and a line names them.
 
         Args:
-            table: The table; columns are removed from it. If the output is not a terminal it gets its full width.
-            expendable: Headings of columns that may be omitted, the least important first; the table may lack some.
+            table: The table; columns are removed from it. If the output is not a terminal it gets
+                its full width.
+            expendable: Headings of columns that may be omitted, the least important first; the
+                table may lack some.
         """
         is_file = not self.is_terminal and "COLUMNS" not in os.environ
         if is_file:
@@ -65,7 +69,8 @@ class Terminal(Console):
 
     def _print_whole(self, table: Table) -> None:
         usual = self.width
-        self.width = max(self._natural_width(table), usual)  # `print` takes no width above that of the console
+        # `print` takes no width above that of the console
+        self.width = max(self._natural_width(table), usual)
         self.print(table)
         self.width = usual
 
@@ -76,7 +81,8 @@ class Terminal(Console):
         return Measurement.get(self, self.options.update(max_width=_ANY_WIDTH), bare).maximum
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """As `Console.render_str`, with a question mark for each control character but ends of lines."""
+        """As `Console.render_str`, with a question mark for each control character but ends of
+        lines."""
         return super().render_str("\n".join(map(printable, text.split("\n"))), **options)
 
 
@@ -101,7 +107,8 @@ def run(
     refused: tuple[type[Exception], ...],
     interrupted: str = "nothing half-written is left",
 ) -> int:
-    """Run the `main` of a script or a subcommand of `homeward` with the arguments of the command line.
+    """Run the `main` of a script or a subcommand of `homeward` with the arguments of the command
+    line.
 
     Args:
         main: Does the work; its return value is ignored.
@@ -111,16 +118,20 @@ def run(
         interrupted: Message after Ctrl-C.
 
     Returns:
-        Exit code: 0; 130 after Ctrl-C; 2 for unusable input or output, or the error's own `exit_code`. All but 0 come
-        with one line on stderr.
+        Exit code: 0; 130 after Ctrl-C; 2 for unusable input or output, or the error's own
+        `exit_code`. All but 0 come with one line on stderr.
     """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal that lacks a sign shows a question mark
+        # a terminal that lacks a sign shows a question mark
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     program, arguments = _called()
     for argument in arguments:  # the parser prints unknown arguments literally
         if _has_control_character(argument):
-            _say(program, f"argument '{argument}' holds a control character: type it again, or rename the file")
+            _say(
+                program,
+                f"argument '{argument}' holds a control character: type it again, or rename the file",
+            )
             return 2
     pressed: list[int] = []
     try:
@@ -128,7 +139,8 @@ def run(
             warnings.showwarning = _say_warning
             main(tyro.cli(args, prog=program, args=arguments, description=description))
     except (Exception, KeyboardInterrupt) as error:
-        if pressed or isinstance(error, KeyboardInterrupt):  # compiled code may turn it into another error
+        # compiled code may turn it into another error
+        if pressed or isinstance(error, KeyboardInterrupt):
             _say(program, f"interrupted: {interrupted}")
             return INTERRUPTED
         if isinstance(error, refused):

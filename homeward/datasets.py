@@ -1,5 +1,5 @@
-"""Public recordings of real robots, downloaded once with a checksum and kept in a cache, or read from a local
-folder."""
+"""Public recordings of real robots, downloaded once with a checksum and kept in a cache, or read
+from a local folder."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ class Dataset:
     columns: str  # shipped mapping file
     robot: str | None  # preset that drove it
     licence: str
-    group_folder: int = 0  # index of the folder that names a file's group; a number before it, as in 3_EE2, is removed
+    # index of the folder that names a file's group; a number before it, as in 3_EE2, is removed
+    group_folder: int = 0
 
 
 DATASETS = {
@@ -86,22 +87,28 @@ def fetch(name: str, group: str = "", *, progress: bool = True) -> list[Path]:
 
     Raises:
         DownloadError: The download failed.
-        DatasetError: Unknown name or group, a file that differs from its checksum, or a cache that cannot be written.
+        DatasetError: Unknown name or group, a file that differs from its checksum, or a cache that
+            cannot be written.
     """
     if name not in DATASETS:
         raise DatasetError(f"unknown data set {name!r}; known: {', '.join(DATASETS)}")
     registry = _registry(name)
     wanted = [file for file in registry if not group or _group(name, file) == group]
     if not wanted:
-        raise DatasetError(f"{name} has no group {group!r}; groups: {', '.join(groups_of(name)) or 'none'}")
+        raise DatasetError(
+            f"{name} has no group {group!r}; groups: {', '.join(groups_of(name)) or 'none'}"
+        )
     local = os.environ.get(LOCAL_FOLDER)
     if local:
         return [_local(Path(local) / name, file, registry[file]) for file in wanted]
     return _downloaded(name, wanted, registry, progress)
 
 
-def _downloaded(name: str, wanted: list[str], registry: dict[str, str], progress: bool) -> list[Path]:
-    """Paths of files in the cache, downloaded where they are not there yet; arguments and errors as of `fetch`."""
+def _downloaded(
+    name: str, wanted: list[str], registry: dict[str, str], progress: bool
+) -> list[Path]:
+    """Paths of files in the cache, downloaded where they are not there yet; arguments and errors as
+    of `fetch`."""
     source = pooch.create(
         path=pooch.os_cache("homeward") / name, base_url=DATASETS[name].base_url, registry=registry,
         urls={file: url_of(name, file) for file in registry}, retry_if_failed=2,
@@ -116,7 +123,9 @@ def _downloaded(name: str, wanted: list[str], registry: dict[str, str], progress
         try:
             paths.append(Path(source.fetch(file, downloader=downloader)))
         except ValueError as error:
-            raise DatasetError(f"{name}: {file} differs from its checksum; delete {source.path} and retry") from error
+            raise DatasetError(
+                f"{name}: {file} differs from its checksum; delete {source.path} and retry"
+            ) from error
         except requests.exceptions.RequestException as error:
             raise DownloadError(
                 f"{name}: {file} cannot be downloaded ({type(error).__name__}); without network set {LOCAL_FOLDER} "
@@ -163,12 +172,14 @@ def url_of(name: str, file: str) -> str:
 
 
 def shipped_recording() -> Path:
-    """The recording that is part of the package: synthetic, of a Husky that differs from the preset `husky`."""
+    """The recording that is part of the package: synthetic, of a Husky that differs from the preset
+    `husky`."""
     return Path(str(files("homeward") / "recordings" / "synthetic_husky.csv.gz"))
 
 
 class _Bar:
-    """A rich progress bar with the interface that pooch expects: one per file, removed when it is complete."""
+    """A rich progress bar with the interface that pooch expects: one per file, removed when it is
+    complete."""
 
     def __init__(self) -> None:
         self.total = 0
@@ -209,7 +220,8 @@ def _lines(name: str) -> list[list[str]]:
 
 
 def _local(folder: Path, file: str, digest: str) -> Path:
-    """A file of a local copy, by its path in the data set or by the name that prefixes it with the folder."""
+    """A file of a local copy, by its path in the data set or by the name that prefixes it with the
+    folder."""
     paths = [path for path in (folder / file, *folder.glob(f"*_{file}")) if path.is_file()]
     if not paths:
         raise DatasetError(f"{LOCAL_FOLDER}: {folder / file} does not exist")

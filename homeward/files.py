@@ -28,7 +28,8 @@ _DEEPEST = 20
 
 
 def open_regular(path: str | Path) -> BinaryIO:
-    """Open a regular file for reading; a pipe or device is refused without waiting for it or reading from it.
+    """Open a regular file for reading; a pipe or device is refused without waiting for it or
+    reading from it.
 
     Raises:
         OSError: It cannot be opened, or is something else.
@@ -70,7 +71,8 @@ def read_bytes(path: str | Path, most_bytes: int = _MOST_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, most_bytes: int = _MOST_BYTES) -> str:
-    """Like `read_bytes`, decoded as UTF-8, with or without a byte order mark; a ValueError for other encodings."""
+    """Like `read_bytes`, decoded as UTF-8, with or without a byte order mark; a ValueError for
+    other encodings."""
     return read_bytes(path, most_bytes).decode("utf-8-sig")
 
 
@@ -112,13 +114,15 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 _MOST_DOTS = 1000
-"""Limit in a line of a settings file. Chosen: a parser takes no notable time for a key of so many."""
+"""Limit in a line of a settings file. Chosen: a parser takes no notable time for a key of so
+many."""
 _NUMBERS = re.compile(r"\s*\w+\s*=[-+\de.,\s\[\]]*(#.*)?", re.ASCII)
 """A line with nothing but numbers, such as a covariance."""
 
 
 def refuse_deep(data: Any) -> None:
-    """Raise ValueError if lists and tables are nested deeper than in settings files; they could not be shown."""
+    """Raise ValueError if lists and tables are nested deeper than in settings files; they could not
+    be shown."""
     level = [data]
     depth = 0
     while level:
@@ -151,7 +155,9 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         # As any file of the user, so that the umask says who may read it.
-        handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+        handle = os.open(
+            temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666
+        )
         with os.fdopen(handle, "wb") as file:
             file.write(content)
         temporary.replace(path)
@@ -164,7 +170,8 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 
 def csv_text(rows: Iterable[Sequence[Any]]) -> str:
-    """Rows of a table as text; a name that a spreadsheet would run as a formula begins with an apostrophe.
+    """Rows of a table as text; a name that a spreadsheet would run as a formula begins with an
+    apostrophe.
 
     Source: OWASP, CSV Injection.
 

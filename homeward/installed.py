@@ -1,4 +1,5 @@
-"""Missing packages: one line with the command to install them, instead of a traceback. Needs only Python itself."""
+"""Missing packages: one line with the command to install them, instead of a traceback. Needs only
+Python itself."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ OF_COMMANDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "evaluate": ("plot", ("matplotlib",)),
     "sweep": ("train", ("matplotlib",)),
 }
-"""Extra of the commands that cannot load without it, and what of it they load; others say it where they need it."""
+"""Extra of the commands that cannot load without it, and what of it they load; others say it where
+they need it."""
 
 _PACKAGE = {"sklearn": "scikit-learn"}  # where the package has another name
 _ROOT = Path(__file__).resolve().parents[1]
@@ -32,7 +34,8 @@ def advice(extra: str, package: str) -> str:
 
     Args:
         extra: Name of the extra, such as `logs`.
-        package: The missing package; installed itself if the installation is of a version without that extra.
+        package: The missing package; installed itself if the installation is of a version without
+            that extra.
 
     >>> advice("logs", "rosbags").startswith("pip install ")
     True
@@ -49,7 +52,8 @@ def advice(extra: str, package: str) -> str:
 
 
 def needed(extra: str, *packages: str) -> None:
-    """End the program with exit code 2 and one line on stderr unless these can be imported; for scripts."""
+    """End the program with exit code 2 and one line on stderr unless these can be imported; for
+    scripts."""
     missing = [_PACKAGE.get(name, name) for name in _missing(packages)]
     if missing:
         _end(f"needs {' and '.join(missing)}: {advice(extra, ' '.join(missing))}")
@@ -64,7 +68,8 @@ def _is_checkout() -> bool:
 
 
 def _refuse_incomplete() -> None:
-    """End a program of this project, like `needed`, if a package of every installation is missing."""
+    """End a program of this project, like `needed`, if a package of every installation is
+    missing."""
     if not _is_own_program():
         return
     missing = _missing(NEEDED)
@@ -76,7 +81,8 @@ def _refuse_incomplete() -> None:
 
 
 def _remedy(missing: list[str]) -> str:
-    """What to do about missing packages of every installation: run the Python that has them, or install them."""
+    """What to do about missing packages of every installation: run the Python that has them, or
+    install them."""
     python = _ROOT / ".venv" / "bin" / "python"
     if python.is_file():
         return f"run it with {python}"
@@ -103,7 +109,9 @@ def _is_own_program() -> bool:
         module = sys.orig_argv[sys.orig_argv.index("-m") + 1 :]
         return module[:1] == ["homeward"]
     program = Path(sys.argv[0])
-    return program.name == "homeward" or (_is_checkout() and program.resolve().is_relative_to(_ROOT))
+    return program.name == "homeward" or (
+        _is_checkout() and program.resolve().is_relative_to(_ROOT)
+    )
 
 
 def _end(message: str) -> None:

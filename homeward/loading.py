@@ -1,4 +1,5 @@
-"""Ctrl-C while the modules of a command load: one line and exit code 130, as later. Needs only Python itself."""
+"""Ctrl-C while the modules of a command load: one line and exit code 130, as later. Needs only
+Python itself."""
 
 from __future__ import annotations
 
@@ -17,9 +18,11 @@ _PROGRAMS = ("train.py", "evaluate.py", "diagnose.py")
 
 
 def program() -> str | None:
-    """Name of the command of this project that this process was started as, None if it is another program.
+    """Name of the command of this project that this process was started as, None if it is another
+    program.
 
-    Processes that a command starts are other programs: the command itself says that it was interrupted.
+    Processes that a command starts are other programs: the command itself says that it was
+    interrupted.
     """
     if sys.argv[0] == "-m":  # while `python -m` imports the package, before it knows the file
         module = sys.orig_argv[sys.orig_argv.index("-m") + 1]
@@ -43,9 +46,14 @@ def end_at_once(number: int, frame: FrameType | None) -> None:
 
 
 def _end_at_once_on_ctrl_c() -> None:
-    """From now on handle Ctrl-C so, if this process is a command of this project and does not handle it otherwise."""
+    """From now on handle Ctrl-C so, if this process is a command of this project and does not
+    handle it otherwise."""
     as_python_does = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if as_python_does and _PROGRAM is not None and threading.current_thread() is threading.main_thread():
+    if (
+        as_python_does
+        and _PROGRAM is not None
+        and threading.current_thread() is threading.main_thread()
+    ):
         signal.signal(signal.SIGINT, end_at_once)
 
 

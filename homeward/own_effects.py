@@ -1,7 +1,8 @@
-"""A Python file with an effect of one's own: named by --effects or HOMEWARD_EFFECTS, never by what is read.
+"""A Python file with an effect of one's own: named by --effects or HOMEWARD_EFFECTS, never by what
+is read.
 
-It is set before the physics is imported, because kernels are made of all effects. Processes that a command starts
-inherit the variable. Needs only Python itself.
+It is set before the physics is imported, because kernels are made of all effects. Processes that a
+command starts inherit the variable. Needs only Python itself.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from homeward import loading
 
 VARIABLE = "HOMEWARD_EFFECTS"
 _OPTION = "--effects"
-REMEDY = f"an effect of your own needs {_OPTION} FILE.py (diagnose) or {VARIABLE}=FILE.py (all commands)"
+REMEDY = (
+    f"an effect of your own needs {_OPTION} FILE.py (diagnose) or {VARIABLE}=FILE.py (all commands)"
+)
 
 
 def own_file() -> Path | None:

@@ -1,4 +1,5 @@
-"""Many tasks in parallel: processes of this machine (joblib) or the nodes of a Ray cluster, with the same results."""
+"""Many tasks in parallel: processes of this machine (joblib) or the nodes of a Ray cluster, with
+the same results."""
 
 from __future__ import annotations
 
@@ -24,7 +25,14 @@ import joblib
 import numba
 import numpy
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 import homeward
 from homeward.installed import advice
@@ -35,13 +43,15 @@ Result = TypeVar("Result")
 _RETRIES = 5
 """Restarts of a task whose node or process died, before it counts as failed. Chosen."""
 _MOST_PER_CORE = 8
-"""Allowed jobs per core of this machine: more only wait for each other, and each needs memory. Chosen."""
+"""Allowed jobs per core of this machine: more only wait for each other, and each needs memory.
+Chosen."""
 _ANSWER_S = 5.0
 """Time in which a cluster must respond, s. Chosen: a network takes milliseconds."""
 
 
 class TaskError(RuntimeError):
-    """A failed task; the message says which one and why, in one line, and a note contains the traceback."""
+    """A failed task; the message says which one and why, in one line, and a note contains the
+    traceback."""
 
 
 class ClusterError(RuntimeError):
@@ -60,16 +70,17 @@ def run_tasks(
 ) -> dict[str, Result]:
     """Apply a function to every task.
 
-    Results do not depend on where they are computed, as long as a task contains everything that it needs: its seed, and
-    data instead of the paths of local files. A task whose node dies restarts on another.
+    Results do not depend on where they are computed, as long as a task contains everything that it
+    needs: its seed, and data instead of the paths of local files. A task whose node dies restarts
+    on another.
 
     Args:
         function: Takes a task; it, the tasks and their results can be pickled.
         tasks: Tasks by name; errors are reported under the name.
         jobs: Processes on this machine; 1 needs no further process.
         cluster: Address of a Ray cluster, HOST:PORT, whose cores are used instead.
-        keep: Called here with the name and result of each task as it ends, in any order; results that it writes need
-            not be computed again after an interruption.
+        keep: Called here with the name and result of each task as it ends, in any order; results
+            that it writes need not be computed again after an interruption.
         title: Unit that the progress bar on stderr counts.
         size: Number of units of a task.
 
@@ -84,7 +95,11 @@ def run_tasks(
     {'short': 2, 'long': 6}
     """
     check_workers(jobs, cluster)
-    ended = _on_this_machine(function, tasks, jobs) if cluster is None else _on_cluster(function, tasks, cluster)
+    ended = (
+        _on_this_machine(function, tasks, jobs)
+        if cluster is None
+        else _on_cluster(function, tasks, cluster)
+    )
     results: dict[str, Result] = {}
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     console = Console(stderr=True)
@@ -109,7 +124,8 @@ def check_workers(jobs: int, cluster: str | None) -> None:
         cluster: Address of a Ray cluster, HOST:PORT, if one is used.
 
     Raises:
-        ClusterError: The number of jobs is not allowed, Ray is not installed, or no cluster responds.
+        ClusterError: The number of jobs is not allowed, Ray is not installed, or no cluster
+            responds.
     """
     cores = os.cpu_count() or 1
     if not 1 <= jobs <= _MOST_PER_CORE * cores:
@@ -123,7 +139,9 @@ def check_workers(jobs: int, cluster: str | None) -> None:
     try:
         importlib.import_module("ray")
     except ModuleNotFoundError as error:
-        raise ClusterError(f"--cluster needs {error.name}: {advice('ray', str(error.name))}") from None
+        raise ClusterError(
+            f"--cluster needs {error.name}: {advice('ray', str(error.name))}"
+        ) from None
     host, _, port = cluster.rpartition(":")
     try:
         # Ray itself would retry for many minutes.
@@ -143,7 +161,9 @@ def _on_this_machine(
         return
     unfinished = set(tasks)
     calls = (joblib.delayed(_work)(name, order) for name, order in _orders(function, tasks))
-    outcomes = joblib.Parallel(n_jobs=max(min(jobs, len(tasks)), 1), return_as="generator_unordered")(calls)
+    outcomes = joblib.Parallel(
+        n_jobs=max(min(jobs, len(tasks)), 1), return_as="generator_unordered"
+    )(calls)
     try:
         for name, outcome in outcomes:
             unfinished.remove(name)
@@ -155,7 +175,8 @@ def _on_this_machine(
         ) from None
     finally:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)  # intended, after a failure
+            # intended, after a failure
+            warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
             outcomes.close()
 
 
@@ -182,22 +203,28 @@ def _on_cluster(
 
 @contextlib.contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    """Ray, connected to a cluster; its messages about lost nodes go to stderr, because stdout is the caller's."""
+    """Ray, connected to a cluster; its messages about lost nodes go to stderr, because stdout is
+    the caller's."""
     import ray
 
     with contextlib.redirect_stdout(sys.stderr):
         try:
             ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
         except (RuntimeError, OSError) as error:  # such as another version of Ray or Python
-            raise ClusterError(f"cannot use the Ray cluster at {address}: {_last_line(error)}") from None
+            raise ClusterError(
+                f"cannot use the Ray cluster at {address}: {_last_line(error)}"
+            ) from None
         try:
             yield ray
         finally:
             ray.shutdown()
 
 
-def _orders(function: Callable[[Task], Result], tasks: Mapping[str, Task]) -> Iterator[tuple[str, bytes]]:
-    """Each task with its function as bytes, because results then are writable copies, unlike Ray's."""
+def _orders(
+    function: Callable[[Task], Result], tasks: Mapping[str, Task]
+) -> Iterator[tuple[str, bytes]]:
+    """Each task with its function as bytes, because results then are writable copies, unlike
+    Ray's."""
     for name, task in tasks.items():
         yield name, cloudpickle.dumps((function, task))
 
@@ -212,7 +239,9 @@ def _work(name: str, order: bytes) -> tuple[str, bytes]:
 def _work_alone(name: str, order: bytes, code: str) -> bytes:
     """Run a task on one core of a cluster's node."""
     if code != code_hash():
-        advice = "has other code of homeward than this machine: install the same version on all nodes"
+        advice = (
+            "has other code of homeward than this machine: install the same version on all nodes"
+        )
         refusal: bytes = cloudpickle.dumps(_Failure(f"node {platform.node()} {advice}", ""))
         return refusal
     numba.set_num_threads(1)
@@ -230,7 +259,9 @@ def _attempt(function: Callable[[Task], Result], task: Task) -> Result | _Failur
     try:
         return function(task)
     except Exception as error:
-        return _Failure(f"{type(error).__name__}: {' '.join(str(error).split())}", traceback.format_exc())
+        return _Failure(
+            f"{type(error).__name__}: {' '.join(str(error).split())}", traceback.format_exc()
+        )
 
 
 def _result(name: str, outcome: Result | _Failure) -> Result:
@@ -249,7 +280,8 @@ def _last_line(error: Exception) -> str:
 def code_hash() -> str:
     """Hash of the package's source code, and of the versions of Python and NumPy beneath it."""
     package = Path(homeward.__file__).parent
-    folders = (package, package / "envs", package / "agents")  # the last two are links, which a search does not enter
+    # the last two are links, which a search does not enter
+    folders = (package, package / "envs", package / "agents")
     sources = sorted({source for folder in folders for source in folder.rglob("*.py")})
     digest = hashlib.sha256(f"{platform.python_version()} {numpy.__version__}".encode())
     for source in sources:

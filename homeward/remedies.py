@@ -13,7 +13,9 @@ _PACKED = {
     ".gz": "is packed: unpack it (gunzip FILE); only tables are read packed, as .csv.gz",
     ".xz": "is packed: unpack it (xz -d FILE)",
     ".bz2": "is packed: unpack it (bunzip2 FILE)",
-    **dict.fromkeys((".zip", ".7z", ".tar", ".tgz", ".rar"), "is packed: unpack it, and give the files in it"),
+    **dict.fromkeys(
+        (".zip", ".7z", ".tar", ".tgz", ".rar"), "is packed: unpack it, and give the files in it"
+    ),
 }
 _SPREADSHEET = "is a spreadsheet: save it as CSV"
 _ROUTE = "is a track, without power; give it as a route (homeward routes FILE)"
@@ -37,7 +39,8 @@ _NO_ROUTE = {
 
 
 def why_no_recording(path: Path) -> str | None:
-    """Why a file is no recording by its ending, and what to do; None where the ending says nothing."""
+    """Why a file is no recording by its ending, and what to do; None where the ending says
+    nothing."""
     return _of_ending(path, _PACKED | _NO_RECORDING)
 
 

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import optuna
 
 LOG_FROM = 10.0
-"""Ends of a range whose ratio is this or more are searched on a logarithmic scale: a decade, as of learning rates."""
+"""Ends of a range whose ratio is this or more are searched on a logarithmic scale: a decade, as of
+learning rates."""
 
 
 class SearchError(ValueError):
@@ -36,7 +37,9 @@ class SearchRange:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            raise SearchError(f"{self.low:g}..{self.high:g} is no range; give LOW..HIGH with LOW below HIGH")
+            raise SearchError(
+                f"{self.low:g}..{self.high:g} is no range; give LOW..HIGH with LOW below HIGH"
+            )
 
 
 @dataclass(frozen=True)
@@ -57,15 +60,18 @@ def search(
 ) -> list[Trial]:
     """Try settings in turn, where a tree-structured Parzen estimator expects the highest score.
 
-    The settings of a trial depend only on its number and the earlier scores (Bergstra et al., Algorithms for
-    hyper-parameter optimization, NeurIPS 2011). Called again with an objective that returns the same scores, the
-    search repeats the same trials. With an objective that keeps its results, it so continues after a kill.
+    The settings of a trial depend only on its number and the earlier scores (Bergstra et al.,
+    Algorithms for hyper-parameter optimization, NeurIPS 2011). Called again with an objective that
+    returns the same scores, the search repeats the same trials. With an objective that keeps its
+    results, it so continues after a kill.
 
     Args:
         space: Range or choices of each setting, by name.
         trials: How many.
-        objective: Score of a trial from its number and settings, higher is better; NaN where it failed.
-        study_file: Written after each trial: an Optuna journal, for `optuna-dashboard` and Optuna's plots.
+        objective: Score of a trial from its number and settings, higher is better; NaN where it
+            failed.
+        study_file: Written after each trial: an Optuna journal, for `optuna-dashboard` and Optuna's
+            plots.
         keep: Called after each trial with all that are done.
 
     Raises:

@@ -1,7 +1,7 @@
 """Synthetic recordings: a robot that drives by the project's own kernel, measured with noise.
 
-`python -m homeward.synthetic FILE` writes the recording that ships with the project, `shipped_recording` of
-`homeward.datasets`.
+`python -m homeward.synthetic FILE` writes the recording that ships with the project,
+`shipped_recording` of `homeward.datasets`.
 """
 
 import dataclasses
@@ -23,15 +23,23 @@ STEP_S = 0.1
 """Time between samples, s. Chosen: robots are logged at about 10 Hz."""
 SAMPLES = 4800
 """Eight minutes. Chosen: each level of speed, grade and sensing comes several times."""
-RESOLUTION = {"time_s": 1, "speed_mps": 3, "yaw_rate_radps": 3, "grade_rad": 3, "sensing_hz": 0, "power_w": 1}
+RESOLUTION = {
+    "time_s": 1,
+    "speed_mps": 3,
+    "yaw_rate_radps": 3,
+    "grade_rad": 3,
+    "sensing_hz": 0,
+    "power_w": 1,
+}
 """Decimals that the sensors give. Chosen: finer than their noise."""
 
 
 def record(robot: Robot, seed: int = 20) -> pd.DataFrame:
-    """Drive a robot for eight minutes over hilly ground with stops and turns, and measure with noise.
+    """Drive a robot for eight minutes over hilly ground with stops and turns, and measure with
+    noise.
 
-    The noise is drawn apart from the physics: a slow drift of the load, a ripple of the current, and the noise and
-    resolution of the sensors. The seed determines drive and noise.
+    The noise is drawn apart from the physics: a slow drift of the load, a ripple of the current,
+    and the noise and resolution of the sensors. The seed determines drive and noise.
     """
     rng = np.random.default_rng(seed)
     time_s: Array = STEP_S * np.arange(SAMPLES, dtype=np.float64)
@@ -60,10 +68,14 @@ def record(robot: Robot, seed: int = 20) -> pd.DataFrame:
         "sensing_hz": sensing_hz,
         "power_w": power_w,
     }
-    return pd.DataFrame({name: np.round(values, RESOLUTION[name]) for name, values in columns.items()})
+    return pd.DataFrame(
+        {name: np.round(values, RESOLUTION[name]) for name, values in columns.items()}
+    )
 
 
-def _levels(rng: np.random.Generator, choices: tuple[float, ...], shortest_s: float, longest_s: float) -> Array:
+def _levels(
+    rng: np.random.Generator, choices: tuple[float, ...], shortest_s: float, longest_s: float
+) -> Array:
     """Levels held for random times, shape (SAMPLES,)."""
     values = np.empty(SAMPLES)
     start = 0
@@ -77,12 +89,14 @@ def _levels(rng: np.random.Generator, choices: tuple[float, ...], shortest_s: fl
 def scrubbing_husky() -> bytes:
     """The recording that ships, as a gzip file that is the same every time it is made.
 
-    A Husky that differs from the preset `husky`: its rolling resistance is 15 % higher, and its wheels scrub in turns,
-    which the preset omits.
+    A Husky that differs from the preset `husky`: its rolling resistance is 15 % higher, and its
+    wheels scrub in turns, which the preset omits.
     """
     husky = load_robot("husky")
     rolling = 1.15 * husky.rolling_resistance
-    true = dataclasses.replace(husky, rolling_resistance=rolling, effects={"turning": {"scrub": 0.3}})
+    true = dataclasses.replace(
+        husky, rolling_resistance=rolling, effects={"turning": {"scrub": 0.3}}
+    )
     return gzip.compress(record(true).to_csv(index=False).encode(), mtime=0)
 
 

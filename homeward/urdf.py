@@ -1,7 +1,7 @@
 """What a URDF says of a robot: mass, track, wheels and top speed, as the beginning of a robot file.
 
-Of wheels it knows the joints that turn without end (`continuous`) about the lateral axis of the robot, y (REP 103).
-What a URDF does not say, such as the battery, is left to be filled in.
+Of wheels it knows the joints that turn without end (`continuous`) about the lateral axis of the
+robot, y (REP 103). What a URDF does not say, such as the battery, is left to be filled in.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from homeward.files import read_text
 _LATERAL = 0.9
 """Least share of y in the axis of a wheel. Chosen: 26 degrees, more than any camber."""
 _AGREE = 0.02
-"""Largest relative difference of sizes that are written as one. Chosen: rounding, and halves of a wheel's width."""
+"""Largest relative difference of sizes that are written as one. Chosen: rounding, and halves of a
+wheel's width."""
 _NAMED = 4
 """Number of links that are named. Chosen: a line."""
 _SECTIONS = ("body", "battery", "drive", "ancillary")
@@ -155,7 +156,9 @@ def _wheels(root: ElementTree.Element, links: dict[str, ElementTree.Element]) ->
         if joint.get("type") != "continuous":
             continue
         place_m, turned = _pose(child, joints)
-        axis = turned.apply(_vector(joint.find("axis"), "xyz", (1.0, 0.0, 0.0), f"joint {_name(joint)!r}"))
+        axis = turned.apply(
+            _vector(joint.find("axis"), "xyz", (1.0, 0.0, 0.0), f"joint {_name(joint)!r}")
+        )
         if abs(axis[1]) < _LATERAL * float(np.linalg.norm(axis)) or not axis.any():
             continue
         limit_radps = _limit_radps(joint)
@@ -172,7 +175,8 @@ def _wheels(root: ElementTree.Element, links: dict[str, ElementTree.Element]) ->
 def _joints(
     root: ElementTree.Element, links: dict[str, ElementTree.Element]
 ) -> dict[str, tuple[ElementTree.Element, str]]:
-    """Joint above each link, by the link's name, with the name of the link above; a link has one parent."""
+    """Joint above each link, by the link's name, with the name of the link above; a link has one
+    parent."""
     joints = {}
     for joint in root.findall("joint"):
         parent = _linked(joint, "parent", links)
@@ -215,7 +219,8 @@ def _pose(link: str, joints: dict[str, tuple[ElementTree.Element, str]]) -> tupl
         joint, parent = joints[link]
         origin = joint.find("origin")
         where = f"joint {_name(joint)!r}"
-        step = Rotation.from_euler("xyz", _vector(origin, "rpy", (0.0, 0.0, 0.0), where))  # about fixed axes
+        # about fixed axes
+        step = Rotation.from_euler("xyz", _vector(origin, "rpy", (0.0, 0.0, 0.0), where))
         # From the frame of the link to that of its parent.
         place_m = _vector(origin, "xyz", (0.0, 0.0, 0.0), where) + step.apply(place_m)
         turned = step * turned
@@ -224,7 +229,8 @@ def _pose(link: str, joints: dict[str, tuple[ElementTree.Element, str]]) -> tupl
 
 
 def _radius(link: ElementTree.Element) -> tuple[float, str]:
-    """Radius of a wheel, m, NaN if not known, and what gives it: what touches the ground before what is seen."""
+    """Radius of a wheel, m, NaN if not known, and what gives it: what touches the ground before
+    what is seen."""
     for use in ("collision", "visual"):
         for shape in ("cylinder", "sphere"):
             element = link.find(f"{use}/geometry/{shape}")
@@ -233,7 +239,9 @@ def _radius(link: ElementTree.Element) -> tuple[float, str]:
     return math.nan, ""
 
 
-def _take_wheels(wheels: list[Wheel], values: dict[str, float], sources: dict[str, str]) -> list[str]:
+def _take_wheels(
+    wheels: list[Wheel], values: dict[str, float], sources: dict[str, str]
+) -> list[str]:
     """Take what the wheels say; lines on the wheels, and on what is not clear."""
     return [_take_speed(wheels, values, sources), *_take_track(wheels, values, sources)]
 
@@ -243,7 +251,9 @@ def _take_speed(wheels: list[Wheel], values: dict[str, float], sources: dict[str
     joints = _listed([wheel.joint for wheel in wheels])
     radii_m = [wheel.radius_m for wheel in wheels]
     if not _agree(radii_m):
-        radii = ", ".join(f"{wheel.joint} {wheel.radius_m:.6g} m" for wheel in wheels if wheel.radius_m > 0.0)
+        radii = ", ".join(
+            f"{wheel.joint} {wheel.radius_m:.6g} m" for wheel in wheels if wheel.radius_m > 0.0
+        )
         if radii:
             return f"wheels {joints}: their radii differ ({radii})"
         return f"wheels {joints}: their radius is not stated"
@@ -251,19 +261,26 @@ def _take_speed(wheels: list[Wheel], values: dict[str, float], sources: dict[str
     limit_radps = min(wheel.limit_radps for wheel in wheels)
     if limit_radps < math.inf:
         values["max_speed_mps"] = limit_radps * radius_m
-        sources["max_speed_mps"] = f"limit of the wheels' speed, {limit_radps:.6g} rad/s, times their radius"
+        sources["max_speed_mps"] = (
+            f"limit of the wheels' speed, {limit_radps:.6g} rad/s, times their radius"
+        )
     return f"wheels of {radius_m:.6g} m radius: {wheels[0].shape} of {joints}"
 
 
-def _take_track(wheels: list[Wheel], values: dict[str, float], sources: dict[str, str]) -> list[str]:
-    """Take the track, if the wheels are equally far from the middle; otherwise a line that says why not."""
+def _take_track(
+    wheels: list[Wheel], values: dict[str, float], sources: dict[str, str]
+) -> list[str]:
+    """Take the track, if the wheels are equally far from the middle; otherwise a line that says why
+    not."""
     left_m = [wheel.lateral_m for wheel in wheels if wheel.lateral_m > 0.0]
     right_m = [wheel.lateral_m for wheel in wheels if wheel.lateral_m < 0.0]
     if not left_m or not right_m:
         return ["track_m is not taken: no wheels on the left and the right of the middle"]
     if not _agree([abs(place_m) for place_m in left_m + right_m]):
         places = ", ".join(f"{wheel.joint} {wheel.lateral_m:.6g} m" for wheel in wheels)
-        return [f"track_m is not taken: the wheels are at different distances from the middle ({places})"]
+        return [
+            f"track_m is not taken: the wheels are at different distances from the middle ({places})"
+        ]
     values["track_m"] = float(np.mean(left_m) - np.mean(right_m))
     sources["track_m"] = f"between the wheels of {_listed([wheel.joint for wheel in wheels])}"
     return []
@@ -288,9 +305,8 @@ def robot_file(described: Described) -> str:
                 bounds = quantity.metadata["bounds"]
                 lines.append(f"# {quantity.name} =   # FILL IN: {meaning}; a number in {bounds}")
             elif quantity.name == "traction_n_per_a" and described.radius_m > 0.0:
-                with_radius = (
-                    f"motor constant, N m/A, times the gear's ratio, by the radius of {described.radius_m:.6g} m"
-                )
+                radius = f"the radius of {described.radius_m:.6g} m"
+                with_radius = f"motor constant, N m/A, times the gear's ratio, by {radius}"
                 lines.append(f"# {quantity.name} =   # for motor currents only: {with_radius}")
     return "\n".join(lines) + "\n"
 
@@ -310,7 +326,11 @@ def left_to_fill_in(described: Described) -> list[str]:
 
 
 def _quantities(section: str) -> list[dataclasses.Field[float]]:
-    return [quantity for quantity in dataclasses.fields(Robot) if quantity.metadata.get("section") == section]
+    return [
+        quantity
+        for quantity in dataclasses.fields(Robot)
+        if quantity.metadata.get("section") == section
+    ]
 
 
 def _name(element: ElementTree.Element) -> str:
@@ -320,7 +340,9 @@ def _name(element: ElementTree.Element) -> str:
     return name
 
 
-def _number(element: ElementTree.Element, attribute: str, where: str, default: float | None = None) -> float:
+def _number(
+    element: ElementTree.Element, attribute: str, where: str, default: float | None = None
+) -> float:
     text = element.get(attribute)
     if text is None and default is not None:
         return default
@@ -329,12 +351,17 @@ def _number(element: ElementTree.Element, attribute: str, where: str, default: f
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise RobotError(f"{where} has {attribute} = {text!r} in <{element.tag}>, which is no number")
+        raise RobotError(
+            f"{where} has {attribute} = {text!r} in <{element.tag}>, which is no number"
+        )
     return number
 
 
 def _vector(
-    element: ElementTree.Element | None, attribute: str, default: tuple[float, float, float], where: str
+    element: ElementTree.Element | None,
+    attribute: str,
+    default: tuple[float, float, float],
+    where: str,
 ) -> Array:
     if element is None:
         return np.array(default)

@@ -1,4 +1,5 @@
-"""Commands and examples in this process: to start Python and load what they need takes longer than what they do."""
+"""Commands and examples in this process: to start Python and load what they need takes longer than
+what they do."""
 
 from __future__ import annotations
 

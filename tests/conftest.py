@@ -14,7 +14,8 @@ from homeward.agents.evaluation import learning_curve as curve
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # draws without a display
 
-# The first call of a kernel compiles it, which no deadline should count; fixed examples keep two runs alike.
+# The first call of a kernel compiles it, which no deadline should count; fixed examples keep two
+# runs alike.
 settings.register_profile("homeward", deadline=None, derandomize=True)
 settings.load_profile("homeward")
 

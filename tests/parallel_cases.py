@@ -1,4 +1,5 @@
-"""Tasks, training settings and recordings for tests of what runs in several processes or on a cluster."""
+"""Tasks, training settings and recordings for tests of what runs in several processes or on a
+cluster."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ def draws(seed: int) -> NDArray[np.float64]:
 
 
 def draws_slowly(seed: int, folder: Path, wait_s: float) -> NDArray[np.float64]:
-    """The same, leaving a file in the name of the process and its parent at the beginning and one at the end."""
+    """The same, leaving a file in the name of the process and its parent at the beginning and one
+    at the end."""
     for when in ("begun", "ended"):
         (folder / f"{when}-{seed}-{os.getpid()}-{os.getppid()}").touch()
         time.sleep(wait_s if when == "begun" else 0.0)
@@ -59,7 +61,9 @@ def write_recording(path: Path, payload: float, seed: int = 0) -> None:
     force_n = robot.rolling_resistance * (robot.mass_kg + payload) * 9.81
     power_w = 0.6 + force_n * speed_mps / ((1.0 - robot.motor_loss) * (1.0 - robot.friction_loss))
     power_w += rng.normal(0.0, 0.05, len(power_w))
-    rows = np.column_stack((0.5 * np.arange(len(power_w)), speed_mps, np.zeros(len(power_w)), power_w))
+    rows = np.column_stack(
+        (0.5 * np.arange(len(power_w)), speed_mps, np.zeros(len(power_w)), power_w)
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savetxt(path, rows, delimiter=",", header="time_s,speed_mps,grade_rad,power_w", comments="")
 

@@ -17,9 +17,16 @@ from tests.command_line import ended
 def test_help_names_every_subcommand(words: list[str]) -> None:
     code, out, err = ended(words)
     assert (code, err) == (0, "") and out == command.usage()
-    assert all(f"homeward {name} {arguments}" in out for name, (arguments, _) in command.COMMANDS.items())
+    assert all(
+        f"homeward {name} {arguments}" in out for name, (arguments, _) in command.COMMANDS.items()
+    )
     assert max(map(len, out.splitlines())) <= 120
-    starts = {line.index(does) for _, does in command.COMMANDS.values() for line in out.splitlines() if does in line}
+    starts = {
+        line.index(does)
+        for _, does in command.COMMANDS.values()
+        for line in out.splitlines()
+        if does in line
+    }
     assert len(starts) == 1  # what they do stands in one column
 
 
@@ -33,7 +40,9 @@ def test_every_subcommand_is_a_module_and_the_other_way_round(root: Path) -> Non
 
 
 @pytest.mark.parametrize("name", ["range", "fleet"])
-def test_a_subcommand_runs_and_its_exit_code_is_that_of_the_command(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_subcommand_runs_and_its_exit_code_is_that_of_the_command(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked: list[str] = []
 
     def load(module: str) -> SimpleNamespace:
@@ -45,20 +54,37 @@ def test_a_subcommand_runs_and_its_exit_code_is_that_of_the_command(name: str, m
     assert asked == [f"homeward.commands.{name}"]
 
 
-@pytest.mark.parametrize(("word", "hint"), [("rnage", " (did you mean 'range'?)"), ("xyz", ""), ("--nothing", "")])
+@pytest.mark.parametrize(
+    ("word", "hint"), [("rnage", " (did you mean 'range'?)"), ("xyz", ""), ("--nothing", "")]
+)
 def test_an_unknown_subcommand_takes_one_line(word: str, hint: str) -> None:
     code, out, err = ended([word])
     assert (code, out) == (2, "")
-    assert err.startswith(f"homeward: unknown command {word!r}{hint}; commands: range, train,") and err.count("\n") == 1
+    assert (
+        err.startswith(f"homeward: unknown command {word!r}{hint}; commands: range, train,")
+        and err.count("\n") == 1
+    )
 
 
 def test_as_a_module_it_ends_with_the_exit_code(tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, "-m", "homeward", "rnage"], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "homeward", "rnage"], cwd=tmp_path, capture_output=True, text=True
+    )
     assert done.returncode == 2 and done.stderr.startswith("homeward: unknown command 'rnage'")
 
 
 def test_help_loads_nothing_heavy() -> None:
     program = "import sys, homeward.__main__ as m; sys.argv[1:] = ['--help']; m.run(); print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     loaded = set(done.stdout.splitlines()[-1].split())
-    assert not loaded & {"torch", "stable_baselines3", "pandas", "sklearn", "matplotlib.pyplot", "tyro", "pygame"}
+    assert not loaded & {
+        "torch",
+        "stable_baselines3",
+        "pandas",
+        "sklearn",
+        "matplotlib.pyplot",
+        "tyro",
+        "pygame",
+    }

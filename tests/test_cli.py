@@ -21,7 +21,10 @@ from homeward import RobotError, cli, datasets
 
 
 def end(
-    script: ModuleType, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    script: ModuleType,
+    arguments: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> tuple[int, str]:
     monkeypatch.setattr(sys, "argv", [f"/somewhere/{script.__name__}.py", *arguments])
     return script.run(), capsys.readouterr().err
@@ -73,7 +76,10 @@ def test_ctrl_c_that_compiled_code_makes_another_error_of_is_one_line(
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         monkeypatch.setattr(train, "main", unboxed)
-        assert end(train, [], monkeypatch, capsys) == (130, "train.py: interrupted: continue with --resume\n")
+        assert end(train, [], monkeypatch, capsys) == (
+            130,
+            "train.py: interrupted: continue with --resume\n",
+        )
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
@@ -130,7 +136,9 @@ def test_names_are_printed_as_text(name: str, capsys: pytest.CaptureFixture[str]
     assert capsys.readouterr().out.count(shown) == 4
 
 
-def test_a_warning_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_warning_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(sys, "argv", ["/somewhere/tool.py"])
 
     def main(_: object) -> None:
@@ -163,7 +171,9 @@ def test_a_table_leaves_out_only_columns_that_it_has(
     assert "Left out in a terminal of 24 columns: us, score." in output
 
 
-def test_a_long_message_is_cut(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_long_message_is_cut(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(sys, "argv", ["/somewhere/tool.py"])
 
     def main(_: object) -> None:
@@ -183,4 +193,7 @@ def test_no_argument_reaches_the_terminal_as_an_escape(
 ) -> None:
     code, said = end(evaluate, ["--agents", "soc50", "\x1b[31m"], monkeypatch, capsys)
     assert code == 2
-    assert said == "evaluate.py: argument '?[31m' holds a control character: type it again, or rename the file\n"
+    assert (
+        said
+        == "evaluate.py: argument '?[31m' holds a control character: type it again, or rename the file\n"
+    )

@@ -59,7 +59,9 @@ def test_offline_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(requests, "get", offline)
     monkeypatch.setattr(time, "sleep", lambda _: None)  # between tries
-    with pytest.raises(DownloadError, match=r"set HOMEWARD_DATA to a folder that contains husky_borealtc/"):
+    with pytest.raises(
+        DownloadError, match=r"set HOMEWARD_DATA to a folder that contains husky_borealtc/"
+    ):
         fetch("husky_borealtc", "FLOORING", progress=False)
 
 
@@ -78,7 +80,9 @@ def test_a_full_disk_is_no_failed_download(tmp_path: Path, monkeypatch: pytest.M
     assert not isinstance(found.value, DownloadError)
 
 
-def test_download_is_cached_and_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, local: Path) -> None:
+def test_download_is_cached_and_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, local: Path
+) -> None:
     monkeypatch.delenv(datasets.LOCAL_FOLDER)
     monkeypatch.setattr(pooch, "os_cache", lambda name: tmp_path / "cache")
     served = []
@@ -88,7 +92,11 @@ def test_download_is_cached_and_checked(tmp_path: Path, monkeypatch: pytest.Monk
         shutil.copy(local, output_file)
 
     monkeypatch.setattr(pooch.HTTPDownloader, "__call__", serve)
-    assert fetch("husky_borealtc")[0].read_text() == fetch("husky_borealtc")[0].read_text() == "time\n0\n"
+    assert (
+        fetch("husky_borealtc")[0].read_text()
+        == fetch("husky_borealtc")[0].read_text()
+        == "time\n0\n"
+    )
     assert served == [f"{DATASETS['husky_borealtc'].base_url}ICE/pro_00.csv"]
     shutil.rmtree(tmp_path / "cache")
     local.write_text("tampered")
@@ -112,14 +120,18 @@ def test_a_local_copy_stands_for_the_network(dataset: datasets.Dataset, data_fol
     )
     run = read_recording(paths[0], dataset.columns, standing=True)  # two have no motion channel
     assert run.duration_s > 5.0
-    assert {"voltage_v", "current_a"} <= run.channels.keys() or {"motor_left_a", "motor_right_a"} <= run.channels.keys()
+    assert {"voltage_v", "current_a"} <= run.channels.keys() or {
+        "motor_left_a",
+        "motor_right_a",
+    } <= run.channels.keys()
 
 
 @pytest.mark.parametrize("dataset", DATASETS.values(), ids=DATASETS)
 def test_addresses_cannot_change_and_digests_are_whole(dataset: datasets.Dataset) -> None:
     assert dataset.base_url.startswith("https://") and dataset.base_url.endswith("/")
     for file in datasets.files_of(dataset.name):
-        assert any(len(part) == 40 for part in datasets.url_of(dataset.name, file).split("/"))  # the commit
+        # the commit
+        assert any(len(part) == 40 for part in datasets.url_of(dataset.name, file).split("/"))
     registry = datasets._registry(dataset.name)
     assert registry and all(len(digest) == 64 for digest in registry.values())
 

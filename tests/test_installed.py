@@ -22,11 +22,15 @@ def test_what_every_installation_has_is_what_the_project_asks_for() -> None:
 
 
 def test_what_commands_load_of_an_extra_is_in_it() -> None:
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
+        "optional-dependencies"
+    ]
     for extra, packages in OF_COMMANDS.values():
         brought = {line.partition(">=")[0] for line in extras[extra]}
         assert {"scikit-learn" if name == "sklearn" else name for name in packages} <= brought
-    assert {line for name in ("diagnose", "plot", "logs") for line in extras[name]} <= set(extras["dev"])
+    assert {line for name in ("diagnose", "plot", "logs") for line in extras[name]} <= set(
+        extras["dev"]
+    )
 
 
 OF_EXTRAS = (
@@ -57,7 +61,10 @@ def test_a_robot_needs_none_of_the_extras() -> None:
 @pytest.mark.parametrize(
     ("arguments", "lacks"),
     [
-        (["/bin/homeward", "diagnose", "run.csv"], "plotly and pyarrow and ruptures and scikit-learn"),
+        (
+            ["/bin/homeward", "diagnose", "run.csv"],
+            "plotly and pyarrow and ruptures and scikit-learn",
+        ),
         (["-m", "fleet"], "plotly and pyarrow and ruptures and scikit-learn"),
         (["/bin/homeward", "sweep"], "matplotlib"),
         ([str(ROOT / "evaluate.py")], "matplotlib"),
@@ -67,11 +74,16 @@ def test_a_robot_needs_none_of_the_extras() -> None:
     ],
 )
 def test_a_command_says_which_extra_it_lacks(
-    arguments: list[str], lacks: str | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str],
+    lacks: str | None,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(sys, "argv", arguments)
     monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "homeward", *arguments[1:]])
-    monkeypatch.setattr(installed, "_missing", lambda packages: [name for name in packages if name not in NEEDED])
+    monkeypatch.setattr(
+        installed, "_missing", lambda packages: [name for name in packages if name not in NEEDED]
+    )
     if lacks is None:
         installed._refuse_incomplete()
         return
@@ -83,7 +95,9 @@ def test_a_command_says_which_extra_it_lacks(
 
 
 def test_every_extra_that_the_code_names_is_one() -> None:
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
+        "optional-dependencies"
+    ]
     named = {
         part.split('"')[1] if part[0] == '"' else part.split("'")[1]
         for file in [*ROOT.glob("*.py"), *(ROOT / "homeward").rglob("*.py"), *(ROOT / "envs").rglob("*.py"),
@@ -96,26 +110,39 @@ def test_every_extra_that_the_code_names_is_one() -> None:
 
 
 def test_the_page_of_help_lists_every_extra_that_users_want() -> None:
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
-    listed = (ROOT / "docs" / "help.md").read_text("utf-8").partition("extras are ")[2].partition("|")[0]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
+        "optional-dependencies"
+    ]
+    listed = (
+        (ROOT / "docs" / "help.md").read_text("utf-8").partition("extras are ")[2].partition("|")[0]
+    )
     own = {"concealed", "dev", "release"}  # of those who work on the project
     assert set(listed.split("`")[1::2]) == set(extras) - own
 
 
-@pytest.mark.parametrize("script", ["train.py", "evaluate.py", "diagnose.py", "-m homeward", "-m homeward range husky"])
+@pytest.mark.parametrize(
+    "script", ["train.py", "evaluate.py", "diagnose.py", "-m homeward", "-m homeward range husky"]
+)
 def test_a_python_without_the_packages_gets_one_line(script: str) -> None:
     found = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", RUN, *script.split()], cwd=ROOT, capture_output=True, text=True
+        [sys.executable, "-I", "-S", "-c", RUN, *script.split()],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
     )
     assert found.returncode == 2
     (line,) = found.stderr.splitlines()
-    assert ("does not have" in line and "tyro" in line and "pip install" in line) or ".venv/bin/python" in line
+    assert (
+        "does not have" in line and "tyro" in line and "pip install" in line
+    ) or ".venv/bin/python" in line
 
 
 @pytest.mark.parametrize("example", sorted(path.name for path in (ROOT / "examples").glob("*.py")))
 def test_an_example_that_finds_no_homeward_says_so_in_one_line(example: str) -> None:
     found = subprocess.run(
-        [sys.executable, "-I", "-S", str(ROOT / "examples" / example)], capture_output=True, text=True
+        [sys.executable, "-I", "-S", str(ROOT / "examples" / example)],
+        capture_output=True,
+        text=True,
     )
     (line,) = found.stderr.splitlines()
     assert found.returncode != 0 and "needs homeward: pip install -e '.[" in line

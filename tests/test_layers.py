@@ -1,6 +1,6 @@
-"""Dependencies point one way: physics <- envs <- agents, physics <- estimation <- agents, estimation <-
-companion, physics and logs <- diagnosis; `import homeward` stays light; and only the tests of the benchmarks need
-them."""
+"""Dependencies point one way: physics <- envs <- agents, physics <- estimation <- agents,
+estimation <- companion, physics and logs <- diagnosis; `import homeward` stays light; and only the
+tests of the benchmarks need them."""
 
 import ast
 import subprocess
@@ -36,14 +36,21 @@ FORBIDDEN = {
     "envs": {"homeward.agents", "homeward.diagnosis", "homeward.estimation", "homeward.companion"},
     "agents": {"homeward.diagnosis", "homeward.companion"},
 }  # fmt: skip
-PHYSICS_MAY_IMPORT = {"homeward", "filelock", "llvmlite", "numba", "numpy"} | sys.stdlib_module_names
+PHYSICS_MAY_IMPORT = {
+    "homeward",
+    "filelock",
+    "llvmlite",
+    "numba",
+    "numpy",
+} | sys.stdlib_module_names
 """llvmlite is a part of numba; with filelock one process compiles, and the others wait."""
 LEARNING = {"stable_baselines3", "tensorboard", "torch"}
 HEAVY = ("torch.", "stable_baselines3.", "matplotlib.pyplot.", "pandas.", "scipy.")
 
 
 def python_files(folder: str) -> list[Path]:
-    """Python files of the checkout under a folder; `rglob` does not enter the linked folders a second time."""
+    """Python files of the checkout under a folder; `rglob` does not enter the linked folders a
+    second time."""
     return sorted((ROOT / folder).rglob("*.py"))
 
 
@@ -56,7 +63,8 @@ def module_name(file: Path) -> str:
 
 
 def imports(tree: ast.AST, module: str) -> Iterator[str]:
-    """Names that the import statements of a module or a statement refer to, relative ones made absolute."""
+    """Names that the import statements of a module or a statement refer to, relative ones made
+    absolute."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -106,22 +114,31 @@ def test_dependencies_point_one_way(folder: str) -> None:
 
 
 def files_in_circles(imported: dict[str, set[str]]) -> list[list[str]]:
-    """Modules that import each other, also in functions and for types only: each circle by the names of its modules."""
+    """Modules that import each other, also in functions and for types only: each circle by the
+    names of its modules."""
     modules = sorted(imported)
     arrows = np.array([[target in imported[module] for target in modules] for module in modules])
     circles, number = connected_components(arrows, connection="strong")
-    members = [[modules[index] for index in np.flatnonzero(number == circle)] for circle in range(circles)]
+    members = [
+        [modules[index] for index in np.flatnonzero(number == circle)] for circle in range(circles)
+    ]
     return [circle for circle in members if len(circle) > 1]
 
 
 def test_no_files_import_each_other() -> None:
     """A package's `__init__`, which hands names on, is left out."""
-    files = [file for folder in ("homeward", "envs", "agents", "benchmarks") for file in python_files(folder)]
+    files = [
+        file
+        for folder in ("homeward", "envs", "agents", "benchmarks")
+        for file in python_files(folder)
+    ]
     names = {module_name(file): file for file in files if file.stem != "__init__"}
     imported: dict[str, set[str]] = {}
     for module, file in names.items():
         asked = all_imports(file)  # of a module or of a name in it
-        imported[module] = (asked | {name.rpartition(".")[0] for name in asked}) & set(names) - {module}
+        imported[module] = (asked | {name.rpartition(".")[0] for name in asked}) & set(names) - {
+            module
+        }
     assert files_in_circles(imported) == []
     assert imported["homeward.commands.range_plot"] == {"homeward.commands.range_parts"}
 
@@ -131,9 +148,12 @@ def test_a_circle_is_seen() -> None:
 
 
 def test_no_package_has_a_name_that_hides_a_module_of_it() -> None:
-    """`import homeward.a.b as b` would give the name b of `homeward.a`, and not the file `homeward/a/b.py`."""
+    """`import homeward.a.b as b` would give the name b of `homeward.a`, and not the file
+    `homeward/a/b.py`."""
     hidden = []
-    for file in (file for folder in ("homeward", "envs", "agents") for file in python_files(folder)):
+    for file in (
+        file for folder in ("homeward", "envs", "agents") for file in python_files(folder)
+    ):
         package = module_name(file.parent)
         if file.stem == "__init__":
             named = (name.rpartition(".") for name in imports_on_load(file))
@@ -155,7 +175,11 @@ def test_physics_needs_only_numpy_and_numba() -> None:
 
 
 def test_only_learning_imports_its_libraries() -> None:
-    agents = [file for file in python_files("agents") if not file.is_relative_to(ROOT / "agents" / "learning")]
+    agents = [
+        file
+        for file in python_files("agents")
+        if not file.is_relative_to(ROOT / "agents" / "learning")
+    ]
     scripts = [ROOT / "evaluate.py", ROOT / "diagnose.py"]
     wrong = [
         f"{file.relative_to(ROOT)} imports {name}"
@@ -175,11 +199,20 @@ def looks_behind(tree: ast.AST) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and node.id in ("Hidden", "constants_of", "HIDDEN_DTYPE"):
             yield node.id
-        elif isinstance(node, ast.alias) and node.name in ("Hidden", "constants_of", "HIDDEN_DTYPE"):
+        elif isinstance(node, ast.alias) and node.name in (
+            "Hidden",
+            "constants_of",
+            "HIDDEN_DTYPE",
+        ):
             yield node.name
         elif isinstance(node, ast.Attribute):
             named = ast.unparse(node)
-            of_batch = node.attr in ("robots", "routes", "constants", "records") and "batch" in ast.unparse(node.value)
+            of_batch = node.attr in (
+                "robots",
+                "routes",
+                "constants",
+                "records",
+            ) and "batch" in ast.unparse(node.value)
             if of_batch or (node.attr == "hidden" and "batch" in named):
                 yield named
 
@@ -190,16 +223,20 @@ def test_agents_do_not_look_behind_what_is_observed() -> None:
         part = file.relative_to(ROOT / "agents")
         if not {part.as_posix(), part.parts[0]} & MAY_LOOK:
             found = set(looks_behind(ast.parse(file.read_text("utf-8"))))
-            # The potential of a state, which shaping takes back when a mission is lost for being late.
-            found -= {"self.missions.batch.records"} if part.as_posix() == "learning/sb3_adapter.py" else set()
+            # The potential of a state, which shaping takes back when a mission is lost for being
+            # late.
+            found -= (
+                {"self.missions.batch.records"}
+                if part.as_posix() == "learning/sb3_adapter.py"
+                else set()
+            )
             wrong += [f"agents/{part} names {name}" for name in sorted(found)]
     assert not wrong, "\n".join(wrong)
 
 
 def test_the_check_sees_how_one_may_look() -> None:
-    source = (
-        "def f(env):\n a = env.batch.hidden.robot\n b = env.batch.robots[0]\n c = Hidden\n d = batch.routes['places']\n"
-    )
+    source = "def f(env):\n a = env.batch.hidden.robot\n b = env.batch.robots[0]\n c = Hidden\n"
+    source += " d = batch.routes['places']\n"
     source += "from homeward.envs.options import Hidden, constants_of\nself.hidden = 3\n"
     assert sorted(looks_behind(ast.parse(source))) == [
         "Hidden", "Hidden", "batch.routes", "constants_of", "env.batch.hidden", "env.batch.robots",
@@ -207,7 +244,11 @@ def test_the_check_sees_how_one_may_look() -> None:
 
 
 def test_only_tests_of_the_benchmarks_import_them() -> None:
-    files = [file for file in python_files("tests") if not file.is_relative_to(ROOT / "tests" / "benchmarks")]
+    files = [
+        file
+        for file in python_files("tests")
+        if not file.is_relative_to(ROOT / "tests" / "benchmarks")
+    ]
     assert len(files) > 50
     wrong = [
         f"{file.relative_to(ROOT)} imports {name}"
@@ -235,15 +276,21 @@ def test_imports_are_light() -> None:
         "import sys, numba, gymnasium; before = set(sys.modules); import homeward, homeward.envs, homeward.agents; "
         f"print([name for name in sorted(set(sys.modules) - before) if (name + '.').startswith({HEAVY})])"
     )
-    run = subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=ROOT, capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
     assert (run.returncode, run.stdout.strip()) == (0, "[]"), run.stdout + run.stderr
 
 
 @pytest.mark.parametrize("name", ["envs", "agents"])
 def test_bare_name_is_refused(name: str) -> None:
-    run = subprocess.run([sys.executable, "-c", f"import {name}"], cwd=ROOT, capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-c", f"import {name}"], cwd=ROOT, capture_output=True, text=True
+    )
     assert run.returncode != 0
-    assert run.stderr.strip().splitlines()[-1].startswith(f"ImportError: import it as homeward.{name}")
+    assert (
+        run.stderr.strip().splitlines()[-1].startswith(f"ImportError: import it as homeward.{name}")
+    )
 
 
 def test_the_checks_see_every_form_of_import() -> None:

@@ -1,4 +1,5 @@
-"""An effect of one's own, from a Python file that is named: used like the others, or refused in one line."""
+"""An effect of one's own, from a Python file that is named: used like the others, or refused in one
+line."""
 
 from __future__ import annotations
 
@@ -45,9 +46,17 @@ def test_it_is_among_those_of_its_kind_and_kernels_depend_on_it(lamp: Path) -> N
     ("old", "new", "said"),
     [
         ("EFFECT = ", "OTHER = ", "has no EFFECT = Effect"),
-        ("import numpy", "import no_such_thing, numpy", "cannot be run: ModuleNotFoundError: No module named 'no_such"),
+        (
+            "import numpy",
+            "import no_such_thing, numpy",
+            "cannot be run: ModuleNotFoundError: No module named 'no_such",
+        ),
         ('id="lamp"', 'id="heater"', "its id 'heater' is taken"),
-        ('kind="ancillary"', 'kind="light"', "its kind 'light' is none of force, drive, ancillary, battery"),
+        (
+            'kind="ancillary"',
+            'kind="light"',
+            "its kind 'light' is none of force, drive, ancillary, battery",
+        ),
         ('"W", 0.0, 1000.0', '"W", 1.0, 1000.0', "'power_w' must be zero by default"),
         (
             'parameters=(Parameter("power_w", "W", 0.0, 1000.0, "power while turning"),)',
@@ -56,7 +65,9 @@ def test_it_is_among_those_of_its_kind_and_kernels_depend_on_it(lamp: Path) -> N
         ),
     ],
 )
-def test_a_file_that_cannot_be_used_takes_one_line(lamp: Path, old: str, new: str, said: str) -> None:
+def test_a_file_that_cannot_be_used_takes_one_line(
+    lamp: Path, old: str, new: str, said: str
+) -> None:
     text = lamp.read_text()
     assert old in text
     lamp.write_text(text.replace(old, new))
@@ -78,7 +89,10 @@ def test_a_command_ends_with_that_line(root: Path, tmp_path: Path) -> None:
 def test_a_robot_file_asks_for_the_option_and_runs_nothing(tmp_path: Path) -> None:
     path = tmp_path / "lit.toml"
     path.write_text(load_robot("husky").to_toml() + "\n[effects.lamp]\npower_w = 2.0\n")
-    with pytest.raises(RobotError, match=r"effects\.lamp .* needs --effects FILE\.py \(diagnose\) or HOMEWARD_EFFECTS"):
+    with pytest.raises(
+        RobotError,
+        match=r"effects\.lamp .* needs --effects FILE\.py \(diagnose\) or HOMEWARD_EFFECTS",
+    ):
         load_robot(path)
     with pytest.raises(RecordingError, match="in Python set HOMEWARD_EFFECTS before the import"):
         main(Args(effects=tmp_path / "lamp.py"))

@@ -1,4 +1,5 @@
-"""Tasks give the same results in this process and in others; `test_parallel_cluster` has those of a cluster."""
+"""Tasks give the same results in this process and in others; `test_parallel_cluster` has those of a
+cluster."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ def expected() -> dict[str, NDArray[np.float64]]:
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_results_come_in_the_order_of_the_tasks(jobs: int, expected: dict[str, NDArray[np.float64]]) -> None:
+def test_results_come_in_the_order_of_the_tasks(
+    jobs: int, expected: dict[str, NDArray[np.float64]]
+) -> None:
     kept: dict[str, NDArray[np.float64]] = {}
     assert_equal(run_tasks(draws, TASKS, jobs=jobs, keep=kept.__setitem__), expected)
     assert_equal(dict(sorted(kept.items())), expected)
@@ -49,7 +52,9 @@ def test_a_failing_task_is_named_in_one_line(jobs: int) -> None:
 
 
 def test_a_process_that_dies_ends_the_run() -> None:
-    with pytest.raises(TaskError, match=r"a process died.* before these were done: .*seed 3.*; try fewer jobs"):
+    with pytest.raises(
+        TaskError, match=r"a process died.* before these were done: .*seed 3.*; try fewer jobs"
+    ):
         run_tasks(dies, TASKS, jobs=2)
 
 

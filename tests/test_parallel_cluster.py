@@ -1,4 +1,5 @@
-"""A real Ray cluster gives the local results to tasks and commands, and loses nothing with a node."""
+"""A real Ray cluster gives the local results to tasks and commands, and loses nothing with a
+node."""
 
 from __future__ import annotations
 
@@ -41,7 +42,10 @@ def cluster() -> Iterator[Any]:
             "object_store_memory": 80_000_000,
             "include_dashboard": False,
             # A lost node is noticed within seconds.
-            "_system_config": {"health_check_initial_delay_ms": 1000, "health_check_period_ms": 1000},
+            "_system_config": {
+                "health_check_initial_delay_ms": 1000,
+                "health_check_period_ms": 1000,
+            },
         }
         cluster: Any = Cluster(initialize_head=True, head_node_args=head)
         for _ in range(2):
@@ -79,11 +83,15 @@ def test_a_task_that_fails_is_named_in_one_line(cluster: Any) -> None:
 
 def test_other_code_on_a_node_is_refused(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("homeward.parallel.code_hash", lambda: "other")
-    with pytest.raises(TaskError, match="has other code of homeward than this machine: install the same"):
+    with pytest.raises(
+        TaskError, match="has other code of homeward than this machine: install the same"
+    ):
         run_tasks(draws, {"one": 1}, cluster=cluster.address)
 
 
-def test_an_evaluation_is_the_local_one(cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_evaluation_is_the_local_one(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)  # where no node looks for the files
     Path("mine.toml").write_text(load_robot("rusti").to_toml())
     Path("hill.csv").write_text("distance_m,elevation_m\n0,0\n700,31\n1500,7\n")
@@ -98,7 +106,10 @@ def test_an_evaluation_is_the_local_one(cluster: Any, tmp_path: Path, monkeypatc
 
 
 def test_a_lost_node_loses_nothing(
-    cluster: Any, expected: dict[str, NDArray[np.float64]], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    cluster: Any,
+    expected: dict[str, NDArray[np.float64]],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     kept: list[str] = []
 
@@ -114,7 +125,9 @@ def test_a_lost_node_loses_nothing(
                 time.sleep(0.01)  # until both nodes are at work
             _, worker, raylet = max(running()).split("-")
             (lost,) = (
-                node for node in cluster.list_all_nodes() if node.all_processes["raylet"][0].process.pid == int(raylet)
+                node
+                for node in cluster.list_all_nodes()
+                if node.all_processes["raylet"][0].process.pid == int(raylet)
             )
             cluster.remove_node(lost, allow_graceful=False)
             os.kill(int(worker), signal.SIGKILL)  # all of the machine is gone at once

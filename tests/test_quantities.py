@@ -9,7 +9,14 @@ from homeward import quantities
 
 @pytest.mark.parametrize(
     ("metres", "text"),
-    [(0.0, "0.0 m"), (-3.21, "-3.2 m"), (9.96, "10.0 m"), (84.2, "84 m"), (1230.0, "1.23 km"), (-5e4, "-50.0 km")],
+    [
+        (0.0, "0.0 m"),
+        (-3.21, "-3.2 m"),
+        (9.96, "10.0 m"),
+        (84.2, "84 m"),
+        (1230.0, "1.23 km"),
+        (-5e4, "-50.0 km"),
+    ],
 )
 def test_distances(metres: float, text: str) -> None:
     assert quantities.distance(metres) == text
@@ -42,14 +49,16 @@ def test_energies(joules: float, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("watts", "text"), [(0.0, "0 W"), (4.25, "4.25 W"), (999.4, "999 W"), (999.6, "1 kW"), (-9880.0, "-9.88 kW")]
+    ("watts", "text"),
+    [(0.0, "0 W"), (4.25, "4.25 W"), (999.4, "999 W"), (999.6, "1 kW"), (-9880.0, "-9.88 kW")],
 )
 def test_powers(watts: float, text: str) -> None:
     assert quantities.power(watts) == text
 
 
 @pytest.mark.parametrize(
-    ("number", "text"), [(3.14159, "3.14"), (99.96, "100"), (1234.5, "1,234"), (-2e6, "-2,000,000"), (0.0, "0")]
+    ("number", "text"),
+    [(3.14159, "3.14"), (99.96, "100"), (1234.5, "1,234"), (-2e6, "-2,000,000"), (0.0, "0")],
 )
 def test_counts(number: float, text: str) -> None:
     assert quantities.count(number) == text

@@ -19,7 +19,9 @@ from homeward.logs.propose import propose
         ("a.mat", "CSV or Parquet", "not a readable CSV table"),
     ],
 )
-def test_every_reader_names_the_remedy(tmp_path: Path, name: str, remedy: str, as_route: str) -> None:
+def test_every_reader_names_the_remedy(
+    tmp_path: Path, name: str, remedy: str, as_route: str
+) -> None:
     path = tmp_path / name
     path.write_text("xxxxxxxx")
     for read in (read_recording, propose):

@@ -1,4 +1,5 @@
-"""The search tries what an estimator expects, the same wherever it stopped, and leaves a study that Optuna reads."""
+"""The search tries what an estimator expects, the same wherever it stopped, and leaves a study that
+Optuna reads."""
 
 from __future__ import annotations
 
@@ -77,7 +78,9 @@ def test_ends_that_make_no_range_are_refused(ends: tuple[float, float]) -> None:
         SearchRange(*ends)
 
 
-def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_optuna_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "optuna", None)
     with pytest.raises(SearchError, match=r"^a search needs optuna: pip install "):
         search(SPACE, 1, bowl, tmp_path / "study")

@@ -36,16 +36,22 @@ def test_it_stands_drives_turns_climbs_and_senses(drive: pd.DataFrame) -> None:
     standing = drive["speed_mps"] == 0.0
     assert 0.05 < standing.mean() < 0.6
     assert drive["speed_mps"].between(-0.02, 0.92).all()
-    assert abs(drive["yaw_rate_radps"][standing]).max() < 0.04  # noise alone: it turns while it drives
+    # noise alone: it turns while it drives
+    assert abs(drive["yaw_rate_radps"][standing]).max() < 0.04
     assert abs(drive["yaw_rate_radps"]).max() > 0.25
     assert drive["grade_rad"].min() < -0.05 and drive["grade_rad"].max() > 0.09
     assert set(drive["sensing_hz"]) <= {0.0, 10.0, 25.0} and drive["sensing_hz"].nunique() > 1
 
 
 def test_power_is_that_of_the_replay_but_for_noise(drive: pd.DataFrame) -> None:
-    """A drift of 2 % of the power and a ripple of 3 W; what noisy motion adds is averaged over a second."""
-    columns = {name: drive[name].to_numpy() for name in ("grade_rad", "yaw_rate_radps", "sensing_hz")}
-    expected_w = replay(HUSKY, drive["time_s"].to_numpy(), drive["speed_mps"].to_numpy(), **columns).power_w
+    """A drift of 2 % of the power and a ripple of 3 W; what noisy motion adds is averaged over a
+    second."""
+    columns = {
+        name: drive[name].to_numpy() for name in ("grade_rad", "yaw_rate_radps", "sensing_hz")
+    }
+    expected_w = replay(
+        HUSKY, drive["time_s"].to_numpy(), drive["speed_mps"].to_numpy(), **columns
+    ).power_w
     error_w = (drive["power_w"] - expected_w).to_numpy()
     assert abs(error_w.mean()) < 0.02 * expected_w.mean()
     ripple_w = np.diff(error_w[drive["speed_mps"] == 0.0]) / np.sqrt(2.0)
@@ -73,6 +79,7 @@ def test_the_shipped_recording_is_what_its_command_makes() -> None:
     made = pd.read_csv(io.BytesIO(gzip.decompress(scrubbing_husky())))
     shipped = pd.read_csv(shipped_recording())
     assert list(made) == list(shipped) == list(RESOLUTION)
-    for name, decimals in RESOLUTION.items():  # to the last digit, which another processor may round otherwise
+    # to the last digit, which another processor may round otherwise
+    for name, decimals in RESOLUTION.items():
         error = np.abs(shipped[name] - made[name]).max()
         assert error < 1.5 * 10.0**-decimals, f"{name}: run `python -m homeward.synthetic FILE`"

@@ -40,7 +40,8 @@ CYLINDER = '<cylinder length="0.1" radius="0.1651"/>'
 
 
 def four_wheels(shape: str = CYLINDER) -> str:
-    """A robot with four wheels, 0.2854 m to both sides of the middle: their hubs are turned by half a turn."""
+    """A robot with four wheels, 0.2854 m to both sides of the middle: their hubs are turned by half
+    a turn."""
     wheels = "".join(
         WHEEL.format(name=f"{end}_{side}", x=x, y=y, shape=shape)
         for end, x in (("front", 0.256), ("rear", -0.256))
@@ -82,23 +83,38 @@ def test_what_is_taken_stands_in_the_file_and_the_rest_is_named(
     with pytest.raises(RobotError, match=r"body.rolling_resistance is missing"):
         load_robot(begun)
     husky = load_robot("husky")
-    filled = re.sub(r"# (\w+) =   # FILL IN", lambda found: f"{found[1]} = {getattr(husky, found[1])} #", file)
+    filled = re.sub(
+        r"# (\w+) =   # FILL IN", lambda found: f"{found[1]} = {getattr(husky, found[1])} #", file
+    )
     assert filled.count("\n") == file.count("\n")
     begun.write_text(filled)
     robot = load_robot(begun)
-    assert (robot.name, robot.mass_kg, robot.track_m, robot.max_speed_mps) == ("four", 57.682, 0.5708, 0.9906)
+    assert (robot.name, robot.mass_kg, robot.track_m, robot.max_speed_mps) == (
+        "four",
+        57.682,
+        0.5708,
+        0.9906,
+    )
     assert robot.rated_energy_j == husky.rated_energy_j
 
 
 def test_what_is_not_clear_is_not_taken_and_said(tmp_path: Path) -> None:
     described = read_urdf(four(tmp_path, '<mesh filename="wheel.stl"/>', sphere="mesh"))
-    assert "max_speed_mps" not in described.values and described.values["track_m"] == pytest.approx(0.5708)
+    assert "max_speed_mps" not in described.values and described.values["track_m"] == pytest.approx(
+        0.5708
+    )
     assert described.said[-1].endswith("rear_right_joint: their radius is not stated")
     described = read_urdf(four(tmp_path, continuous="revolute"))
-    assert described.said[-1] == "wheels are not taken: no continuous joint turns about the lateral axis (y)"
+    assert (
+        described.said[-1]
+        == "wheels are not taken: no continuous joint turns about the lateral axis (y)"
+    )
     assert "track_m" not in described.values
     values: dict[str, float] = {}
-    wheels = [Wheel("a", 0.3, 0.1, "collision cylinder", 1.0), Wheel("b", -0.2, 0.2, "collision cylinder", 1.0)]
+    wheels = [
+        Wheel("a", 0.3, 0.1, "collision cylinder", 1.0),
+        Wheel("b", -0.2, 0.2, "collision cylinder", 1.0),
+    ]
     assert _take_wheels(wheels, values, {}) == [
         "wheels a, b: their radii differ (a 0.1 m, b 0.2 m)",
         "track_m is not taken: the wheels are at different distances from the middle (a 0.3 m, b -0.2 m)",
@@ -112,7 +128,10 @@ def test_what_is_not_clear_is_not_taken_and_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("<robot><xacro:include filename='a'/></robot>", r"is xacro; expand it first: xacro .*odd\.urdf > robot\.urdf"),
+        (
+            "<robot><xacro:include filename='a'/></robot>",
+            r"is xacro; expand it first: xacro .*odd\.urdf > robot\.urdf",
+        ),
         ("<robot xmlns:xacro='http://ros.org/wiki/xacro'><xacro:arg/></robot>", "is xacro"),
         ("<robot><link name='${side}_wheel'/></robot>", "is xacro"),
         ("<!DOCTYPE r [<!ENTITY a 'b'>]><robot>&a;</robot>", "declares entities"),
@@ -120,9 +139,18 @@ def test_what_is_not_clear_is_not_taken_and_said(tmp_path: Path) -> None:
         ("<robot", "is not a whole XML file"),
         ("<robot><link/></robot>", "has a <link> without a name"),
         ("<robot><link name='a'/><link name='a'/></robot>", "two links of one name"),
-        ("<robot><link name='a'><inertial><mass value='1 kg'/></inertial></link></robot>", "value = '1 kg' in <mass>"),
-        ("<robot><link name='a'><inertial><mass value='-1'/></inertial></link></robot>", "the mass -1 kg"),
-        ("<robot><joint name='j'><parent link='a'/></joint></robot>", "the link 'a', which does not exist"),
+        (
+            "<robot><link name='a'><inertial><mass value='1 kg'/></inertial></link></robot>",
+            "value = '1 kg' in <mass>",
+        ),
+        (
+            "<robot><link name='a'><inertial><mass value='-1'/></inertial></link></robot>",
+            "the mass -1 kg",
+        ),
+        (
+            "<robot><joint name='j'><parent link='a'/></joint></robot>",
+            "the link 'a', which does not exist",
+        ),
         (
             "<robot><link name='a'/><joint name='j' type='continuous'><parent link='a'/><child link='a'/></joint>"
             "</robot>",

@@ -34,17 +34,30 @@ def episode_png(evaluation: Evaluation) -> bytes:
         axes[0].plot(hours, 100.0 * trace["energy_share"], color=colour)
         axes[1].plot(hours, trace["position_m"], color=colour)
         # A value is that of the decision that ends there.
-        axes[2].fill_between(hours, trace["speed_mps"], step="pre", color=colour, alpha=0.7, linewidth=0)
-        axes[3].fill_between(hours, trace["sensing_hz"], step="pre", color=colour, alpha=0.7, linewidth=0)
+        axes[2].fill_between(
+            hours, trace["speed_mps"], step="pre", color=colour, alpha=0.7, linewidth=0
+        )
+        axes[3].fill_between(
+            hours, trace["sensing_hz"], step="pre", color=colour, alpha=0.7, linewidth=0
+        )
         stands = np.flatnonzero(trace["speed_mps"][1:] == 0.0) + 1
-        axes[1].plot(hours[stands], trace["position_m"][stands], marker="|", linestyle="", color="black", markersize=6)
+        axes[1].plot(
+            hours[stands],
+            trace["position_m"][stands],
+            marker="|",
+            linestyle="",
+            color="black",
+            markersize=6,
+        )
         end_marker = "o" if run.episodes.home[episode] else "X"
         axes[1].plot(hours[-1], trace["position_m"][-1], marker=end_marker, color=colour, markersize=7, clip_on=False,
                      zorder=4)  # fmt: skip
         axes[0].set_title(_heading(name, run, episode), fontsize=10)
         axes[3].set_xlabel("time, h")
     _shade_interest(grid[1], evaluation, episode, float(shared["length_m"]))
-    highest_m = max(float(np.max(run.traces[:, episode, 2])) for run, *_ in evaluation.runs.values())
+    highest_m = max(
+        float(np.max(run.traces[:, episode, 2])) for run, *_ in evaluation.runs.values()
+    )
     tops = {
         "state of charge, %": 104.0,
         "distance from home, m": 1.08 * highest_m,
@@ -64,7 +77,8 @@ def episode_png(evaluation: Evaluation) -> bytes:
 
 
 def route_png(evaluation: Evaluation) -> bytes:
-    """The same episode over the route: energy, speed, sensing rate and standing time by distance from home."""
+    """The same episode over the route: energy, speed, sensing rate and standing time by distance
+    from home."""
     episode = typical_episode(evaluation)
     names = list(evaluation.runs)
     shared = known_of(evaluation.options).shared[0]
@@ -75,12 +89,15 @@ def route_png(evaluation: Evaluation) -> bytes:
     for column, name in enumerate(names):
         run = evaluation.runs[name][0]
         axes = grid[:, column]
-        trace = {quantity: values.astype(np.float64) for quantity, values in _trace(run, episode).items()}
+        trace = {
+            quantity: values.astype(np.float64) for quantity, values in _trace(run, episode).items()
+        }
         position_m = trace["position_m"]
         stands = trace["speed_mps"] == 0.0
         furthest_m = max(furthest_m, float(position_m.max()))
         turn = int(np.argmax(position_m))
-        # The way home is drawn thinner, so that the way out is visible beside it where both are equal.
+        # The way home is drawn thinner, so that the way out is visible beside it where both are
+        # equal.
         _draw_way(axes, trace, slice(None, turn + 1), colour=_OUT, label="out", width=3.0)
         _draw_way(axes, trace, slice(turn, None), colour=_HOME, label="home", width=1.3)
         durations_s = np.diff(trace["time_s"], prepend=0.0)
@@ -110,7 +127,9 @@ def route_png(evaluation: Evaluation) -> bytes:
 def _figure(names: Sequence[str], height_ratios: tuple[float, ...]) -> tuple[Figure, NDArray[Any]]:
     """A figure with a column of four axes for each agent, shape (4, agents)."""
     figure = Figure(figsize=(max(1.2 + 2.3 * len(names), 8.0), 7.0), layout="constrained")
-    grid = figure.subplots(4, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=height_ratios)
+    grid = figure.subplots(
+        4, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=height_ratios
+    )
     return figure, grid
 
 
@@ -122,16 +141,26 @@ def _trace(run: Run, episode: int) -> dict[str, NDArray[Any]]:
 
 
 def _draw_way(
-    axes: NDArray[Any], trace: dict[str, NDArray[Any]], part: slice, *, colour: str, label: str, width: float
+    axes: NDArray[Any],
+    trace: dict[str, NDArray[Any]],
+    part: slice,
+    *,
+    colour: str,
+    label: str,
+    width: float,
 ) -> None:
     """Draw energy, speed and sensing rate of a part of an episode over the position."""
     position_m = trace["position_m"][part]
-    axes[0].plot(position_m, 100.0 * trace["energy_share"][part], color=colour, label=label, linewidth=width)
+    axes[0].plot(
+        position_m, 100.0 * trace["energy_share"][part], color=colour, label=label, linewidth=width
+    )
     moving = trace["speed_mps"][part] != 0.0
     moving[0] = True  # where the first decision begins
     for axis, quantity in ((axes[1], "speed_mps"), (axes[2], "sensing_hz")):
         values = trace[quantity][part]
-        axis.plot(position_m[moving], values[moving], color=colour, drawstyle="steps", linewidth=width)
+        axis.plot(
+            position_m[moving], values[moving], color=colour, drawstyle="steps", linewidth=width
+        )
 
 
 def _shading_note(evaluation: Evaluation) -> str:
@@ -149,7 +178,9 @@ def _heading(name: str, run: Run, episode: int) -> str:
     return f"{name}\n{ending}, score {run.episodes.score[episode]:.4g}"
 
 
-def _shade_places(axes: NDArray[Any], interest: NDArray[np.float32], length_m: float, mission: str) -> None:
+def _shade_places(
+    axes: NDArray[Any], interest: NDArray[np.float32], length_m: float, mission: str
+) -> None:
     if not MISSIONS[mission].senses:
         return
     for axis in axes[:3]:
@@ -160,7 +191,8 @@ def _shade_places(axes: NDArray[Any], interest: NDArray[np.float32], length_m: f
 
 
 def typical_episode(evaluation: Evaluation) -> int:
-    """Index of the episode, among those traced, in which the agents came closest to their median scores."""
+    """Index of the episode, among those traced, in which the agents came closest to their median
+    scores."""
     runs = [runs_of_agent[0] for runs_of_agent in evaluation.runs.values()]
     scores = np.array([run.episodes.score[: run.traces.shape[1]] for run in runs])
     medians = np.median(scores, axis=1, keepdims=True)
@@ -169,7 +201,9 @@ def typical_episode(evaluation: Evaluation) -> int:
     return int(np.argmin(distances.sum(axis=0)))
 
 
-def _shade_interest(axes: NDArray[Any], evaluation: Evaluation, episode: int, length_m: float) -> None:
+def _shade_interest(
+    axes: NDArray[Any], evaluation: Evaluation, episode: int, length_m: float
+) -> None:
     if not MISSIONS[evaluation.options.mission].senses:
         return
     runs: Sequence[Run] = next(iter(evaluation.runs.values()))

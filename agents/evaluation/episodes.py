@@ -1,4 +1,5 @@
-"""Agents on the same episodes: seeds, and the result of each episode; `summary` computes statistics."""
+"""Agents on the same episodes: seeds, and the result of each episode; `summary` computes
+statistics."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
 SIDE_BY_SIDE = 512
-"""Missions that run side by side. Chosen: work for four threads (`_MISSIONS_A_THREAD` in `homeward.envs.threads`), in
-records of less than 1 MB."""
+"""Missions that run side by side. Chosen: work for four threads (`_MISSIONS_A_THREAD` in
+`homeward.envs.threads`), in records of less than 1 MB."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +45,18 @@ class Episodes:
 
 
 TRACE_COLUMNS = ("time_s", "energy_share", "position_m", "speed_mps", "sensing_hz")
-"""Columns of a trace: time, true state of charge, distance from home, speed and sensing rate of the last decision."""
+"""Columns of a trace: time, true state of charge, distance from home, speed and sensing rate of the
+last decision."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """An agent's episodes, the median time of a decision in microseconds, and traces of the first missions.
+    """An agent's episodes, the median time of a decision in microseconds, and traces of the first
+    missions.
 
-    `traces` has shape (decisions + 1, missions, TRACE_COLUMNS): the start of the first missions and the end of every
-    decision; a mission that is over stays as it is. `interest` is that of their routes, shape (missions, places).
+    `traces` has shape (decisions + 1, missions, TRACE_COLUMNS): the start of the first missions and
+    the end of every decision; a mission that is over stays as it is. `interest` is that of their
+    routes, shape (missions, places).
     """
 
     episodes: Episodes
@@ -73,14 +77,17 @@ class Run:
     def without_traces(self) -> Run:
         """The same run without traces."""
         return replace(
-            self, traces=np.empty((0, 0, len(TRACE_COLUMNS)), np.float32), interest=np.empty((0, 0), np.float32)
+            self,
+            traces=np.empty((0, 0, len(TRACE_COLUMNS)), np.float32),
+            interest=np.empty((0, 0), np.float32),
         )
 
 
 def episode_seeds(seed: int, count: int) -> list[int]:
     """Seeds of episodes, one each; the first ones are the same for any count.
 
-    They are at least 2^63, so that no evaluation uses an episode of training, whose seeds are small.
+    They are at least 2^63, so that no evaluation uses an episode of training, whose seeds are
+    small.
 
     Args:
         seed: Seed of the evaluation, 0 or above.
@@ -143,7 +150,13 @@ def _run_batch(policy: Policy, options: Options, seeds: Sequence[int]) -> Run:
 
 def _state(records: NDArray[np.void]) -> NDArray[np.float32]:
     charge = records["energy_j"] / records["capacity_j"]
-    columns = (records["time_s"], charge, records["position_m"], records["speed_mps"], records["sensing_hz"])
+    columns = (
+        records["time_s"],
+        charge,
+        records["position_m"],
+        records["speed_mps"],
+        records["sensing_hz"],
+    )
     return np.stack(columns, axis=-1).astype(np.float32)
 
 

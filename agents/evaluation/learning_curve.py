@@ -1,4 +1,5 @@
-"""The learning curve: the score of the policy, as it would be deployed, from time to time during training."""
+"""The learning curve: the score of the policy, as it would be deployed, from time to time during
+training."""
 
 from __future__ import annotations
 
@@ -17,9 +18,11 @@ from homeward.envs.options import Options
 from homeward.files import csv_text, write_whole
 
 EPISODES = 500
-"""Episodes of a point. Chosen: a share of them has an error of at most 4.4 percentage points (95 %)."""
+"""Episodes of a point. Chosen: a share of them has an error of at most 4.4 percentage points (95
+%)."""
 SEED = 1_000_003
-"""Seed of the episodes of curves: neither those of training nor, unless asked for, those of an evaluation."""
+"""Seed of the episodes of curves: neither those of training nor, unless asked for, those of an
+evaluation."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,8 @@ class EvaluatedCurve:
 
     Attributes:
         present: The policy of each point.
-        kept: The policy that the run would have kept had it ended at that point; the last one is the policy kept.
+        kept: The policy that the run would have kept had it ended at that point; the last one is
+            the policy kept.
     """
 
     present: list[Point]
@@ -64,8 +68,8 @@ def point_of(episodes: Episodes, steps: int, trained_s: float) -> Point:
 
 
 def best_so_far(points: Sequence[Point]) -> list[int]:
-    """For each point, which one is kept if the run ends there: the best, the latest of equals; the first one counts
-    only while it is alone.
+    """For each point, which one is kept if the run ends there: the best, the latest of equals; the
+    first one counts only while it is alone.
 
     >>> scores = (7.0, 1.0, 3.0, 2.0, 3.0)
     >>> best_so_far([Point(k, 0.0, score, 0.0, 0.0) for k, score in enumerate(scores)])
@@ -102,7 +106,9 @@ def read_curve(folder: Path) -> list[Point]:
             for row in rows
         ]
     except (ValueError, KeyError, TypeError, csv.Error):
-        raise TrainingError(f"{folder / CURVE} is damaged: delete it to continue with a new curve") from None
+        raise TrainingError(
+            f"{folder / CURVE} is damaged: delete it to continue with a new curve"
+        ) from None
 
 
 def write_curve(folder: Path, points: list[Point]) -> None:

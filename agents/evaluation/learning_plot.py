@@ -12,7 +12,12 @@ from homeward.agents.evaluation.learning_curve import EvaluatedCurve, Point
 from homeward.agents.evaluation.plots import colour_of, png, tidy, title_of, unit_of
 from homeward.agents.evaluation.summary import Evaluation
 
-LEGEND: dict[str, Any] = {"fontsize": "small", "loc": "center left", "bbox_to_anchor": (1.0, 0.5), "frameon": False}
+LEGEND: dict[str, Any] = {
+    "fontsize": "small",
+    "loc": "center left",
+    "bbox_to_anchor": (1.0, 0.5),
+    "frameon": False,
+}
 """Where the legend stands: beside the upper axes."""
 
 
@@ -30,9 +35,11 @@ def learning_axes(mission: str) -> tuple[Figure, Axes, Axes]:
 def learning_png(
     evaluation: Evaluation, summary: dict[str, Any], curves: Mapping[str, Sequence[EvaluatedCurve]]
 ) -> bytes:
-    """Score and stranding rate over the decisions of training, and those of all agents, on the same missions.
+    """Score and stranding rate over the decisions of training, and those of all agents, on the same
+    missions.
 
-    The curve of what a run keeps ends at the agent's own level, which is their mean if there are several runs.
+    The curve of what a run keeps ends at the agent's own level, which is their mean if there are
+    several runs.
 
     Args:
         evaluation: Evaluation of all agents.
@@ -47,7 +54,15 @@ def learning_png(
         present_label: str | None = f"{name}, at that time"
         for curve in curves.get(name, ()):
             _draw(above, below, curve.kept, colour=colour, label=kept_label, style="-", marker="o")
-            _draw(above, below, curve.present, colour=colour, label=present_label, style=":", marker="")
+            _draw(
+                above,
+                below,
+                curve.present,
+                colour=colour,
+                label=present_label,
+                style=":",
+                marker="",
+            )
             kept_label = present_label = None  # one entry of the legend for all training seeds
         above.axhline(agent["score_mean"], color=colour, linestyle="--", linewidth=1.0, label=name)
         below.axhline(100.0 * agent["stranded_rate"], color=colour, linestyle="--", linewidth=1.0)
@@ -62,7 +77,14 @@ def learning_png(
 
 
 def _draw(
-    above: Axes, below: Axes, points: Sequence[Point], *, colour: str, label: str | None, style: str, marker: str
+    above: Axes,
+    below: Axes,
+    points: Sequence[Point],
+    *,
+    colour: str,
+    label: str | None,
+    style: str,
+    marker: str,
 ) -> None:
     millions = [point.steps / 1e6 for point in points]
     keywords: dict[str, Any] = {

@@ -39,8 +39,12 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
         scores = scores_of[name].ravel()
         spread = _GOLDEN * stats.rankdata(scores, "ordinal") % 1.0
         heights = row + 0.56 * (spread - 0.5)
-        scores_axis.scatter(scores, heights, s=5, color=colour, alpha=0.25, linewidths=0, rasterized=True)
-        _interval(scores_axis, agent["score_mean"], agent["score_ci95"], row, f"{agent['score_mean']:.4g}")
+        scores_axis.scatter(
+            scores, heights, s=5, color=colour, alpha=0.25, linewidths=0, rasterized=True
+        )
+        _interval(
+            scores_axis, agent["score_mean"], agent["score_ci95"], row, f"{agent['score_mean']:.4g}"
+        )
         rate = 100.0 * agent["stranded_rate"]
         interval = [100.0 * end for end in agent["stranded_ci95"]]
         stranded_axis.barh(row, rate, height=0.5, color=colour, alpha=0.6)
@@ -54,9 +58,14 @@ def scores_png(evaluation: Evaluation, summary: dict[str, Any]) -> bytes:
     scores_axis.set_xlabel(f"score ({unit_of(evaluation.options.mission)}), 0 unless home")
     stranded_axis.set_xlabel("stranded, %")
     tidy(scores_axis, stranded_axis)
-    figure.suptitle(f"{title_of(evaluation)}: {len(evaluation.seeds)} episodes, seed {evaluation.seed}", fontsize=11)
+    figure.suptitle(
+        f"{title_of(evaluation)}: {len(evaluation.seeds)} episodes, seed {evaluation.seed}",
+        fontsize=11,
+    )
     figure.supxlabel(
-        "a dot is an episode of a training seed; crosses are means with 95 % intervals", fontsize=8, color=_GREY
+        "a dot is an episode of a training seed; crosses are means with 95 % intervals",
+        fontsize=8,
+        color=_GREY,
     )
     return png(figure)
 
@@ -78,10 +87,14 @@ def profiles_png(evaluation: Evaluation, summary: dict[str, Any], rng: Generator
         axes = [figure.subplots()]
     drawn = Bootstrap(evaluation.scores(), rng, 999)
     for index, name in enumerate(names):
-        axes[0].plot(thresholds, summary["profiles"][name], color=colour_of(index), label=name, linewidth=1.6)
+        axes[0].plot(
+            thresholds, summary["profiles"][name], color=colour_of(index), label=name, linewidth=1.6
+        )
         if len(evaluation.seeds) > 1:
             low, high = np.percentile(drawn.profiles(name, thresholds), [2.5, 97.5], axis=0)
-            axes[0].fill_between(thresholds, low, high, color=colour_of(index), alpha=0.18, linewidth=0)
+            axes[0].fill_between(
+                thresholds, low, high, color=colour_of(index), alpha=0.18, linewidth=0
+            )
     axes[0].set_xlabel(f"score ({unit_of(evaluation.options.mission)})")
     axes[0].set_ylabel("share of episodes that score more")
     axes[0].set_ylim(0.0, 1.02)
@@ -102,7 +115,9 @@ def profiles_png(evaluation: Evaluation, summary: dict[str, Any], rng: Generator
     tidy(*axes)
     figure.suptitle(f"{title_of(evaluation)}: {len(evaluation.seeds)} episodes", fontsize=11)
     figure.supxlabel(
-        "bands and lines: 95 % bootstrap intervals over episodes and training seeds", fontsize=8, color=_GREY
+        "bands and lines: 95 % bootstrap intervals over episodes and training seeds",
+        fontsize=8,
+        color=_GREY,
     )
     return png(figure)
 

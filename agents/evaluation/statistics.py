@@ -1,10 +1,12 @@
-"""Statistics of evaluations: intervals over training seeds and episodes, IQM, probability of improvement, profiles.
+"""Statistics of evaluations: intervals over training seeds and episodes, IQM, probability of
+improvement, profiles.
 
-Definitions are those of Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (NeurIPS
-2021, arXiv 2108.13264, and its package `rliable`). Training seeds are the runs and episodes the tasks, because every
-agent drives the same episodes. Its intervals resample runs only and treat the tasks as fixed: one training seed would
-have no interval, and many episodes would not count as more evidence. Here both are resampled: the episodes once for all
-agents, so that comparisons are paired, and the training seeds of each agent separately.
+Definitions are those of Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical
+Precipice (NeurIPS 2021, arXiv 2108.13264, and its package `rliable`). Training seeds are the runs
+and episodes the tasks, because every agent drives the same episodes. Its intervals resample runs
+only and treat the tasks as fixed: one training seed would have no interval, and many episodes would
+not count as more evidence. Here both are resampled: the episodes once for all agents, so that
+comparisons are paired, and the training seeds of each agent separately.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 RESAMPLES = 9999
-"""Resamples. Chosen: the share beyond an end of a 95 % interval is then 2.5 % with a standard error of 0.16 %."""
+"""Resamples. Chosen: the share beyond an end of a 95 % interval is then 2.5 % with a standard error
+of 0.16 %."""
 _CHUNK = 4_000_000
 """Numbers that a bootstrap holds in memory. Chosen: 32 MB."""
 
@@ -50,7 +53,8 @@ def iqm(scores: ArrayLike) -> float:
 
 
 def probability_of_improvement(scores: ArrayLike, baseline: ArrayLike) -> float:
-    """Probability that a random seed of one agent scores more than one of another on a random episode; ties count half.
+    """Probability that a random seed of one agent scores more than one of another on a random
+    episode; ties count half.
 
     Args:
         scores: Scores of one agent, shape (training seeds, episodes).
@@ -83,7 +87,8 @@ class Bootstrap:
     """Resampled episodes and training seeds, as weights; every call uses the same ones.
 
     Attributes:
-        scores: Scores of each agent, shape (training seeds, episodes); the episodes are the same for all.
+        scores: Scores of each agent, shape (training seeds, episodes); the episodes are the same
+            for all.
         rng: Every call draws with a copy of it.
         resamples: Number of resamples.
     """
@@ -93,7 +98,8 @@ class Bootstrap:
     resamples: int = RESAMPLES
 
     def means(self) -> dict[str, Scores]:
-        """Mean score of each agent in each resample, shape (resamples,): their differences are paired by episode."""
+        """Mean score of each agent in each resample, shape (resamples,): their differences are
+        paired by episode."""
         parts: dict[str, list[Scores]] = {name: [] for name in self.scores}
         # b: resamples, s: training seeds; the same episodes for all agents.
         for episodes, seeds in self._weights():
@@ -105,10 +111,13 @@ class Bootstrap:
         """Interquartile mean of each agent in each resample, shape (resamples,)."""
         parts: dict[str, list[Scores]] = {name: [] for name in self.scores}
         order = {name: np.argsort(values, axis=None) for name, values in self.scores.items()}
-        # The weight between the quartiles counts, and a score at a quartile with the part of its weight inside.
+        # The weight between the quartiles counts, and a score at a quartile with the part of its
+        # weight inside.
         for episodes, seeds in self._weights():
             for name, values in self.scores.items():
-                weights = (seeds[name][:, :, None] * episodes[:, None, :]).reshape(len(episodes), -1)
+                weights = (seeds[name][:, :, None] * episodes[:, None, :]).reshape(
+                    len(episodes), -1
+                )
                 until = np.clip(np.cumsum(weights[:, order[name]], axis=1), 0.25, 0.75)
                 inside = np.diff(until, axis=1, prepend=0.25)
                 parts[name].append(2.0 * inside @ values.ravel()[order[name]])
@@ -133,7 +142,8 @@ class Bootstrap:
         return np.concatenate(parts)
 
     def _weights(self) -> Iterator[tuple[Scores, dict[str, Scores]]]:
-        """Weight of each episode (resamples, episodes), and of each training seed of each agent, in parts."""
+        """Weight of each episode (resamples, episodes), and of each training seed of each agent, in
+        parts."""
         rng = copy.deepcopy(self.rng)
         count = next(iter(self.scores.values())).shape[1]
         largest = max(values.size for values in self.scores.values())

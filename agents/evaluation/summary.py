@@ -1,4 +1,5 @@
-"""Summary of an evaluation: statistics with intervals, paired comparisons, `evaluation.json` and `episodes.csv`."""
+"""Summary of an evaluation: statistics with intervals, paired comparisons, `evaluation.json` and
+`episodes.csv`."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ from homeward.files import csv_text
 SCHEMA = 1
 """Version of the format of evaluation.json."""
 _FEWER = 1999
-"""Resamples for statistics that take longer than means. Chosen: a 95 % interval then ends at ranks 50 and 1950."""
+"""Resamples for statistics that take longer than means. Chosen: a 95 % interval then ends at ranks
+50 and 1950."""
 _THRESHOLDS = 101
 """Scores at which performance profiles are taken. Chosen: a line in steps of 1 %."""
 
@@ -69,7 +71,9 @@ class Evaluation:
 
     def scores(self) -> dict[str, Scores]:
         """Scores of each agent, shape (training seeds, episodes)."""
-        return {name: np.stack([run.episodes.score for run in runs]) for name, runs in self.runs.items()}
+        return {
+            name: np.stack([run.episodes.score for run in runs]) for name, runs in self.runs.items()
+        }
 
     def summary(self, rng: Generator) -> dict[str, Any]:
         """The content of `evaluation.json`; a copy of the generator draws the bootstrap."""
@@ -92,11 +96,16 @@ class Evaluation:
                 "mean": _difference(scores[agent], scores[baseline]),
                 "ci95": self._interval(means[agent] - means[baseline]),
                 "relative": _relative(scores[agent], scores[baseline]),
-                "probability_of_improvement": probability_of_improvement(scores[agent], scores[baseline]),
+                "probability_of_improvement": probability_of_improvement(
+                    scores[agent], scores[baseline]
+                ),
                 "probability_ci95": self._interval(fewer.improvements(agent, baseline)),
             }
         thresholds = self.thresholds()
-        profiles = {name: performance_profile(values, thresholds).tolist() for name, values in scores.items()}
+        profiles = {
+            name: performance_profile(values, thresholds).tolist()
+            for name, values in scores.items()
+        }
         return {
             "schema": SCHEMA,
             "env": self.env,
@@ -136,7 +145,9 @@ class Evaluation:
         for name, runs in self.runs.items():
             for index, run in enumerate(runs):
                 values = [_numbers(getattr(run.episodes, column)) for column in columns]
-                for episode, row in enumerate(zip(self.seeds, *values, *bounds.values(), strict=True)):
+                for episode, row in enumerate(
+                    zip(self.seeds, *values, *bounds.values(), strict=True)
+                ):
                     rows.append([name, index, episode, *row])
         return csv_text(rows)
 
@@ -172,7 +183,8 @@ def _relative(scores: Scores, baseline: Scores) -> float | None:
 
 
 def _ratio(numerator: float, denominator: float) -> float | None:
-    """None where there is nothing to compare with: scores, and bounds but for rounding, are not negative."""
+    """None where there is nothing to compare with: scores, and bounds but for rounding, are not
+    negative."""
     if denominator <= 0.0:
         return None
     return numerator / denominator
@@ -200,7 +212,8 @@ def _summary(runs: Sequence[Run], scores: Scores) -> dict[str, Any]:
 
 
 def _shares(scores: Scores, optimum: Optima | None) -> dict[str, float | None]:
-    """Mean score over that of the oracle's rollout, and over the upper bound: the true share is between."""
+    """Mean score over that of the oracle's rollout, and over the upper bound: the true share is
+    between."""
     if optimum is None:
         return {"share_of_optimum": None, "share_of_optimum_at_least": None}
     mean = float(scores.mean())

@@ -20,7 +20,8 @@ from homeward.physics import load_robot
 
 @dataclass(frozen=True)
 class _Task:
-    """Episodes that run side by side, the same for any number of jobs, so that the results are equal."""
+    """Episodes that run side by side, the same for any number of jobs, so that the results are
+    equal."""
 
     policy: Policy
     options: Options
@@ -64,14 +65,19 @@ def run_agents(
                     seeds=list(seeds[start : start + SIDE_BY_SIDE]),
                     keeps_traces=start == 0,
                 )
-    runs = run_tasks(_run, tasks, jobs=jobs, cluster=cluster, title="episodes", size=lambda task: len(task.seeds))
+    runs = run_tasks(
+        _run, tasks, jobs=jobs, cluster=cluster, title="episodes", size=lambda task: len(task.seeds)
+    )
 
     def joined(label: str, index: int) -> Run:
         """All episodes of a training seed as one run."""
         parts = [runs[_name(label, index, start)] for start in starts]
         return parts[0].followed_by(parts[1:])
 
-    return {label: [joined(label, index) for index in range(len(policies))] for label, policies in agents.items()}
+    return {
+        label: [joined(label, index) for index in range(len(policies))]
+        for label, policies in agents.items()
+    }
 
 
 def self_contained(options: Options) -> Options:

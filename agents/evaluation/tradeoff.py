@@ -1,4 +1,5 @@
-"""Score against stranding: each agent with several reserves, and all of them compared at equal stranding."""
+"""Score against stranding: each agent with several reserves, and all of them compared at equal
+stranding."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ from homeward.agents.evaluation.episodes import Run
 from homeward.agents.evaluation.plots import colour_of, png, tidy, unit_of
 
 LEVELS = (0.001, 0.003, 0.01, 0.03)
-"""Stranding rates at which agents are compared. Chosen: about equal steps of the logarithm, from what 4,000 episodes
-can show up to what no user would accept."""
+"""Stranding rates at which agents are compared. Chosen: about equal steps of the logarithm, from
+what 4,000 episodes can show up to what no user would accept."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class Curve:
     stranded: tuple[float, ...]
 
     def at(self, level: float) -> float | None:
-        """Best mean score at no more than a given stranding rate, interpolated linearly between two reserves.
+        """Best mean score at no more than a given stranding rate, interpolated linearly between two
+        reserves.
 
         Returns:
             None if every reserve strands more.
@@ -39,7 +41,8 @@ class Curve:
         >>> Curve((1.0, 0.0), (10.0, 12.0), (0.0, 0.02)).at(0.01)
         11.0
         """
-        order = np.lexsort((-np.array(self.score), np.array(self.stranded)))  # of equal stranding the best first
+        # of equal stranding the best first
+        order = np.lexsort((-np.array(self.score), np.array(self.stranded)))
         stranded = np.array(self.stranded)[order]
         # More stranding never has to score less: the reserve of a lower rate is allowed, too.
         best_score = np.maximum.accumulate(np.array(self.score)[order])

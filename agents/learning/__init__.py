@@ -1,8 +1,9 @@
-"""The learner, which alone imports torch and Stable-Baselines3. `homeward.agents.trained` reads its results.
+"""The learner, which alone imports torch and Stable-Baselines3. `homeward.agents.trained` reads its
+results.
 
-Read in this order: `settings`, `homeward.agents.trained.inputs` (inputs of a policy, and the first policy), `network`,
-`sb3_adapter` (missions under Stable-Baselines3), `sb3_policy` (its models as agents), `ppo` (a run), `callback`,
-`checkpoint`, `folder`.
+Read in this order: `settings`, `homeward.agents.trained.inputs` (inputs of a policy, and the first
+policy), `network`, `sb3_adapter` (missions under Stable-Baselines3), `sb3_policy` (its models as
+agents), `ppo` (a run), `callback`, `checkpoint`, `folder`.
 """
 
 from __future__ import annotations
@@ -37,11 +38,13 @@ def sb3_vec_env(
         env_id: Id, such as `homeward/Survey-v0`.
         num_envs: Number of missions side by side.
         seed: Mission i begins with seed `seed + i`.
-        late_is_lost: Whether the time limit ends a mission with a score of 0, instead of being bootstrapped.
+        late_is_lost: Whether the time limit ends a mission with a score of 0, instead of being
+            bootstrapped.
         info_keys: Keys of `info` that `infos` hold also while missions go on, such as `position_m`.
-        wrapper_class: Wraps the vector environment, such as a subclass of `gymnasium.vector.VectorWrapper`.
-        **options: Options of the environment, such as `difficulty="known"`, and `autoreset_mode`: `SameStep`, or
-            `Disabled` for Gymnasium's wrappers of observations.
+        wrapper_class: Wraps the vector environment, such as a subclass of
+            `gymnasium.vector.VectorWrapper`.
+        **options: Options of the environment, such as `difficulty="known"`, and `autoreset_mode`:
+            `SameStep`, or `Disabled` for Gymnasium's wrappers of observations.
 
     Raises:
         OptionError: The id, an option or a value is not allowed.
@@ -56,7 +59,9 @@ def sb3_vec_env(
         from homeward.agents.learning.sb3_adapter import SB3Adapter
     except ModuleNotFoundError as error:
         name = str(error.name)
-        raise ModuleNotFoundError(f"training needs {name}: {advice('train', name)}", name=name) from None
+        raise ModuleNotFoundError(
+            f"training needs {name}: {advice('train', name)}", name=name
+        ) from None
     from homeward.envs import IDS
     from homeward.envs.options import OptionError
     from homeward.envs.vector import HomewardVectorEnv
@@ -74,11 +79,12 @@ def sb3_vec_env(
 
 
 def scratch_start(env: SB3Adapter, hidden: int = 64) -> dict[str, Any]:
-    """Keywords of Stable-Baselines3's `PPO` or `A2C` for the first policy of `homeward train --start scratch`.
+    """Keywords of Stable-Baselines3's `PPO` or `A2C` for the first policy of
+    `homeward train --start scratch`.
 
-    It knows nothing of energy: it cruises, occasionally tries a return, and continues a return that it has begun. A
-    return is final after several decisions in a row, which a random network hardly ever takes: it may learn to stay out
-    until the time limit, and never to come home.
+    It knows nothing of energy: it cruises, occasionally tries a return, and continues a return that
+    it has begun. A return is final after several decisions in a row, which a random network hardly
+    ever takes: it may learn to stay out until the time limit, and never to come home.
 
     Args:
         env: The missions, of discrete or continuous actions.
@@ -95,13 +101,20 @@ def scratch_start(env: SB3Adapter, hidden: int = 64) -> dict[str, Any]:
     from homeward.agents.trained.inputs import first_policy
 
     if env.missions.options.action_type == "flat" or not env.as_missions:
-        raise ValueError("the first policy needs the missions' own observations, and discrete or continuous actions")
-    network = {"hidden": hidden, "first": first_policy(env.missions.batch.known, None), "valued": None}
+        raise ValueError(
+            "the first policy needs the missions' own observations, and discrete or continuous actions"
+        )
+    network = {
+        "hidden": hidden,
+        "first": first_policy(env.missions.batch.known, None),
+        "valued": None,
+    }
     return {"policy": ResidualPolicy, "policy_kwargs": network}
 
 
 def unseen_episodes(model: BaseAlgorithm, env: SB3Adapter, count: int, seed: int = 0) -> Episodes:
-    """Episodes of a model with its most probable actions, on missions of the same options that no training uses.
+    """Episodes of a model with its most probable actions, on missions of the same options that no
+    training uses.
 
     They are the missions of `homeward evaluate --episodes COUNT --seed SEED`.
 
@@ -112,11 +125,14 @@ def unseen_episodes(model: BaseAlgorithm, env: SB3Adapter, count: int, seed: int
         seed: Seed of the evaluation, 0 or above.
 
     Raises:
-        ValueError: A wrapper changes observations or actions: the model does not act on missions alone.
+        ValueError: A wrapper changes observations or actions: the model does not act on missions
+            alone.
     """
     from homeward.agents.evaluation.episodes import episode_seeds, run_episodes
     from homeward.agents.learning.sb3_policy import SB3Policy
 
     if not env.as_missions:
-        raise ValueError("a wrapper changes observations or actions; run the model in its own environment instead")
+        raise ValueError(
+            "a wrapper changes observations or actions; run the model in its own environment instead"
+        )
     return run_episodes(SB3Policy(model), env.missions.options, episode_seeds(seed, count)).episodes

@@ -33,7 +33,8 @@ class TrainingCallback(BaseCallback):
         begin_anew: Restarts missions and random numbers.
 
     Attributes:
-        best: The best policy on the missions of the curve since training began, the latest of equals.
+        best: The best policy on the missions of the curve since training began, the latest of
+            equals.
     """
 
     def __init__(
@@ -63,17 +64,23 @@ class TrainingCallback(BaseCallback):
             TextColumn("training"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn(),
             TextColumn("{task.fields[figures]}"),
         )  # fmt: skip
-        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._bar = Progress(
+            *columns, console=console, transient=True, disable=not console.is_terminal
+        )
         self._ends: list[tuple[bool, bool, float]] = []  # home, stranded, score counted
 
     def _on_training_start(self) -> None:
         self._entropy: float = self.model.ent_coef  # type: ignore[attr-defined]
         self._start_s = self._resumed_s = time.monotonic()
         self._start_step = self.num_timesteps
-        self._curve = [point for point in read_curve(self._folder) if point.steps <= self.num_timesteps]
+        self._curve = [
+            point for point in read_curve(self._folder) if point.steps <= self.num_timesteps
+        ]
         self._trained_s = self._curve[-1].trained_s if self._curve else 0.0
         self._tenth = 10 * self.num_timesteps // self._steps
-        self._task = self._bar.add_task("", total=self._steps, completed=self.num_timesteps, figures="")
+        self._task = self._bar.add_task(
+            "", total=self._steps, completed=self.num_timesteps, figures=""
+        )
         self._bar.start()
 
     def _on_rollout_start(self) -> None:
@@ -98,7 +105,9 @@ class TrainingCallback(BaseCallback):
         self._curve.append(point)
         if point.steps and (self.best is None or point.score >= self.best.score):
             self.best = Best(
-                point.steps, point.score, [(weight.copy(), bias.copy()) for weight, bias in self._layers()]
+                point.steps,
+                point.score,
+                [(weight.copy(), bias.copy()) for weight, bias in self._layers()],
             )
         write_curve(self._folder, self._curve)
         log_point(self.logger, point)
@@ -108,7 +117,9 @@ class TrainingCallback(BaseCallback):
         infos = self.locals["infos"]
         for i in np.flatnonzero(self.locals["dones"]).tolist():
             info = infos[i]
-            self._ends.append((info["home"], info["stranded"], info["score"] if info["home"] else 0.0))
+            self._ends.append(
+                (info["home"], info["stranded"], info["score"] if info["home"] else 0.0)
+            )
         return True
 
     def _on_rollout_end(self) -> None:
@@ -123,7 +134,9 @@ class TrainingCallback(BaseCallback):
         self._bar.update(self._task, completed=self.num_timesteps, figures=figures)
         tenth = 10 * self.num_timesteps // self._steps
         if tenth > self._tenth and not self._console.is_terminal:
-            self._console.print(f"{self.num_timesteps:,} of {self._steps:,} steps  {figures}", highlight=False)
+            self._console.print(
+                f"{self.num_timesteps:,} of {self._steps:,} steps  {figures}", highlight=False
+            )
         self._tenth = tenth
 
     def close(self) -> None:

@@ -1,8 +1,9 @@
-"""Checkpoints of a training run: numbers only, in one safetensors file with JSON in its header; nothing is unpickled.
+"""Checkpoints of a training run: numbers only, in one safetensors file with JSON in its header;
+nothing is unpickled.
 
-Parameters and the averages of the optimiser are kept. Missions and random numbers restart at every checkpoint, also in
-an uninterrupted run, so that a continued run ends with the same weights. All numbers are checked before any is used,
-because a file may come from anywhere.
+Parameters and the averages of the optimiser are kept. Missions and random numbers restart at every
+checkpoint, also in an uninterrupted run, so that a continued run ends with the same weights. All
+numbers are checked before any is used, because a file may come from anywhere.
 """
 
 from __future__ import annotations
@@ -60,7 +61,8 @@ def save_checkpoint(model: PPO, best: Best | None, folder: Path) -> None:
 
 
 def restore_checkpoint(model: PPO, folder: Path, most_steps: int) -> Best | None:
-    """Continue from the latest checkpoint, or from the one before if that is damaged; return the best policy so far.
+    """Continue from the latest checkpoint, or from the one before if that is damaged; return the
+    best policy so far.
 
     Args:
         model: A learner with the same settings.
@@ -76,7 +78,9 @@ def restore_checkpoint(model: PPO, folder: Path, most_steps: int) -> Best | None
                 return _restore(model, folder / name, most_steps)
             except Exception as error:  # whatever damaged numbers lead to
                 print(f"{folder / name} cannot be read ({type(error).__name__})", file=sys.stderr)
-    raise TrainingError(f"{folder} holds no checkpoint that can be read: delete it, or choose another --out")
+    raise TrainingError(
+        f"{folder} holds no checkpoint that can be read: delete it, or choose another --out"
+    )
 
 
 def _restore(model: PPO, path: Path, most_steps: int) -> Best | None:
@@ -87,13 +91,20 @@ def _restore(model: PPO, path: Path, most_steps: int) -> Best | None:
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no mapping
     _expect(header["schema"] == SCHEMA, "schema")
     steps = header["steps"]
-    _expect(type(steps) is int and 0 <= steps <= most_steps and steps % (model.n_steps * model.n_envs) == 0, "steps")
+    _expect(
+        type(steps) is int
+        and 0 <= steps <= most_steps
+        and steps % (model.n_steps * model.n_envs) == 0,
+        "steps",
+    )
     weights = _part(tensors, "policy")
     _expect_like(weights, model.policy.state_dict())
     best = _best(header["best"], _part(tensors, "best"), model, steps)
     averages = _averages(_part(tensors, "optimizer"), model)
     model.policy.load_state_dict(weights)
-    model.policy.optimizer.load_state_dict({**model.policy.optimizer.state_dict(), "state": averages})
+    model.policy.optimizer.load_state_dict(
+        {**model.policy.optimizer.state_dict(), "state": averages}
+    )
     model.num_timesteps = steps
     model._n_updates = steps // (model.n_steps * model.n_envs) * model.n_epochs
     return best
@@ -112,16 +123,27 @@ def _expect_like(given: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.T
         _expect(bool((tensor.abs() <= thresholds.LARGEST_WEIGHT).all()), name)  # which nan is not
 
 
-def _averages(tensors: Mapping[str, torch.Tensor], model: PPO) -> dict[int, dict[str, torch.Tensor]]:
+def _averages(
+    tensors: Mapping[str, torch.Tensor], model: PPO
+) -> dict[int, dict[str, torch.Tensor]]:
     """Adam's averages of each parameter that it has changed."""
     expected: dict[str, torch.Tensor] = {}
     no_steps = torch.tensor(0.0)
     for index, parameter in enumerate(model.policy.parameters()):
         if f"{index}.step" in tensors:
-            expected |= {f"{index}.step": no_steps, f"{index}.exp_avg": parameter, f"{index}.exp_avg_sq": parameter}
+            expected |= {
+                f"{index}.step": no_steps,
+                f"{index}.exp_avg": parameter,
+                f"{index}.exp_avg_sq": parameter,
+            }
     _expect_like(tensors, expected)
     _expect(
-        all(bool((value >= 0.0).all()) for name, value in tensors.items() if not name.endswith("exp_avg")), "averages"
+        all(
+            bool((value >= 0.0).all())
+            for name, value in tensors.items()
+            if not name.endswith("exp_avg")
+        ),
+        "averages",
     )
     numbers = sorted({int(name.split(".")[0]) for name in tensors})
     return {number: _part(tensors, str(number)) for number in numbers}
@@ -139,10 +161,15 @@ def _best(header: Any, tensors: Mapping[str, torch.Tensor], model: PPO, steps: i
     }
     _expect_like(tensors, expected)
     layers = [
-        (tensors[f"{index}.weight"].numpy(), tensors[f"{index}.bias"].numpy()) for index in range(len(expected) // 2)
+        (tensors[f"{index}.weight"].numpy(), tensors[f"{index}.bias"].numpy())
+        for index in range(len(expected) // 2)
     ]
     return Best(header["steps"], header["score"], layers)
 
 
 def _part(tensors: Mapping[str, torch.Tensor], part: str) -> dict[str, torch.Tensor]:
-    return {name.removeprefix(f"{part}."): value for name, value in tensors.items() if name.startswith(f"{part}.")}
+    return {
+        name.removeprefix(f"{part}."): value
+        for name, value in tensors.items()
+        if name.startswith(f"{part}.")
+    }

@@ -1,4 +1,5 @@
-"""The learner's network: that of Stable-Baselines3, with the inputs passed to the last layer of the policy."""
+"""The learner's network: that of Stable-Baselines3, with the inputs passed to the last layer of the
+policy."""
 
 from __future__ import annotations
 
@@ -14,19 +15,22 @@ from torch import nn
 from homeward.agents.trained.policy_file import Layer
 
 _LOG_DEVIATIONS = (-0.7, -0.7, -1.8)
-"""Of continuous actions, at first. Chosen: deviations of half of the range from its middle for speed and sensing rate;
-go is the middle third, at two deviations, so that a stop and a return have a probability of 2 % each."""
+"""Of continuous actions, at first. Chosen: deviations of half of the range from its middle for
+speed and sensing rate; go is the middle third, at two deviations, so that a stop and a return have
+a probability of 2 % each."""
 
 _VALUE_SCALE = 0.1
-"""Scale of the value's hidden units, from d_max: beyond the potential a tenth of a good score is left to learn, and
-steps as large as for numbers around 1 make the value noisy (docs/results.md, What failed in training)."""
+"""Scale of the value's hidden units, from d_max: beyond the potential a tenth of a good score is
+left to learn, and steps as large as for numbers around 1 make the value noisy (docs/results.md,
+What failed in training)."""
 
 
 class ResidualPolicy(ActorCriticPolicy):
-    """Policy and value with two hidden layers each; the policy's last layer also sees the inputs directly.
+    """Policy and value with two hidden layers each; the policy's last layer also sees the inputs
+    directly.
 
-    So the first policy can be a linear rule of the inputs, and learning adds a residual to it (Johannink et al. 2019,
-    arXiv 1812.03201).
+    So the first policy can be a linear rule of the inputs, and learning adds a residual to it
+    (Johannink et al. 2019, arXiv 1812.03201).
 
     Args:
         *arguments: See Stable-Baselines3's class.
@@ -62,7 +66,8 @@ class ResidualPolicy(ActorCriticPolicy):
         self.mlp_extractor = _Layers(self.features_dim, self._hidden, self._valued)  # type: ignore[assignment]
 
     def learn_actions(self, learns: bool) -> None:
-        """Choose whether updates change the policy, or the value only, which has to be known first."""
+        """Choose whether updates change the policy, or the value only, which has to be known
+        first."""
         for part in (self.mlp_extractor.policy_net, self.action_net):
             part.requires_grad_(learns)
 
@@ -98,4 +103,6 @@ def layers_of(model: PPO) -> list[Layer]:
     """Weight and bias of each layer of the policy's network."""
     modules = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
     layers = [module for module in modules if isinstance(module, nn.Linear)]
-    return [(layer.weight.detach().cpu().numpy(), layer.bias.detach().cpu().numpy()) for layer in layers]
+    return [
+        (layer.weight.detach().cpu().numpy(), layer.bias.detach().cpu().numpy()) for layer in layers
+    ]

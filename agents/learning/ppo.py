@@ -1,4 +1,5 @@
-"""The learner: proximal policy optimisation from Stable-Baselines3 on the native vector environment."""
+"""The learner: proximal policy optimisation from Stable-Baselines3 on the native vector
+environment."""
 
 from __future__ import annotations
 
@@ -36,14 +37,17 @@ from homeward.envs.features import names_of
 from homeward.envs.options import Known, Options, known_of
 from homeward.envs.vector import HomewardVectorEnv
 
-_LAST_LEARNING_RATE = 0.01  # relative to the first; it falls linearly; chosen: the last updates change little
+# relative to the first; it falls linearly; chosen: the last updates change little
+_LAST_LEARNING_RATE = 0.01
 _STAGGERED = 128
-"""Decisions over which the first missions begin: about as many as a mission has (see docs/learning.md)."""
+"""Decisions over which the first missions begin: about as many as a mission has (see
+docs/learning.md)."""
 
 
 @dataclass(frozen=True)
 class Trained:
-    """Result of a training run: number of decisions, and home rate and mean score of the last missions."""
+    """Result of a training run: number of decisions, and home rate and mean score of the last
+    missions."""
 
     steps: int
     home_rate: float
@@ -66,17 +70,19 @@ def train(
 ) -> Trained:
     """Train a policy, and write the one with the best score on the missions of the learning curve.
 
-    The subfolders `first` and `last` hold the policies at the beginning and the end of training, `curve` those of all
-    points of the learning curve.
+    The subfolders `first` and `last` hold the policies at the beginning and the end of training,
+    `curve` those of all points of the learning curve.
 
     Args:
         options: Options of the environment; the shaping's discount is taken from the settings.
         settings: Settings of the algorithm.
         steps: Number of decisions, rounded up to whole updates.
-        seed: Seed of all random numbers: on one machine, uninterrupted runs with the same seed are equal.
+        seed: Seed of all random numbers: on one machine, uninterrupted runs with the same seed are
+            equal.
         folder: Folder of the run: checkpoints, TensorBoard files and the policy.
         details: Additions to the policy's description.
-        checkpoints: Equal parts of the run, after each of which a checkpoint is written and missions restart.
+        checkpoints: Equal parts of the run, after each of which a checkpoint is written and
+            missions restart.
         curve: Points of the learning curve, 1 or more, besides the first.
         restore: Whether to continue from the folder's checkpoint.
         console: Output of the progress.
@@ -94,12 +100,22 @@ def train(
         best = restore_checkpoint(model, folder, total) if restore else None
         known = known_of(options)
         versions = {"homeward": homeward.__version__, "python": platform.python_version()}
-        versions |= {name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")}
+        versions |= {
+            name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")
+        }
 
         def write(into: Path, layers: Sequence[Layer], after: int) -> None:
-            description = {**details, **ON_THE_GO, "steps": total, "after_steps": after, "versions": versions}
+            description = {
+                **details,
+                **ON_THE_GO,
+                "steps": total,
+                "after_steps": after,
+                "versions": versions,
+            }
             features = names_of(bool(options.docks))
-            save_policy(into, layers, model.action_space, description, inputs_of(settings, known), features)
+            save_policy(
+                into, layers, model.action_space, description, inputs_of(settings, known), features
+            )
 
         if not model.num_timesteps:
             write(folder / FIRST, layers_of(model), 0)
@@ -114,7 +130,9 @@ def train(
             stagger(model)
 
         updates = total // settings.rollout
-        written_after = {settings.rollout * (updates * part // checkpoints) for part in range(1, checkpoints)}
+        written_after = {
+            settings.rollout * (updates * part // checkpoints) for part in range(1, checkpoints)
+        }
         begin_anew()
         callback = TrainingCallback(
             folder=folder,
@@ -150,20 +168,25 @@ def train(
 
 
 def make_model(options: Options, settings: PPOSettings, seed: int) -> PPO:
-    """An untrained learner with its missions, on the CPU, which is fastest for so small a network."""
+    """An untrained learner with its missions, on the CPU, which is fastest for so small a
+    network."""
     by_start = settings.by_start
     keywords = vars(options) | {"discount": settings.discount}
     missions = HomewardVectorEnv(settings.n_envs, autoreset_mode="SameStep", **keywords)
     known = missions.batch.known
     inputs = inputs_of(settings, known)
-    env = SB3Adapter(missions, settings.stranding_cost, inputs, late_is_lost=True, senses_on_the_go=True)
+    env = SB3Adapter(
+        missions, settings.stranding_cost, inputs, late_is_lost=True, senses_on_the_go=True
+    )
     network = {"hidden": settings.hidden, "first": first_policy(known, inputs), "valued": None}
     if settings.start == DMAX:
         network["valued"] = valued(known)
     model = PPO(
         ResidualPolicy,
         env,
-        learning_rate=lambda remaining: by_start["learning_rate"] * max(remaining, _LAST_LEARNING_RATE),
+        learning_rate=lambda remaining: (
+            by_start["learning_rate"] * max(remaining, _LAST_LEARNING_RATE)
+        ),
         n_steps=settings.n_steps,
         batch_size=settings.batch_size,
         n_epochs=settings.epochs,
@@ -187,14 +210,16 @@ def inputs_of(settings: PPOSettings, known: Known) -> BeliefInputs | None:
 
 
 def draw_anew(model: PPO, seed: int) -> None:
-    """Restart missions and random numbers with those of no other seed, and of no other part of an interrupted run."""
+    """Restart missions and random numbers with those of no other seed, and of no other part of an
+    interrupted run."""
     words = np.random.SeedSequence((seed, model.num_timesteps)).generate_state(2, np.uint64)
     set_random_seed(int(words[0]) % 2**32)
     model.get_env().seed(int(words[1]) >> 2)  # type: ignore[union-attr]  # below those of evaluations
 
 
 def stagger(model: PPO) -> None:
-    """Begin missions in turn, so that updates cover all stages (Bharthulwar et al. 2025, arXiv 2511.21011)."""
+    """Begin missions in turn, so that updates cover all stages (Bharthulwar et al. 2025, arXiv
+    2511.21011)."""
     env = model.get_env()
     assert isinstance(env, SB3Adapter)
     begins = np.arange(env.num_envs) % _STAGGERED
@@ -220,7 +245,8 @@ def deployed(model: PPO, inputs: BeliefInputs | None) -> NetworkPolicy:
 def one_thread() -> Iterator[None]:
     """Keep torch, numba and NumPy's linear algebra to one thread each.
 
-    Batches are too small to gain from more, and idle threads of one library slow the others on a busy machine.
+    Batches are too small to gain from more, and idle threads of one library slow the others on a
+    busy machine.
     """
     torch_threads = torch.get_num_threads()
     numba_threads = numba.get_num_threads()

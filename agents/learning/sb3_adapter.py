@@ -28,24 +28,31 @@ class SB3Adapter(VecEnv):
     """A `HomewardVectorEnv` behind the interface of Stable-Baselines3's vector environments.
 
     Ended missions restart in the same step. Their entry of `infos` has the mission's `info`, its
-    `terminal_observation`, `TimeLimit.truncated`, `is_success` (home), and `episode` with return `r`, length `l` and
-    time `t`, as Stable-Baselines3's `Monitor` writes them. The entries of other missions hold `info_keys`.
+    `terminal_observation`, `TimeLimit.truncated`, `is_success` (home), and `episode` with return
+    `r`, length `l` and time `t`, as Stable-Baselines3's `Monitor` writes them. The entries of other
+    missions hold `info_keys`.
 
     Args:
-        env: A `HomewardVectorEnv` made with `autoreset_mode="SameStep"` or, for Gymnasium's wrappers of observations,
-            which refuse that, `"Disabled"`; or Gymnasium's vector wrappers around one.
-        stranding_cost: Subtracted from the reward of a mission that strands, as it is after wrappers.
+        env: A `HomewardVectorEnv` made with `autoreset_mode="SameStep"` or, for Gymnasium's
+            wrappers of observations, which refuse that, `"Disabled"`; or Gymnasium's vector
+            wrappers around one.
+        stranding_cost: Subtracted from the reward of a mission that strands, as it is after
+            wrappers.
         inputs: Computes the learner's inputs from observations, if they are not the observations.
-        late_is_lost: Whether the time limit ends a mission as stranding does, with a score of 0 and no value to
-            bootstrap: the time is observed and is a part of the task. Otherwise it truncates, as in Gymnasium, and a
-            mission that stays at home loses nothing. With `inputs` it is always lost. Terms that wrappers add stay;
-            wrappers that scale the reward do not scale this loss.
-        senses_on_the_go: Whether a robot that stops or heads home does not sense, see `sensing_on_the_go`.
-        info_keys: Keys of the environment's `info` that `infos` also hold while missions go on; each takes time.
+        late_is_lost: Whether the time limit ends a mission as stranding does, with a score of 0 and
+            no value to bootstrap: the time is observed and is a part of the task. Otherwise it
+            truncates, as in Gymnasium, and a mission that stays at home loses nothing. With
+            `inputs` it is always lost. Terms that wrappers add stay; wrappers that scale the reward
+            do not scale this loss.
+        senses_on_the_go: Whether a robot that stops or heads home does not sense, see
+            `sensing_on_the_go`.
+        info_keys: Keys of the environment's `info` that `infos` also hold while missions go on;
+            each takes time.
 
     Raises:
-        ValueError: The environment resets in another way, `late_is_lost` is False with `inputs`, a wrapper or flat
-            actions change what `inputs` or `senses_on_the_go` need, or a key is no key of `info`.
+        ValueError: The environment resets in another way, `late_is_lost` is False with `inputs`, a
+            wrapper or flat actions change what `inputs` or `senses_on_the_go` need, or a key is no
+            key of `info`.
     """
 
     def __init__(
@@ -60,16 +67,24 @@ class SB3Adapter(VecEnv):
     ) -> None:
         missions = env.unwrapped
         if not isinstance(missions, HomewardVectorEnv):
-            raise ValueError(f"{missions} is no HomewardVectorEnv; make one, or use Stable-Baselines3's own wrappers")
+            raise ValueError(
+                f"{missions} is no HomewardVectorEnv; make one, or use Stable-Baselines3's own wrappers"
+            )
         if missions.autoreset_mode is AutoresetMode.NEXT_STEP:
             mode = missions.autoreset_mode.value
-            raise ValueError(f"autoreset_mode is {mode}; make the environment with SameStep, or Disabled")
+            raise ValueError(
+                f"autoreset_mode is {mode}; make the environment with SameStep, or Disabled"
+            )
         if inputs is not None and not late_is_lost:
             raise ValueError("late_is_lost = False is not possible with inputs; leave it out")
         if inputs is not None and env.single_observation_space != missions.single_observation_space:
-            raise ValueError("inputs need the observations of the missions; leave out the wrapper that changes them")
+            raise ValueError(
+                "inputs need the observations of the missions; leave out the wrapper that changes them"
+            )
         if senses_on_the_go and isinstance(env.single_action_space, spaces.Discrete):
-            raise ValueError("senses_on_the_go needs the three parts of an action; choose action_type 'discrete'")
+            raise ValueError(
+                "senses_on_the_go needs the three parts of an action; choose action_type 'discrete'"
+            )
         for key in info_keys:
             if key not in INFO_KEYS:
                 raise ValueError(f"info_keys has {key!r}; choose from {', '.join(INFO_KEYS)}")
@@ -91,7 +106,8 @@ class SB3Adapter(VecEnv):
 
     @property
     def as_missions(self) -> bool:
-        """Whether observations and actions are those of the missions: no wrapper or input changes their spaces."""
+        """Whether observations and actions are those of the missions: no wrapper or input changes
+        their spaces."""
         missions = self.missions
         spaces_of_one = missions.single_observation_space, missions.single_action_space
         return (self.observation_space, self.action_space) == spaces_of_one
@@ -108,7 +124,8 @@ class SB3Adapter(VecEnv):
         return self._seen(observations, np.ones(self.num_envs, np.bool_))
 
     def begin(self, which: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Restart the missions of a mask of shape (num_envs,), whatever their state; the others wait."""
+        """Restart the missions of a mask of shape (num_envs,), whatever their state; the others
+        wait."""
         observations, _ = self.env.reset(options={"reset_mask": which})
         self._returns[which] = 0.0
         self._lengths[which] = 0
@@ -131,21 +148,27 @@ class SB3Adapter(VecEnv):
             rewards = rewards - self._stranding_cost * (step_info["stranded"] & ended)
             if self._late_is_lost:
                 late = truncated & ~terminated
-                rewards = np.where(late, rewards - step_info["reward_terms"]["shaping"] - potentials, rewards)
+                rewards = np.where(
+                    late, rewards - step_info["reward_terms"]["shaping"] - potentials, rewards
+                )
                 truncated = terminated
         self._returns += rewards
         self._lengths += 1
         infos = self._infos(step_info)
         for i in np.flatnonzero(ended).tolist():
             cut_off = bool(truncated[i] and not terminated[i])
-            infos[i] = self._final_info(step_info, last_observations, i) | {"TimeLimit.truncated": cut_off}
+            infos[i] = self._final_info(step_info, last_observations, i) | {
+                "TimeLimit.truncated": cut_off
+            }
         self._returns[ended] = 0.0
         self._lengths[ended] = 0
         if ended.any() and self.missions.autoreset_mode is AutoresetMode.DISABLED:
             observations, _ = self.env.reset(options={"reset_mask": ended})
         return self._seen(observations, ended), rewards.astype(np.float32), ended, infos
 
-    def _seen(self, observations: NDArray[np.float32], begun: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def _seen(
+        self, observations: NDArray[np.float32], begun: NDArray[np.bool_]
+    ) -> NDArray[np.float32]:
         """Observations as the policy gets them."""
         if self._inputs is None:
             return observations
@@ -159,7 +182,9 @@ class SB3Adapter(VecEnv):
                 info[key] = value
         return infos
 
-    def _final_info(self, step_info: dict[str, Any], last_observations: Any, i: int) -> dict[str, Any]:
+    def _final_info(
+        self, step_info: dict[str, Any], last_observations: Any, i: int
+    ) -> dict[str, Any]:
         elapsed_s = round(time.time() - self._start_s, 6)
         return {
             **{key: _of_one(step_info[key], i) for key in INFO_KEYS},
@@ -183,7 +208,9 @@ class SB3Adapter(VecEnv):
         """Refused (NotImplementedError): missions share one environment."""
         raise NotImplementedError("missions share one environment; set its attribute instead")
 
-    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **keywords: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *args: Any, indices: VecEnvIndices = None, **keywords: Any
+    ) -> list[Any]:
         """Refused (NotImplementedError): missions share one environment."""
         raise NotImplementedError("missions share one environment; call its method instead")
 

@@ -18,7 +18,8 @@ class SB3Policy(Policy):
     """Acts as a model of Stable-Baselines3 that observes missions and nothing else.
 
     Args:
-        model: The model, such as a trained `PPO`; of flat actions, this policy gives the three parts.
+        model: The model, such as a trained `PPO`; of flat actions, this policy gives the three
+            parts.
         greedy: Whether it takes the most probable action; otherwise it samples one.
     """
 
@@ -28,4 +29,8 @@ class SB3Policy(Policy):
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         """Choose one action for each mission, see `Policy.act`."""
         actions, _ = self._model.predict(observations, deterministic=self._greedy)
-        return unflatten_actions(actions) if isinstance(self._model.action_space, spaces.Discrete) else actions
+        return (
+            unflatten_actions(actions)
+            if isinstance(self._model.action_space, spaces.Discrete)
+            else actions
+        )

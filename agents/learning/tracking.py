@@ -19,7 +19,8 @@ _CURVE = {f"curve/{name}": name for name in ("score", "stranded_rate", "late_rat
 
 
 def log_settings(logger: Logger, settings: Mapping[str, Any]) -> None:
-    """Log the settings of a run, so that TensorBoard's page HPARAMS compares the runs of a folder by their curves."""
+    """Log the settings of a run, so that TensorBoard's page HPARAMS compares the runs of a folder
+    by their curves."""
     _write(logger, {"settings": HParam(settings, dict.fromkeys(_CURVE, 0.0))}, 0)
 
 
@@ -34,7 +35,8 @@ def _write(logger: Logger, values: Mapping[str, Any], steps: int) -> None:
 
 
 class WandbOutput(KVWriter):
-    """Logs the same to Weights & Biases as to TensorBoard; runs side by side in a folder form a group there.
+    """Logs the same to Weights & Biases as to TensorBoard; runs side by side in a folder form a
+    group there.
 
     Args:
         project: Name of the project.
@@ -71,9 +73,15 @@ class WandbOutput(KVWriter):
         # Its own steps cannot go back to a checkpoint.
         self._run.define_metric("*", step_metric="steps")
 
-    def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
+    def write(
+        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
+    ) -> None:
         """Log the numbers among the values."""
-        figures = {key: float(value) for key, value in key_values.items() if isinstance(value, numbers.Real)}
+        figures = {
+            key: float(value)
+            for key, value in key_values.items()
+            if isinstance(value, numbers.Real)
+        }
         if figures:
             self._run.log({"steps": step, **figures})
 

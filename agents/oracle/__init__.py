@@ -1,8 +1,10 @@
-"""Upper and lower bound of the optimal score of a mission, with full knowledge of its route and hidden variables.
+"""Upper and lower bound of the optimal score of a mission, with full knowledge of its route and
+hidden variables.
 
-No policy on the same action grid exceeds the upper bound, see `homeward.agents.oracle.bound`. The lower bound is the
-score of a sequence of actions in the environment. Dynamic programming with the environment's own step finds it, around
-the plan and with the Lagrange multipliers of the upper bound, see `homeward.agents.oracle.kernel.search`.
+No policy on the same action grid exceeds the upper bound, see `homeward.agents.oracle.bound`. The
+lower bound is the score of a sequence of actions in the environment. Dynamic programming with the
+environment's own step finds it, around the plan and with the Lagrange multipliers of the upper
+bound, see `homeward.agents.oracle.kernel.search`.
 """
 
 from __future__ import annotations
@@ -17,7 +19,13 @@ from homeward.agents.evaluation.tasks import self_contained
 from homeward.agents.oracle.linear_programs import bound_out_and_back, bound_patrol
 from homeward.agents.oracle.problem import Problem, problem_of
 from homeward.agents.oracle.rates import REFUSED, measure_rates
-from homeward.agents.oracle.search import best_actions, best_shuttle, guide_out_and_back, guide_patrol, points_of
+from homeward.agents.oracle.search import (
+    best_actions,
+    best_shuttle,
+    guide_out_and_back,
+    guide_patrol,
+    points_of,
+)
 from homeward.envs.missions import MISSIONS
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
@@ -32,8 +40,8 @@ class OracleError(ValueError):
 
 
 _TOGETHER = 20
-"""Episodes of one parallel task. Chosen: 0.2 to 8 s of work (docs/results.md: 0.01 to 0.4 s an episode), far more than
-a task takes to start."""
+"""Episodes of one parallel task. Chosen: 0.2 to 8 s of work (docs/results.md: 0.01 to 0.4 s an
+episode), far more than a task takes to start."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +51,8 @@ class Optimum:
     Attributes:
         lower: Lower bound: score of the actions in the environment, shape (episodes,).
         upper: Upper bound of the score of any policy on the action grid, shape (episodes,).
-        actions: Speed level, sensing level and mode of each decision, one array of shape (decisions, 3) per episode.
+        actions: Speed level, sensing level and mode of each decision, one array of shape
+            (decisions, 3) per episode.
     """
 
     lower: NDArray[np.float64]
@@ -51,7 +60,9 @@ class Optimum:
     actions: tuple[NDArray[np.int64], ...]
 
 
-def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | None = None) -> Optimum:
+def solve(
+    options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | None = None
+) -> Optimum:
     """Bound the optimal score of episodes: those of an environment reset with the same seeds.
 
     Args:
@@ -62,7 +73,8 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
 
     Raises:
         TaskError, ClusterError: See `homeward.parallel.run_tasks`.
-        OracleError: The action space is continuous, or there is no bound for the mission or for an effect of the robot.
+        OracleError: The action space is continuous, or there is no bound for the mission or for an
+            effect of the robot.
 
     >>> optimum = solve(Options("OutAndBack", weather="still"), [7])
     >>> bool(0.98 * optimum.upper[0] < optimum.lower[0] <= optimum.upper[0])
@@ -75,7 +87,12 @@ def solve(options: Options, seeds: Sequence[int], jobs: int = 1, cluster: str | 
         some_seeds = list(seeds[start : start + _TOGETHER])
         tasks[f"episodes {start} to {start + len(some_seeds) - 1}"] = carried, some_seeds
     parts = run_tasks(
-        _solve_some, tasks, jobs=jobs, cluster=cluster, title="optimum", size=lambda task: len(task[1])
+        _solve_some,
+        tasks,
+        jobs=jobs,
+        cluster=cluster,
+        title="optimum",
+        size=lambda task: len(task[1]),
     ).values()
     return Optimum(
         lower=np.concatenate([part.lower for part in parts]),
@@ -88,10 +105,13 @@ def check(options: Options) -> None:
     """Refuse an environment for which there is no bound.
 
     Raises:
-        OracleError: The action space is continuous, or there is no bound for the mission or for an effect of the robot.
+        OracleError: The action space is continuous, or there is no bound for the mission or for an
+            effect of the robot.
     """
     if options.action_type != "discrete":
-        raise OracleError(f"the oracle acts on a grid, but action_type is {options.action_type!r}; choose 'discrete'")
+        raise OracleError(
+            f"the oracle acts on a grid, but action_type is {options.action_type!r}; choose 'discrete'"
+        )
     if not MISSIONS[options.mission].adds_up:
         raise OracleError(
             f"the oracle has no bound for {options.mission}: its score is neither a sum over the metres reached nor a "
@@ -103,7 +123,9 @@ def check(options: Options) -> None:
         )
     for effect in REFUSED:
         if effect in load_robot(options.robot).active_effects:
-            raise OracleError(f"the oracle has no bound for a robot with the effect {effect}; switch it off")
+            raise OracleError(
+                f"the oracle has no bound for a robot with the effect {effect}; switch it off"
+            )
 
 
 def _solve_some(task: tuple[Options, list[int]]) -> Optimum:
@@ -134,13 +156,17 @@ def _solve(case: Problem) -> tuple[float, NDArray[np.int64]]:
     return upper, best_actions(case, guide, rates, points_m)
 
 
-def score_of(options: Options, seeds: Sequence[int], actions: Sequence[NDArray[np.int64]]) -> NDArray[np.float64]:
-    """Scores of given actions in the environment, 0 if the robot does not come home, shape (episodes,).
+def score_of(
+    options: Options, seeds: Sequence[int], actions: Sequence[NDArray[np.int64]]
+) -> NDArray[np.float64]:
+    """Scores of given actions in the environment, 0 if the robot does not come home, shape
+    (episodes,).
 
     Args:
         options: Keyword arguments of the environment.
         seeds: Seed of each episode.
-        actions: Actions of each episode, shape (decisions, 3); after the last one the robot returns.
+        actions: Actions of each episode, shape (decisions, 3); after the last one the robot
+            returns.
     """
     count = len(seeds)
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
@@ -153,7 +179,8 @@ def score_of(options: Options, seeds: Sequence[int], actions: Sequence[NDArray[n
     commands = np.empty((count, 3), np.int64)
     while not records["over"].all():
         for i, sequence in enumerate(actions):
-            # The last action of a sequence is a return, which is repeated until the mission is over.
+            # The last action of a sequence is a return, which is repeated until the mission is
+            # over.
             decision = min(int(records["decisions"][i]), len(sequence) - 1)
             commands[i] = sequence[decision]
         batch.step(commands, observations, rewards, terminated, truncated)

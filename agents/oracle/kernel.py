@@ -1,4 +1,5 @@
-"""Compiled part of the oracle: dynamic programming and measurements with the environment's own step, `decide`.
+"""Compiled part of the oracle: dynamic programming and measurements with the environment's own
+step, `decide`.
 
 Arguments that functions share:
 
@@ -8,8 +9,9 @@ Arguments that functions share:
     starts: Mission at its start, `MISSION_DTYPE`, shape (1,); not changed.
     works: Work space, `MISSION_DTYPE`, shape (1,).
     step_m: Distance between points along the route, from home on, m.
-    j_per_s: Energy equivalent to a second: ratio of the Lagrange multipliers of time and energy, J/s.
-    home_j, home_s: Energy (J) and time (s) of the best way home from every point, shape (points,).
+    j_per_s: Energy equivalent to a second: ratio of the Lagrange multipliers of time and energy,
+    J/s. home_j, home_s: Energy (J) and time (s) of the best way home from every point, shape
+    (points,).
 """
 
 from __future__ import annotations
@@ -31,11 +33,14 @@ _HAIR_M = 1e-6
 """Distance of a decision that measures at one point, m. Chosen: far below the length of a place."""
 _NONE = -1e300  # value of an empty cell: below any, and finite
 CELLS = 16
-"""Number of cells of energy, and of backlog, around a plan. Chosen: memory and time grow with its square."""
+"""Number of cells of energy, and of backlog, around a plan. Chosen: memory and time grow with its
+square."""
 
 
 @called
-def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: int, mode: int) -> None:
+def _roll(
+    m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: int, mode: int
+) -> None:
     """Apply one decision to a mission.
 
     Args:
@@ -57,7 +62,8 @@ def _roll(m: Any, p: Any, route: Any, c: Any, speed_level: int, sensing_level: i
 
 @compiled
 def see_route(constants: Any, missions_begun: Any, routes: Any) -> None:
-    """Enter every place of the route into the robot's map, as if it had driven there. `routes` is changed."""
+    """Enter every place of the route into the robot's map, as if it had driven there. `routes` is
+    changed."""
     c = constants[0]
     m = missions_begun[0]
     route = routes[0]
@@ -84,14 +90,15 @@ def measure(
 ) -> None:
     """Measure powers, score, samples and radio in every place, by one short decision of each kind.
 
-    The weather is the most favourable of the mission: the least headwind out, the strongest tail wind home, and the
-    warmest air.
+    The weather is the most favourable of the mission: the least headwind out, the strongest tail
+    wind home, and the warmest air.
 
     Args:
-        constants: Shared record changed: decisions are short, the memory is unlimited, and the radio is off except when
-            it is measured.
+        constants: Shared record changed: decisions are short, the memory is unlimited, and the
+            radio is off except when it is measured.
         pieces: Pieces of a place.
-        out_w: Written, as are the following ones; shapes and units as in `homeward.agents.oracle.rates.Rates`.
+        out_w: Written, as are the following ones; shapes and units as in
+            `homeward.agents.oracle.rates.Rates`.
     """
     c = constants[0]
     p = robots[0]
@@ -145,8 +152,11 @@ def measure(
 
 
 @compiled
-def charge(constants: Any, robots: Any, routes: Any, starts: Any, works: Any, charge_w: Any) -> None:
-    """Measure the power into the battery at every dock, by one short decision each, in the warmest air of the mission.
+def charge(
+    constants: Any, robots: Any, routes: Any, starts: Any, works: Any, charge_w: Any
+) -> None:
+    """Measure the power into the battery at every dock, by one short decision each, in the warmest
+    air of the mission.
 
     Args:
         constants: Shared record changed: decisions are short.
@@ -171,7 +181,8 @@ def _weather(works: Any, starts: Any, winds: Any) -> Any:
     """Simulate the weather of a mission, and return its highest air temperature, C.
 
     Args:
-        winds: Written, east and north component of the wind at every decision, m/s, shape (decisions, 2).
+        winds: Written, east and north component of the wind at every decision, m/s, shape
+            (decisions, 2).
     """
     works[0] = starts[0]
     m = works[0]
@@ -187,7 +198,8 @@ def _weather(works: Any, starts: Any, winds: Any) -> Any:
 
 @called
 def _headwinds(winds: Any, place: Any) -> Any:
-    """Least and greatest headwind of the way out at a place, m/s, of winds of shape (decisions, 2)."""
+    """Least and greatest headwind of the way out at a place, m/s, of winds of shape (decisions,
+    2)."""
     least_mps = np.inf
     most_mps = -np.inf
     for n in range(len(winds)):
@@ -210,8 +222,11 @@ def _set_weather(m: Any, headwind_mps: float, temperature_c: float) -> None:
 
 
 @compiled
-def _set_out(works: Any, starts: Any, route: Any, k: int, position_m: float, speed_mps: float) -> None:
-    """Copy the start into `works`, moved to a position in place `k` that is reached for the first time, at a speed."""
+def _set_out(
+    works: Any, starts: Any, route: Any, k: int, position_m: float, speed_mps: float
+) -> None:
+    """Copy the start into `works`, moved to a position in place `k` that is reached for the first
+    time, at a speed."""
     works[0] = starts[0]
     m = works[0]
     m.place = k
@@ -239,10 +254,12 @@ def way_home(
 
         J(0) = 0,  J(x) = min over v of energy(x, v) + j_per_s * time(x, v) + J(x').
 
-    J(x') is interpolated linearly between points. Battery and weather are those of the start at every point.
+    J(x') is interpolated linearly between points. Battery and weather are those of the start at
+    every point.
 
     Args:
-        home_j: Written, the energy in J(x); left as it is where no speed gets there before the battery is empty.
+        home_j: Written, the energy in J(x); left as it is where no speed gets there before the
+            battery is empty.
         home_s: Written, the time in J(x), likewise.
     """
     c = constants[0]
@@ -273,7 +290,8 @@ def way_home(
 
 @compiled
 def _at(values: Any, position_m: float, step_m: float) -> Any:
-    """Interpolate values at points, shape (points,), linearly at a position; constant beyond the ends."""
+    """Interpolate values at points, shape (points,), linearly at a position; constant beyond the
+    ends."""
     share = min(max(position_m, 0.0) / step_m, len(values) - 1.0)
     point = min(int(share), len(values) - 2)
     beyond = share - point
@@ -302,30 +320,36 @@ def search(
     actions: Any,
     best_turns: Any,
 ) -> int:
-    """Search for the best way out by forward dynamic programming, with one mission in each cell of the state space.
+    """Search for the best way out by forward dynamic programming, with one mission in each cell of
+    the state space.
 
-    Cells divide distance driven, and energy and backlog (on a patrol, time left of a pit stop) relative to a plan. Of
-    the missions in a cell the one with the greatest value is kept, as the exact record that the environment left:
+    Cells divide distance driven, and energy and backlog (on a patrol, time left of a pit stop)
+    relative to a plan. Of the missions in a cell the one with the greatest value is kept, as the
+    exact record that the environment left:
 
         value = score + p_0 * energy + p_1 * time left - p_2 * pit stop left - p_3(x) * backlog + ahead(x)
 
-    This estimates the final score by the Lagrange multipliers of the bound. Cells are expanded by increasing distance,
-    with all actions. A successor is discarded if its energy or time do not suffice for the way home, if it is outside
-    the cells, or if its value is no greater than the best score found. A ring buffer holds the distances that one
-    decision can reach.
+    This estimates the final score by the Lagrange multipliers of the bound. Cells are expanded by
+    increasing distance, with all actions. A successor is discarded if its energy or time do not
+    suffice for the way home, if it is outside the cells, or if its value is no greater than the
+    best score found. A ring buffer holds the distances that one decision can reach.
 
     Args:
         room: Work space for missions, `MISSION_DTYPE`, shape (distances, CELLS * CELLS).
         rates: Number of sensing levels that are tried.
-        multipliers: Lagrange multipliers p, in score per J, per s and per s of a pit stop, shape (3,).
+        multipliers: Lagrange multipliers p, in score per J, per s and per s of a pit stop, shape
+            (3,).
         sample_multiplier: That of a sample on board, p_3, score per sample, shape (points,).
-        ahead: Greatest Lagrangian of the rest of the mission, away from home and towards it, score, shape (2, points).
+        ahead: Greatest Lagrangian of the rest of the mission, away from home and towards it, score,
+            shape (2, points).
         plan: Energy (J) and backlog (samples) of the plan, shape (2, points).
-        cells: Size of a cell: distance (m), energy (J), backlog (samples, or s of a pit stop), shape (3,).
+        cells: Size of a cell: distance (m), energy (J), backlog (samples, or s of a pit stop),
+            shape (3,).
         parents: Written, the node before, -1 at the start, shape (nodes,).
-        actions: Written, action that led there as speed + 5 * sensing level, or -1 for a stop, shape (nodes,).
-        best_turns: Written, the best missions in descending order: estimated score if it turns back now, and node,
-            shape (kept, 2).
+        actions: Written, action that led there as speed + 5 * sensing level, or -1 for a stop,
+            shape (nodes,).
+        best_turns: Written, the best missions in descending order: estimated score if it turns back
+            now, and node, shape (kept, 2).
 
     Returns:
         Number of nodes.
@@ -355,7 +379,11 @@ def search(
         while repeats and nodes < len(parents):
             repeats = False
             for slot in range(width):
-                if not fresh[row, slot] or values[row, slot] <= best_turns[0, 0] or nodes == len(parents):
+                if (
+                    not fresh[row, slot]
+                    or values[row, slot] <= best_turns[0, 0]
+                    or nodes == len(parents)
+                ):
                     continue
                 fresh[row, slot] = False
                 repeats = True
@@ -383,7 +411,9 @@ def search(
                     distance = int(m.distance_m / cells[0])
                     to = distance % ring
                     off_j = _cell(m.energy_j - _at(plan[0], m.position_m, step_m), cells[1])
-                    off_load = _cell(m.backlog + m.dwell_s - _at(plan[1], m.position_m, step_m), cells[2])
+                    off_load = _cell(
+                        m.backlog + m.dwell_s - _at(plan[1], m.position_m, step_m), cells[2]
+                    )
                     if off_j < 0 or off_load < 0:  # far from the plan
                         continue
                     cell = off_j + CELLS * off_load
@@ -401,7 +431,15 @@ def search(
 
 
 @inline
-def _value(m: Any, s: Any, left_s: float, multipliers: Any, sample_multiplier: Any, ahead: Any, step_m: float) -> Any:
+def _value(
+    m: Any,
+    s: Any,
+    left_s: float,
+    multipliers: Any,
+    sample_multiplier: Any,
+    ahead: Any,
+    step_m: float,
+) -> Any:
     """Estimated final score of a mission under way, see `search`; `left_s` is the time left, s."""
     heading = 0 if m.direction > 0.0 else 1
     return (
@@ -419,10 +457,12 @@ def shuttle(
     constants: Any, robots: Any, routes: Any, starts: Any, works: Any, speed_level: int, home_j: Any, step_m: float,
     actions: Any,
 ) -> int:  # fmt: skip
-    """Shuttle at one speed until the time limit, and charge at docks only as much as the way to the next stop needs.
+    """Shuttle at one speed until the time limit, and charge at docks only as much as the way to the
+    next stop needs.
 
-    So no time is lost at a dock, as long as the battery is not full there. Before every dock the robot looks ahead,
-    with the environment's own step, whether it would come to the next one with the energy for the way home from there.
+    So no time is lost at a dock, as long as the battery is not full there. Before every dock the
+    robot looks ahead, with the environment's own step, whether it would come to the next one with
+    the energy for the way home from there.
 
     Args:
         works: Work space, `MISSION_DTYPE`, shape (2,).
@@ -468,7 +508,8 @@ def _may_dock(m: Any, s: Any, way_m: float) -> bool:
 
 @compiled
 def _cell(offset: float, size: float) -> int:
-    """Index of the cell of an offset from the plan, 0 to `CELLS` - 1 with the plan in the middle, or -1 outside."""
+    """Index of the cell of an offset from the plan, 0 to `CELLS` - 1 with the plan in the middle,
+    or -1 outside."""
     cell = int(np.floor(offset / size + 0.5 * CELLS))
     if 0 <= cell < CELLS:
         return cell
@@ -477,7 +518,8 @@ def _cell(offset: float, size: float) -> int:
 
 @compiled
 def _note(best_turns: Any, score: float, node: int) -> None:
-    """Insert the score of a mission that turns back now into the best, sorted in descending order, shape (kept, 2)."""
+    """Insert the score of a mission that turns back now into the best, sorted in descending order,
+    shape (kept, 2)."""
     row = len(best_turns) - 1
     if not score > best_turns[row, 0]:
         return
@@ -502,11 +544,13 @@ def follow(
     step_m: float,
     actions: Any,
 ) -> int:
-    """Drive out by given actions, and then home, at every decision at the speed that minimises the J of `way_home`.
+    """Drive out by given actions, and then home, at every decision at the speed that minimises the
+    J of `way_home`.
 
     Args:
         out: Actions of the way out, int64, shape (n, 3).
-        actions: Written, all actions, int64, shape (decisions, 3): speed level, sensing level and mode.
+        actions: Written, all actions, int64, shape (decisions, 3): speed level, sensing level and
+            mode.
 
     Returns:
         Number of actions, or -1 if the robot does not come home.
@@ -529,7 +573,9 @@ def follow(
                 works[0] = m_before[0]
                 _roll(m, p, route, c, i, 0, RETURN)
                 cost_j = m_before[0].energy_j - m.energy_j + _at(home_j, m.position_m, step_m)
-                cost_j += j_per_s * (m.time_s - m_before[0].time_s + _at(home_s, m.position_m, step_m))
+                cost_j += j_per_s * (
+                    m.time_s - m_before[0].time_s + _at(home_s, m.position_m, step_m)
+                )
                 if not m.depleted and cost_j < best_cost_j:
                     best_cost_j = cost_j
                     best_level = i

@@ -1,4 +1,5 @@
-"""Linear programs whose plans may change speed and rate from metre to metre, and the multipliers of their duals."""
+"""Linear programs whose plans may change speed and rate from metre to metre, and the multipliers of
+their duals."""
 
 from __future__ import annotations
 
@@ -41,10 +42,11 @@ class Plan:
 
 
 def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
-    """Upper bound of the score of a mission out and back, and the plan of the place where it is greatest.
+    """Upper bound of the score of a mission out and back, and the plan of the place where it is
+    greatest.
 
-    The multipliers of a plan bound the score of a turn in every place. So the place with the greatest bound so far is
-    planned next, until it already has a plan.
+    The multipliers of a plan bound the score of a turn in every place. So the place with the
+    greatest bound so far is planned next, until it already has a plan.
     """
     bounds = np.where(within_reach(rates), np.inf, -np.inf)
     plans: dict[int, Plan | None] = {}
@@ -52,7 +54,8 @@ def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
     while turn not in plans:
         plan = plan_out_and_back(rates, turn)
         plans[turn] = plan
-        if plan:  # otherwise there is no time to turn there, and the bound by other multipliers stays
+        # otherwise there is no time to turn there, and the bound by other multipliers stays
+        if plan:
             bounds = np.minimum(bounds, bounds_by_turn(rates, plan.multipliers))
         turn = int(np.argmax(bounds))
     best_plan = max((plan for plan in plans.values() if plan), key=lambda plan: bounds[plan.turn])
@@ -60,7 +63,8 @@ def bound_out_and_back(rates: Rates) -> tuple[float, Plan]:
 
 
 def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
-    """Plan a mission that turns within a place, by linear programming, or None if energy or time do not suffice."""
+    """Plan a mission that turns within a place, by linear programming, or None if energy or time do
+    not suffice."""
     pieces = (turn + 1) * PIECES
     ways = LEVELS * LEVELS
     place = rates.place_of_piece[:pieces]
@@ -69,8 +73,9 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
     out_j = rates.out_w[place] * per_speed
     home_j = rates.home_w.min(axis=2)[place] / speed
     standing_w = rates.standing_w.min(axis=1)[place]
-    # Columns: metres out by speed and rate, metres home by speed, seconds at a stand, samples on board at the far end,
-    # samples sent, and the share of the piece that is reached; for every piece.
+    # Columns: metres out by speed and rate, metres home by speed, seconds at a stand, samples on
+    # board at the far end, samples sent, and the share of the piece that is reached; for every
+    # piece.
     widths = [pieces * columns for columns in (ways, LEVELS, 1, 1, 1, 1)]
     none_of_three = np.zeros(3 * pieces)
     eye = sparse.identity(pieces)
@@ -87,7 +92,9 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
         _rows(widths, {0: -samples, 3: increase, 4: eye}),
     ])  # fmt: skip
     joules = np.concatenate([out_j.ravel(), home_j.ravel(), standing_w, none_of_three])
-    seconds = np.concatenate([per_speed.ravel(), np.tile(1.0 / speed, pieces), np.ones(pieces), none_of_three])
+    seconds = np.concatenate(
+        [per_speed.ravel(), np.tile(1.0 / speed, pieces), np.ones(pieces), none_of_three]
+    )
     limits = sparse.vstack([
         sparse.csr_matrix(joules),
         sparse.csr_matrix(seconds),
@@ -98,7 +105,8 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
     low = np.zeros(sum(widths))
     high = np.full(sum(widths), np.inf)
     gain[: widths[0]] = rates.gain_per_m[place].ravel()
-    low[-pieces:] = np.arange(pieces) < turn * PIECES  # all pieces before the place of the turn are reached
+    # all pieces before the place of the turn are reached
+    low[-pieces:] = np.arange(pieces) < turn * PIECES
     high[-pieces:] = 1.0
     high[-3 * pieces : -2 * pieces] = rates.memory
     room = np.concatenate([[rates.energy_j, rates.time_s], np.zeros(2 * pieces - 1)])
@@ -119,7 +127,8 @@ def plan_out_and_back(rates: Rates, turn: int) -> Plan | None:
 
 
 def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Multipliers]:
-    """Upper bound of the number of laps of a patrol, and its multipliers, in laps per J and per s."""
+    """Upper bound of the number of laps of a patrol, and its multipliers, in laps per J and per
+    s."""
     speed = rates.speeds_mps
     power_w = leg_w(rates)
     legs = len(power_w)
@@ -127,9 +136,13 @@ def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Multipliers]:
     stand_w = rates.pit_stop_w
     # Columns: metres by leg and speed, laps, and seconds at each dock.
     docks = np.zeros(len(rates.charge_w))
-    joules = np.concatenate([(power_w / speed).ravel(), [stops_s * stand_w], docks - rates.charge_w])
+    joules = np.concatenate(
+        [(power_w / speed).ravel(), [stops_s * stand_w], docks - rates.charge_w]
+    )
     seconds = np.concatenate([np.tile(1.0 / speed, legs), [stops_s], docks + 1.0])
-    laps = np.concatenate([np.full((legs, 1), -rates.place_m), np.zeros((legs, len(docks)))], axis=1)
+    laps = np.concatenate(
+        [np.full((legs, 1), -rates.place_m), np.zeros((legs, len(docks)))], axis=1
+    )
     driven = sparse.hstack([_per_piece(np.ones((legs, LEVELS))), sparse.csr_matrix(laps)])
     room = np.array([rates.energy_j + stops_s * stand_w, rates.time_s + stops_s])
     gain = np.concatenate([np.zeros(power_w.size), [1.0], docks])
@@ -141,17 +154,20 @@ def bound_patrol(rates: Rates, pit_stop_s: float) -> tuple[float, Multipliers]:
 
 
 def _most(gain: Array, limits: Any, room: Array, equal: Any, bounds: Any) -> Any:
-    """Maximise gain @ x subject to limits @ x <= room and equal @ x = 0, with (low, high) bounds of each x."""
+    """Maximise gain @ x subject to limits @ x <= room and equal @ x = 0, with (low, high) bounds of
+    each x."""
     return linprog(-gain, limits, room, equal, np.zeros(equal.shape[0]), bounds, method="highs")
 
 
 def _per_piece(values: Array) -> Any:
-    """Block diagonal of the values of each piece, flattened: shape (pieces, pieces * values of a piece)."""
+    """Block diagonal of the values of each piece, flattened: shape (pieces, pieces * values of a
+    piece)."""
     return sparse.block_diag(list(values.reshape(len(values), 1, -1)))
 
 
 def _rows(widths: list[int], blocks: dict[int, Any]) -> Any:
-    """Rows of a sparse matrix with blocks in some groups of columns, of the given widths, and zeros in the others."""
+    """Rows of a sparse matrix with blocks in some groups of columns, of the given widths, and zeros
+    in the others."""
     height = next(iter(blocks.values())).shape[0]
     empty = [sparse.csr_matrix((height, width)) for width in widths]
     return sparse.hstack([blocks.get(group, empty[group]) for group in range(len(widths))]).tocsr()

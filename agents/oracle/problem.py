@@ -35,7 +35,9 @@ class Problem:
 
     def copy(self) -> Problem:
         """Copy with its own records."""
-        return Problem(self.constants.copy(), self.robot.copy(), self.route.copy(), self.start.copy())
+        return Problem(
+            self.constants.copy(), self.robot.copy(), self.route.copy(), self.start.copy()
+        )
 
 
 def problem_of(batch: Batch, index: int) -> Problem:

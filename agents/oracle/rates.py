@@ -1,4 +1,5 @@
-"""Powers, score, samples and radio along a route, measured with full knowledge by the environment's own step."""
+"""Powers, score, samples and radio along a route, measured with full knowledge by the environment's
+own step."""
 
 from __future__ import annotations
 
@@ -14,12 +15,14 @@ from homeward.envs.actions import LEVELS, at_level
 from homeward.physics.effects import EFFECTS
 
 PIECES = 2
-"""Pieces of each place; multiplier of a sample and rate of the radio differ by piece. Chosen: more pieces tighten the
-bound and enlarge the linear programs."""
+"""Pieces of each place; multiplier of a sample and rate of the radio differ by piece. Chosen: more
+pieces tighten the bound and enlarge the linear programs."""
 ONLY_ADDING = ("breakaway", "intermittent_load", "motor_heating")
-"""Effects with a state that can only increase consumption: without them the bound is higher, and still valid."""
+"""Effects with a state that can only increase consumption: without them the bound is higher, and
+still valid."""
 REFUSED = ("inertia",)
-"""Effects whose power depends on more than the place: energy that one decision consumes may be recovered later."""
+"""Effects whose power depends on more than the place: energy that one decision consumes may be
+recovered later."""
 _BATTERY = tuple(effect.id for effect in EFFECTS if effect.kind == "battery")
 _BITS = {effect.id: np.uint64(1 << index) for index, effect in enumerate(EFFECTS)}
 
@@ -33,14 +36,17 @@ class Rates:
     Attributes:
         speeds_mps: Speeds of the action grid, m/s, shape (levels,).
         place_m: Length of a place, m.
-        out_w: Power away from home by place, speed and sensing rate, W, shape (places, levels, levels).
+        out_w: Power away from home by place, speed and sensing rate, W, shape (places, levels,
+            levels).
         home_w: Power towards home, as above.
         standing_w: Power at a stand by place and sensing rate, W, shape (places, levels).
-        post_w: Least power in a pit stop at home and at the far end, W, shape (2,); negative at a dock.
+        post_w: Least power in a pit stop at home and at the far end, W, shape (2,); negative at a
+            dock.
         charge_w: Power into the battery at each dock without its losses, W, shape (docks,).
         gain_per_m: Score per metre reached for the first time, shape (places, levels, levels).
         samples_per_m: Samples taken per metre, as above.
-        radio_hz: Samples sent per second at the end of a piece near home, at a stand and moving, shape (pieces, 2).
+        radio_hz: Samples sent per second at the end of a piece near home, at a stand and moving,
+            shape (pieces, 2).
         energy_j: Energy of the full battery, J.
         time_s: Time limit, s.
         memory: Samples that fit on board.
@@ -108,7 +114,8 @@ def measure_rates(case: Problem) -> Rates:
         time_s=float(s["max_decisions"] * s["decision_s"]),
         memory=float(s["backlog_limit"]),
     )
-    case.start["energy_j"] *= 0.5  # so that the battery has room for the energy that a descent returns
+    # so that the battery has room for the energy that a descent returns
+    case.start["energy_j"] *= 0.5
     kernel.measure(
         case.constants, case.robot, case.route, case.start, case.start.copy(), PIECES, rates.out_w, rates.home_w,
         rates.standing_w, rates.gain_per_m, rates.samples_per_m, rates.radio_hz,
@@ -123,7 +130,8 @@ def measure_rates(case: Problem) -> Rates:
 
 
 def _charge_w(case: Problem) -> Array:
-    """Power into the battery at each dock, W, shape (docks,), without the losses of the battery's effects."""
+    """Power into the battery at each dock, W, shape (docks,), without the losses of the battery's
+    effects."""
     case = case.copy()
     for record in (case.robot, case.constants["nominal"]):
         for effect in _BATTERY:
@@ -131,5 +139,7 @@ def _charge_w(case: Problem) -> Array:
     charge_w = np.zeros(int(case.shared["dock_count"]))
     if len(charge_w):
         case.start["energy_j"] *= 0.5  # a full battery takes nothing
-        kernel.charge(case.constants, case.robot, case.route, case.start, case.start.copy(), charge_w)
+        kernel.charge(
+            case.constants, case.robot, case.route, case.start, case.start.copy(), charge_w
+        )
     return charge_w

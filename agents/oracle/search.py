@@ -1,4 +1,5 @@
-"""Actions with a score close to the upper bound, by dynamic programming with the environment's own step."""
+"""Actions with a score close to the upper bound, by dynamic programming with the environment's own
+step."""
 
 from __future__ import annotations
 
@@ -16,8 +17,9 @@ from homeward.envs.actions import LEVELS
 from homeward.envs.state import GO, RETURN, STOP
 
 _FINE = 4.0
-"""Points along the route per shortest move of a decision, and cells of energy and backlog per greatest change in one.
-Chosen: finer cells cover a narrower band around the plan, as their number is `kernel.CELLS`."""
+"""Points along the route per shortest move of a decision, and cells of energy and backlog per
+greatest change in one. Chosen: finer cells cover a narrower band around the plan, as their number
+is `kernel.CELLS`."""
 _MOST_STEPS = 400.0
 """Most points along the route that a decision may pass. Chosen: bounds the time of a search."""
 _MOST_CELLS = 40.0
@@ -25,23 +27,26 @@ _MOST_CELLS = 40.0
 _NODES = 1 << 20
 """Most nodes of a search. Chosen: they take 9 MB, at 9 bytes each."""
 _TRIED = 32
-"""Most missions found that are repeated in the environment, best first, until one gets home. Chosen: at `uncertain`
-(from seed 1000 on) 400 episodes of OutAndBack need 31 at most, 100 of Survey 26."""
+"""Most missions found that are repeated in the environment, best first, until one gets home.
+Chosen: at `uncertain` (from seed 1000 on) 400 episodes of OutAndBack need 31 at most, 100 of Survey
+26."""
 _RESERVES = (1.0, 1.02, 1.05, 1.1, 1.2)
-"""Factors on the energy of the way home, tried in turn: it is exact unless an effect has a state or the
-weather changes. Chosen: of the same episodes 397 and 74 need only the first, and one 1.2."""
+"""Factors on the energy of the way home, tried in turn: it is exact unless an effect has a state or
+the weather changes. Chosen: of the same episodes 397 and 74 need only the first, and one 1.2."""
 _NEVER = -1e12
 """Score of a turn that is not possible: below any, and finite, so that differences are numbers."""
 
 
 @dataclass(frozen=True)
 class Guide:
-    """Terms of the estimated final score of a mission under way, and the plan around which it is searched.
+    """Terms of the estimated final score of a mission under way, and the plan around which it is
+    searched.
 
     Attributes:
         multipliers: Lagrange multipliers, score per J, per s and per s of a pit stop, shape (3,).
         per_sample: Lagrange multiplier of a sample on board, score per sample, shape (points,).
-        ahead: Greatest Lagrangian of the rest of the mission, away from home and towards it, score, shape (2, points).
+        ahead: Greatest Lagrangian of the rest of the mission, away from home and towards it, score,
+            shape (2, points).
         plan: Energy (J) and backlog (samples) of the plan, shape (2, points).
         cells: Size of a cell: energy (J), and backlog (samples) or pit stop (s).
     """
@@ -85,8 +90,11 @@ def guide_out_and_back(rates: Rates, plan: Plan, decision_s: float, points_m: Ar
     )  # fmt: skip
 
 
-def guide_patrol(rates: Rates, multipliers: Multipliers, pit_stop_s: float, points_m: Array) -> Guide:
-    """Guide of a patrol: the rest of the mission is that of the lap under way, with its pit stops."""
+def guide_patrol(
+    rates: Rates, multipliers: Multipliers, pit_stop_s: float, points_m: Array
+) -> Guide:
+    """Guide of a patrol: the rest of the mission is that of the lap under way, with its pit
+    stops."""
     per_m = ((multipliers.per_j * leg_w(rates) + multipliers.per_s) / rates.speeds_mps).min(axis=1)
     borders = np.arange(rates.places + 1) * rates.place_m
     out_per_m, home_per_m = np.split(per_m, 2)
@@ -109,7 +117,8 @@ def guide_patrol(rates: Rates, multipliers: Multipliers, pit_stop_s: float, poin
 
 
 def points_of(rates: Rates, decision_s: float) -> Array:
-    """Evenly spaced points along the route, m, shape (points,), so close that a decision passes several."""
+    """Evenly spaced points along the route, m, shape (points,), so close that a decision passes
+    several."""
     least_m, most_m = rates.speeds_mps[[0, -1]] * decision_s
     step_m = max(least_m / _FINE, most_m / _MOST_STEPS)
     count = int(rates.places * rates.place_m / step_m) + 2
@@ -120,7 +129,8 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
     """Search for the best mission.
 
     Returns:
-        Its actions, shape (decisions, 3); those of turning back at once if no other mission found gets home.
+        Its actions, shape (decisions, 3); those of turning back at once if no other mission found
+        gets home.
     """
     s = case.shared
     step_m = points_m[1]
@@ -158,10 +168,12 @@ def best_actions(case: Problem, guide: Guide, rates: Rates, points_m: Array) -> 
 
 
 def best_shuttle(case: Problem, rates: Rates, points_m: Array) -> NDArray[np.int64]:
-    """The best of the patrols at one speed that charge at docks as little as they can (`kernel.shuttle`).
+    """The best of the patrols at one speed that charge at docks as little as they can
+    (`kernel.shuttle`).
 
     Returns:
-        Its actions, shape (decisions, 3), each patrol with the latest turn after which it comes home.
+        Its actions, shape (decisions, 3), each patrol with the latest turn after which it comes
+        home.
     """
     step_m = points_m[1]
     records = (case.constants, case.robot, case.route, case.start)
@@ -176,7 +188,9 @@ def best_shuttle(case: Problem, rates: Rates, points_m: Array) -> NDArray[np.int
         turn = kernel.shuttle(*records, work, level, home[0], step_m, out)
         count = -1
         while count < 0 and turn > 0:  # the latest turn after which it comes home
-            count = kernel.follow(*records, work, out[:turn], home[0], home[1], 0.0, step_m, actions)
+            count = kernel.follow(
+                *records, work, out[:turn], home[0], home[1], 0.0, step_m, actions
+            )
             turn -= 1
         laps = work["legs"][0] // 2.0
         if count > 0 and laps > best_laps:
@@ -185,7 +199,9 @@ def best_shuttle(case: Problem, rates: Rates, points_m: Array) -> NDArray[np.int
     return best_patrol
 
 
-def _actions_to(node: int, parents: NDArray[np.int64], codes: NDArray[np.int8]) -> NDArray[np.int64]:
+def _actions_to(
+    node: int, parents: NDArray[np.int64], codes: NDArray[np.int8]
+) -> NDArray[np.int64]:
     """Actions that led to a node, shape (n, 3): speed level, sensing level and mode."""
     path = []
     while parents[node] >= 0:

@@ -1,8 +1,10 @@
-"""Compiled part of the planner: choice of two Lagrange multipliers of a survey by simulating it to its turn.
+"""Compiled part of the planner: choice of two Lagrange multipliers of a survey by simulating it to
+its turn.
 
-The simulation uses the posterior mean of the robot and the wind. Energies are shares of the usable energy, and powers
-shares per second. `energy_multiplier` is the multiplier of energy (information per full battery), `sample_multiplier`
-that of memory (information per sample). The Lagrangian of a metre is
+The simulation uses the posterior mean of the robot and the wind. Energies are shares of the usable
+energy, and powers shares per second. `energy_multiplier` is the multiplier of energy (information
+per full battery), `sample_multiplier` that of memory (information per sample). The Lagrangian of a
+metre is
 
     information found - energy_multiplier * energy - sample_multiplier * samples taken.
 
@@ -12,7 +14,8 @@ Arguments that functions share:
     vehicle: `homeward.estimation.drive.Vehicle`.
     model: Record of `MODEL_DTYPE`.
     shared: Record of `SHARED_DTYPE`.
-    drive: Energy of a metre out at each speed level and, last, of a metre home, shape (LEVELS + 1,).
+    drive: Energy of a metre out at each speed level and, last, of a metre home, shape (LEVELS +
+    1,).
 """
 
 from __future__ import annotations
@@ -29,29 +32,34 @@ from homeward.physics.jit import called, compiled
 from homeward.physics.model import headwind
 
 EAGERNESS = np.array([0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.9, 2.5])
-"""Multipliers of energy that are tried, over the information per energy on average ground at the middle sensing rate.
-Chosen: with `STOPS` 80 simulations a decision; more are finer and take longer."""
+"""Multipliers of energy that are tried, over the information per energy on average ground at the
+middle sensing rate. Chosen: with `STOPS` 80 simulations a decision; more are finer and take
+longer."""
 STOPS = np.array([-1.0, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.5])
-"""Distances from home up to which a stop for the radio is worth its energy, in half-rate distances of the link: each
-determines a multiplier of memory; below 0 it is 0. Chosen as `EAGERNESS`."""
+"""Distances from home up to which a stop for the radio is worth its energy, in half-rate distances
+of the link: each determines a multiplier of memory; below 0 it is 0. Chosen as `EAGERNESS`."""
 _KINDS = 3
-"""Equally frequent kinds of ground that approximate the distribution of interest within a stretch. Chosen: more
-approximate it better, and the time grows in proportion."""
+"""Equally frequent kinds of ground that approximate the distribution of interest within a stretch.
+Chosen: more approximate it better, and the time grows in proportion."""
 _LEAST_RATIO = 0.1
-"""Lower bound of the consumption of a metre over the model's. Chosen: above 0, because energy is divided by it."""
+"""Lower bound of the consumption of a metre over the model's. Chosen: above 0, because energy is
+divided by it."""
 
 BELIEF_DTYPE = np.dtype(
     [
         *(
             (name, np.float64)
             for name in (
-                "gain",  # factor on the model's energy, by the estimated battery: all but rolling and climbing
+                # factor on the model's energy, by the estimated battery: all but rolling and
+                # climbing
+                "gain",
                 "rolling",  # the same of rolling
                 "weight",  # and of climbing
                 "wind_east_mps",  # wind with its gust, towards where it comes from
                 "wind_north_mps",
                 "reserve",  # energy kept beyond that of the way home, as a share of it
-                "margin",  # energy left beyond the slowest next decision, the way home and the reserve
+                # energy left beyond the slowest next decision, the way home and the reserve
+                "margin",
                 "left_s",  # time until the time limit
                 "position_m",  # from home
                 "backlog",  # samples on board
@@ -61,7 +69,8 @@ BELIEF_DTYPE = np.dtype(
                 "interest_here",
             )
         ),
-        ("sine_ahead", np.float64, (len(AHEAD),)),  # means of the stretches of `homeward.envs.state.AHEAD`
+        # means of the stretches of `homeward.envs.state.AHEAD`
+        ("sine_ahead", np.float64, (len(AHEAD),)),
         ("interest_ahead", np.float64, (len(AHEAD),)),
     ]
 )
@@ -76,8 +85,10 @@ MODEL_DTYPE = np.dtype(
         ("steepest", np.float64),  # sines of the table below: evenly from -steepest to steepest
         ("per_m", np.float64, (LEVELS, 71)),  # energy of a metre by speed and sine, without sensing
         ("interest", np.float64),  # mean interest of all ground
-        ("spread", np.float64, (len(AHEAD), _KINDS)),  # interest of each kind of ground, over the mean
-        ("found", np.float64, (LEVELS, LEVELS)),  # information of a metre at interest 1, by speed and rate
+        # interest of each kind of ground, over the mean
+        ("spread", np.float64, (len(AHEAD), _KINDS)),
+        # information of a metre at interest 1, by speed and rate
+        ("found", np.float64, (LEVELS, LEVELS)),
     ]
 )
 """Constants of the robot's own model."""
@@ -87,8 +98,8 @@ MODEL_DTYPE = np.dtype(
 def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any) -> None:
     """Choose the next command of surveys on their way out.
 
-    Each survey is simulated with every pair of multipliers of `EAGERNESS` and `STOPS`. The pair that finds the most
-    information determines the command, which maximises the Lagrangian.
+    Each survey is simulated with every pair of multipliers of `EAGERNESS` and `STOPS`. The pair
+    that finds the most information determines the command, which maximises the Lagrangian.
 
     Args:
         beliefs: `BELIEF_DTYPE`, shape (n,).
@@ -119,9 +130,14 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
                 sample_multiplier = 0.0
                 if stop >= 0.0:
                     sample_multiplier = (
-                        energy_multiplier * belief.gain * model.standing / _radio(shared, stop * shared.link_m, False)
+                        energy_multiplier
+                        * belief.gain
+                        * model.standing
+                        / _radio(shared, stop * shared.link_m, False)
                     )
-                information_found = _follow(belief, model, shared, drives, energy_multiplier, sample_multiplier)
+                information_found = _follow(
+                    belief, model, shared, drives, energy_multiplier, sample_multiplier
+                )
                 if information_found > most_information:
                     most_information = information_found
                     best_energy = energy_multiplier
@@ -130,8 +146,11 @@ def plan(beliefs: Any, vehicle: Any, models: Any, constants: Any, commands: Any)
 
 
 @compiled
-def efficient_speeds(beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: Any, speeds_mps: Any) -> None:
-    """Choose for each robot the speed that consumes least per metre where it is, if the margin suffices.
+def efficient_speeds(
+    beliefs: Any, vehicle: Any, models: Any, constants: Any, ahead: Any, speeds_mps: Any
+) -> None:
+    """Choose for each robot the speed that consumes least per metre where it is, if the margin
+    suffices.
 
     Args:
         beliefs: See `plan`, as the next three.
@@ -170,7 +189,8 @@ def _radio(shared: Any, position_m: float, moving: bool) -> float:
 
 @called
 def _metre(model: Any, speed: int, sine: float) -> float:
-    """Energy of a metre by the model at a speed level, interpolated linearly in the sine of the slope."""
+    """Energy of a metre by the model at a speed level, interpolated linearly in the sine of the
+    slope."""
     last_sine = model.per_m.shape[1] - 1
     steepness = min(max(sine / model.steepest, -1.0), 1.0)
     entry = (steepness + 1.0) * 0.5 * last_sine
@@ -182,7 +202,12 @@ def _metre(model: Any, speed: int, sine: float) -> float:
 
 @called
 def _best_way(
-    energy_gain: float, model: Any, drive: Any, interest: float, energy_multiplier: float, sample_multiplier: float
+    energy_gain: float,
+    model: Any,
+    drive: Any,
+    interest: float,
+    energy_multiplier: float,
+    sample_multiplier: float,
 ) -> tuple[int, int]:
     """Levels of speed and sensing rate that maximise the Lagrangian of a metre out.
 
@@ -194,8 +219,13 @@ def _best_way(
     for speed in range(LEVELS):
         s_per_m = 1.0 / model.speeds_mps[speed]
         for rate in range(LEVELS):
-            value = interest * model.found[speed, rate] - sample_multiplier * model.rates_hz[rate] * s_per_m
-            value -= energy_multiplier * (drive[speed] + energy_gain * model.sensing[rate] * s_per_m)
+            value = (
+                interest * model.found[speed, rate]
+                - sample_multiplier * model.rates_hz[rate] * s_per_m
+            )
+            value -= energy_multiplier * (
+                drive[speed] + energy_gain * model.sensing[rate] * s_per_m
+            )
             if value > best_value:
                 best_value = value
                 best_speed = speed
@@ -205,13 +235,19 @@ def _best_way(
 
 @called
 def _follow(
-    belief: Any, model: Any, shared: Any, drives: Any, energy_multiplier: float, sample_multiplier: float
+    belief: Any,
+    model: Any,
+    shared: Any,
+    drives: Any,
+    energy_multiplier: float,
+    sample_multiplier: float,
 ) -> float:
     """Simulate the way out, place by place, and return the information found.
 
-    In each place the robot first stops until the backlog is sent, if that has a positive Lagrangian, and then drives as
-    in `_way`. It turns when the margin or the time is used up, or at the end of the route. A full memory makes it stop,
-    or lose information if energy or time do not suffice for that.
+    In each place the robot first stops until the backlog is sent, if that has a positive
+    Lagrangian, and then drives as in `_way`. It turns when the margin or the time is used up, or at
+    the end of the route. A full memory makes it stop, or lose information if energy or time do not
+    suffice for that.
 
     Args:
         drives: `drive` here and in each stretch ahead, shape (1 + stretches, LEVELS + 1).
@@ -224,7 +260,13 @@ def _follow(
     information = 0.0
     stretch = -1
     way = _way(
-        model, belief.gain, drives[0], belief.interest_here, model.spread[0], energy_multiplier, sample_multiplier
+        model,
+        belief.gain,
+        drives[0],
+        belief.interest_here,
+        model.spread[0],
+        energy_multiplier,
+        sample_multiplier,
     )
     for k in range(place, shared.places):
         if stretch + 1 < len(AHEAD) and k - place == AHEAD[stretch + 1][0]:
@@ -252,7 +294,8 @@ def _follow(
         backlog = max(backlog + samples_taken - sent, 0.0)
         information += way_m * gain
         if backlog > shared.backlog_limit:
-            # It stops until there is room, or loses what does not fit if energy or time do not suffice.
+            # It stops until there is room, or loses what does not fit if energy or time do not
+            # suffice.
             excess = backlog - shared.backlog_limit
             stop_s = excess / _radio(shared, position_m, False)
             backlog = shared.backlog_limit
@@ -276,7 +319,8 @@ def _way(
     energy_multiplier: float,
     sample_multiplier: float,
 ) -> tuple[float, float, float, float]:
-    """Information, energy out and home, samples and time (s) of a metre, on average over the ground of a stretch.
+    """Information, energy out and home, samples and time (s) of a metre, on average over the ground
+    of a stretch.
 
     Args:
         interest: Mean interest of the stretch.
@@ -285,7 +329,9 @@ def _way(
     gain = energy = samples = time_s = 0.0
     for kind in spread:
         weight = interest * kind
-        speed, rate = _best_way(energy_gain, model, drive, weight, energy_multiplier, sample_multiplier)
+        speed, rate = _best_way(
+            energy_gain, model, drive, weight, energy_multiplier, sample_multiplier
+        )
         s_per_m = 1.0 / model.speeds_mps[speed]
         gain += weight * model.found[speed, rate]
         energy += drive[speed] + energy_gain * model.sensing[rate] * s_per_m
@@ -301,21 +347,32 @@ def _way(
 
 @called
 def _drive(belief: Any, vehicle: Any, model: Any, shared: Any, sine: float, drive: Any) -> None:
-    """Write `drive` on a slope: a metre out at each speed and, last, home at the fastest, with the reserve."""
+    """Write `drive` on a slope: a metre out at each speed and, last, home at the fastest, with the
+    reserve."""
     for speed in range(LEVELS):
         drive[speed] = _cost(belief, vehicle, model, shared, speed, sine, 1.0)
-    drive[LEVELS] = (1.0 + belief.reserve) * _cost(belief, vehicle, model, shared, LEVELS - 1, sine, -1.0)
+    drive[LEVELS] = (1.0 + belief.reserve) * _cost(
+        belief, vehicle, model, shared, LEVELS - 1, sine, -1.0
+    )
 
 
 @called
-def _cost(belief: Any, vehicle: Any, model: Any, shared: Any, speed: int, sine: float, ahead: float) -> float:
-    """Energy of a metre out (`ahead` 1) or home (-1) on a slope of the way out, by the posterior mean.
+def _cost(
+    belief: Any, vehicle: Any, model: Any, shared: Any, speed: int, sine: float, ahead: float
+) -> float:
+    """Energy of a metre out (`ahead` 1) or home (-1) on a slope of the way out, by the posterior
+    mean.
 
-    The model's energy times `gain`, with its driving replaced by that with the estimated rolling, weight and wind.
+    The model's energy times `gain`, with its driving replaced by that with the estimated rolling,
+    weight and wind.
     """
     speed_mps = model.speeds_mps[speed]
-    against_mps = ahead * headwind(belief.wind_east_mps, belief.wind_north_mps, belief.east, belief.north)
-    more_j = belief.rolling * rolling(vehicle, sine) + belief.weight * climbing(vehicle, ahead * sine)
+    against_mps = ahead * headwind(
+        belief.wind_east_mps, belief.wind_north_mps, belief.east, belief.north
+    )
+    more_j = belief.rolling * rolling(vehicle, sine) + belief.weight * climbing(
+        vehicle, ahead * sine
+    )
     more_j = max(more_j + belief.gain * drag(vehicle, speed_mps, against_mps), 0.0)
     more_j -= belief.gain * modelled_driving(vehicle, ahead * sine, speed_mps)
     modelled = _metre(model, speed, ahead * sine)
@@ -324,31 +381,54 @@ def _cost(belief: Any, vehicle: Any, model: Any, shared: Any, speed: int, sine: 
 
 @called
 def _fits(belief: Any, model: Any, shared: Any, drive: Any, speed: int) -> bool:
-    """Whether the margin suffices for a decision at a speed, out and home; at the lowest it always does."""
+    """Whether the margin suffices for a decision at a speed, out and home; at the lowest it always
+    does."""
     more_m = (model.speeds_mps[speed] - model.speeds_mps[0]) * shared.decision_s
     return bool(more_m * (drive[speed] + drive[LEVELS]) <= max(belief.margin, 0.0))
 
 
 @called
 def _command(
-    belief: Any, model: Any, shared: Any, drive: Any, energy_multiplier: float, sample_multiplier: float, command: Any
+    belief: Any,
+    model: Any,
+    shared: Any,
+    drive: Any,
+    energy_multiplier: float,
+    sample_multiplier: float,
+    command: Any,
 ) -> None:
     """Write the command of the next decision, which maximises the Lagrangian: see `plan`."""
     radio_hz = _radio(shared, belief.position_m, False)
     standing = energy_multiplier * belief.gain * model.standing
-    stops = sample_multiplier * radio_hz > standing and belief.backlog >= radio_hz * shared.decision_s
+    stops = (
+        sample_multiplier * radio_hz > standing and belief.backlog >= radio_hz * shared.decision_s
+    )
     # Part of the next decision may be in the next place.
     step_m = shared.max_speed_mps * shared.decision_s
-    beyond = belief.position_m + step_m - (np.floor(belief.position_m * shared.per_place_m) + 1.0) * shared.place_m
+    beyond = (
+        belief.position_m
+        + step_m
+        - (np.floor(belief.position_m * shared.per_place_m) + 1.0) * shared.place_m
+    )
     share = min(max(beyond / step_m, 0.0), 1.0)
     interest = (1.0 - share) * belief.interest_here + share * belief.interest_ahead[0]
-    speed, rate = _best_way(belief.gain, model, drive, interest, energy_multiplier, sample_multiplier)
+    speed, rate = _best_way(
+        belief.gain, model, drive, interest, energy_multiplier, sample_multiplier
+    )
     if belief.backlog + model.rates_hz[rate] * shared.decision_s > shared.backlog_limit:
         # The memory is full: samples taken now must be sent from here.
         speed, rate = _best_way(
-            belief.gain, model, drive, interest, energy_multiplier, max(sample_multiplier, standing / radio_hz)
+            belief.gain,
+            model,
+            drive,
+            interest,
+            energy_multiplier,
+            max(sample_multiplier, standing / radio_hz),
         )
-        stops = stops or belief.backlog + model.rates_hz[rate] * shared.decision_s > shared.backlog_limit
+        stops = (
+            stops
+            or belief.backlog + model.rates_hz[rate] * shared.decision_s > shared.backlog_limit
+        )
     while not _fits(belief, model, shared, drive, speed):
         speed -= 1
     command[0] = model.speeds_mps[speed]

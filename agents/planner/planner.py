@@ -1,4 +1,5 @@
-"""Planner on the belief: decides when to turn back, and chooses speed, sensing and stops by Lagrange multipliers."""
+"""Planner on the belief: decides when to turn back, and chooses speed, sensing and stops by
+Lagrange multipliers."""
 
 from __future__ import annotations
 
@@ -36,22 +37,24 @@ from homeward.estimation.prior import (
 from homeward.physics import ancillary_power, d_max
 
 _TYPICAL_SHARE = 2.0 / 3.0
-"""Share of a metre's information that half of the fastest sensing rate yields at cruise, see `envs/options.py`."""
+"""Share of a metre's information that half of the fastest sensing rate yields at cruise, see
+`envs/options.py`."""
 
 
 @final
 class Planner(Policy):
     """Plans at every decision, up to the turn, with the estimated robot and wind.
 
-    `BeliefDmaxRule` decides when to turn back: a score never falls on the way out, so the best plan continues until the
-    energy, less a reserve, is down to that of the way home. A patrol uses `LapRule` or, if its pit stops are too short
-    to be observed, `AdaptiveDmaxRule`.
+    `BeliefDmaxRule` decides when to turn back: a score never falls on the way out, so the best plan
+    continues until the energy, less a reserve, is down to that of the way home. A patrol uses
+    `LapRule` or, if its pit stops are too short to be observed, `AdaptiveDmaxRule`.
 
-    In a survey, energy and memory have Lagrange multipliers. That of energy is the information gained per joule by
-    driving on. That of memory is the cost of sending a sample from the farthest useful stop. At every decision, pairs
-    of multipliers are tried. For each the survey is simulated to its turn, over the ground in sight and then over the
-    known or forecast ground. The pair with the most information determines speed, sensing rate and stops. The oracle
-    uses the same multipliers, with full knowledge. At docks it charges as the rule does.
+    In a survey, energy and memory have Lagrange multipliers. That of energy is the information
+    gained per joule by driving on. That of memory is the cost of sending a sample from the farthest
+    useful stop. At every decision, pairs of multipliers are tried. For each the survey is simulated
+    to its turn, over the ground in sight and then over the known or forecast ground. The pair with
+    the most information determines speed, sensing rate and stops. The oracle uses the same
+    multipliers, with full knowledge. At docks it charges as the rule does.
 
     Args:
         known: Constants of the environment.
@@ -87,9 +90,15 @@ class Planner(Policy):
         model["sensing"] = (ancillary_power(robot, model["rates_hz"]) - idle_w) / s["usable_j"]
         model["standing"] = idle_w / s["usable_j"]
         model["steepest"] = routes_thresholds.STEEPEST_SINE
-        sines = np.linspace(-routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, model["per_m"].shape[1])
+        sines = np.linspace(
+            -routes_thresholds.STEEPEST_SINE,
+            routes_thresholds.STEEPEST_SINE,
+            model["per_m"].shape[1],
+        )
         for level, speed_mps in enumerate(model["speeds_mps"]):
-            model["per_m"][level] = 1.0 / np.asarray(d_max(robot, float(speed_mps), np.arcsin(sines)))
+            model["per_m"][level] = 1.0 / np.asarray(
+                d_max(robot, float(speed_mps), np.arcsin(sines))
+            )
         model["interest"] = s["information_per_m"] / _TYPICAL_SHARE
         for speed_level, speed_mps in enumerate(model["speeds_mps"]):
             for rate_level, rate_hz in enumerate(model["rates_hz"]):
@@ -102,7 +111,8 @@ class Planner(Policy):
         return self.drive(observations, self.rule.turns(observations, begun))
 
     def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
-        """Planned actions of missions that go on or, where `homebound` of shape (n,), head home, shape (n, 3).
+        """Planned actions of missions that go on or, where `homebound` of shape (n,), head home,
+        shape (n, 3).
 
         `rule.turns` must have been called with the same observations before: it updates the belief.
         """
@@ -116,7 +126,9 @@ class Planner(Policy):
         speed_mps = np.zeros(count)
         sensing_hz = np.zeros(count)
         stops = np.zeros(count)
-        kernel.efficient_speeds(beliefs, self._vehicle, self._model, self._known.shared, ahead, speed_mps)
+        kernel.efficient_speeds(
+            beliefs, self._vehicle, self._model, self._known.shared, ahead, speed_mps
+        )
         if self._senses:
             goes_on = ~homebound
             commands = np.empty((goes_on.sum(), 3))
@@ -156,7 +168,9 @@ class Planner(Policy):
         beliefs["margin"] = np.inf
         if self._belief:
             beliefs["margin"] = self.rule.margin
-        beliefs["left_s"] = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
+        beliefs["left_s"] = (
+            (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
+        )
         beliefs["position_m"] = feature(observations, "distance") * s["reach_m"]
         beliefs["backlog"] = feature(observations, "backlog") * s["backlog_limit"]
         outwards = feature(observations, "outbound")
@@ -166,15 +180,19 @@ class Planner(Policy):
         beliefs["interest_here"] = INTEREST_UNIT * feature(observations, "interest")
         for stretch, (start, _) in enumerate(AHEAD):
             beliefs["sine_ahead"][:, stretch] = SINE_UNIT * feature(observations, f"grade_{start}")
-            beliefs["interest_ahead"][:, stretch] = INTEREST_UNIT * feature(observations, f"interest_{start}")
+            beliefs["interest_ahead"][:, stretch] = INTEREST_UNIT * feature(
+                observations, f"interest_{start}"
+            )
         return beliefs
 
 
 def _spread(places: int) -> NDArray[np.float64]:
-    """Interest of equally frequent kinds of ground in a stretch of generated routes, over its mean, shape (kinds,).
+    """Interest of equally frequent kinds of ground in a stretch of generated routes, over its mean,
+    shape (kinds,).
 
-    The logarithm of the interest is a Gaussian process (`homeward.envs.routes.route.generate`). Its variance within the
-    stretch determines a log-normal distribution, of which each kind is the mean between two quantiles.
+    The logarithm of the interest is a Gaussian process (`homeward.envs.routes.route.generate`). Its
+    variance within the stretch determines a log-normal distribution, of which each kind is the mean
+    between two quantiles.
     """
     count = kernel.MODEL_DTYPE["spread"].shape[-1]
     lags = np.abs(np.subtract.outer(np.arange(places), np.arange(places)))
@@ -182,7 +200,7 @@ def _spread(places: int) -> NDArray[np.float64]:
     deviation = INTEREST_DEVIATION * (1.0 - correlation) ** 0.5
     normal = NormalDist()
     quantiles = [normal.inv_cdf(k / count) for k in range(1, count)]
-    # Share of a log-normal variable's mean that its part below a quantile contributes: the probability of a normal
-    # variable below that quantile less a deviation.
+    # Share of a log-normal variable's mean that its part below a quantile contributes: the
+    # probability of a normal variable below that quantile less a deviation.
     shares_below = [0.0, *(normal.cdf(z - deviation) for z in quantiles), 1.0]
     return np.asarray(count * np.diff(shares_below))

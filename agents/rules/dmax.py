@@ -31,10 +31,14 @@ class DmaxRule(TurnBackRule):
         self._reserve = reserve
 
     def energies(self, observations: Observations) -> Energies:
-        """Energies of the last decision, with the way home on the average grade, see `TurnBackRule.energies`."""
+        """Energies of the last decision, with the way home on the average grade, see
+        `TurnBackRule.energies`."""
         return super().energies(observations)._replace(home=self.home_cost_on_average(observations))
 
-    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond the way home on the average grade and the reserve, see `TurnBackRule.margin_above_reserve`."""
+    def margin_above_reserve(
+        self, observations: Observations, begun: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Energy beyond the way home on the average grade and the reserve, see
+        `TurnBackRule.margin_above_reserve`."""
         needed = self.home_cost_on_average(observations) + self.cost_of_going_on(observations)
         return feature(observations, "metered") - needed - self._reserve

@@ -1,4 +1,5 @@
-"""The mapped rule, scaled by measured over modelled consumption, with a reserve of k standard deviations."""
+"""The mapped rule, scaled by measured over modelled consumption, with a reserve of k standard
+deviations."""
 
 from __future__ import annotations
 
@@ -15,19 +16,20 @@ from homeward.envs.options import Known
 from homeward.physics import ancillary_power
 
 _PRIOR = np.diag([0.01, 0.05])
-"""Precision of the prior that the ratios of driving and of sensing are 1: the modelled energy with equal weight, as a
-share of the usable energy. Chosen: electronics are better known than ground."""
+"""Precision of the prior that the ratios of driving and of sensing are 1: the modelled energy with
+equal weight, as a share of the usable energy. Chosen: electronics are better known than ground."""
 
 
 @final
 class AdaptiveDmaxRule(BelievingRule):
     """Estimates the ratio of measured to modelled consumption on the way, and its variance.
 
-    The energy of a decision is a ratio times its modelled driving plus another ratio times its modelled sensing, and an
-    error with a variance that grows with both. Regularised least squares estimate both ratios, with 1 as the prior.
-    (With one ratio for both, the sensing of the way out would hide the consumption of driving home.) The way home is
-    scaled by the ratio of driving. Its standard deviation combines the residuals of the fit and the wind, which the way
-    out does not show.
+    The energy of a decision is a ratio times its modelled driving plus another ratio times its
+    modelled sensing, and an error with a variance that grows with both. Regularised least squares
+    estimate both ratios, with 1 as the prior. (With one ratio for both, the sensing of the way out
+    would hide the consumption of driving home.) The way home is scaled by the ratio of driving. Its
+    standard deviation combines the residuals of the fit and the wind, which the way out does not
+    show.
 
     Args:
         known: Constants of the environment.
@@ -45,8 +47,11 @@ class AdaptiveDmaxRule(BelievingRule):
         target = (self._moment + np.diag(_PRIOR))[..., None]
         ratios: NDArray[np.float64] = np.linalg.solve(self._normal + _PRIOR, target)[..., 0]
         explained = np.einsum("ni,nij,nj->n", ratios, self._normal, ratios)
-        # Sum of the weighted squares of the fit's residuals, from its normal equations: y'y - 2 r'X'y + r'X'X r.
-        residual: NDArray[np.float64] = self._square - 2.0 * np.einsum("ni,ni->n", ratios, self._moment) + explained
+        # Sum of the weighted squares of the fit's residuals, from its normal equations: y'y - 2
+        # r'X'y + r'X'X r.
+        residual: NDArray[np.float64] = (
+            self._square - 2.0 * np.einsum("ni,ni->n", ratios, self._moment) + explained
+        )
         modelled = self._last[:, 1]
         spread = np.maximum(residual, 0.0) / np.maximum(modelled, 1e-9)
         home = feature(observations, "home_cost")
@@ -60,8 +65,10 @@ class AdaptiveDmaxRule(BelievingRule):
 
     def _forget(self, count: int) -> None:
         self._charged: Any = np.zeros(count)  # energy that chargers supplied so far
-        self._last = np.zeros((count, 2))  # energy used and modelled so far, shares of the usable energy
-        self._normal = np.zeros((count, 2, 2))  # normal equations: weighted products of driving and sensing,
+        # energy used and modelled so far, shares of the usable energy
+        self._last = np.zeros((count, 2))
+        # normal equations: weighted products of driving and sensing,
+        self._normal = np.zeros((count, 2, 2))
         self._moment = np.zeros((count, 2))  # their products with the energy used,
         self._square = np.zeros(count)  # and the square of the latter
 
@@ -88,7 +95,8 @@ class AdaptiveDmaxRule(BelievingRule):
         self._square += weight * used * used
 
     def _sensing(self, observations: Observations) -> NDArray[np.float64]:
-        """Energy of sensing in the last decision by the robot's file, share of the usable energy, shape (n,)."""
+        """Energy of sensing in the last decision by the robot's file, share of the usable energy,
+        shape (n,)."""
         robot = self._known.robot
         s = self._known.shared[0]
         rate_hz = feature(observations, "sensing") * s["max_sensing_hz"]

@@ -18,13 +18,15 @@ from homeward.estimation.prior import PER_CAPACITY
 
 @final
 class BeliefDmaxRule(BelievingRule):
-    """Turns back when the posterior mean of the margin, after going on and home, is below k standard deviations.
+    """Turns back when the posterior mean of the margin, after going on and home, is below k
+    standard deviations.
 
     Args:
         known: Constants of the environment.
         pace: Speed and sensing rate.
         deviations: Reserve in standard deviations k, 0 or above.
-        step_mps: Speed (m/s) of the next decision for which there must be energy, except on patrols; default cruise.
+        step_mps: Speed (m/s) of the next decision for which there must be energy, except on
+            patrols; default cruise.
 
     Attributes:
         belief: Posterior of robot and wind.
@@ -32,7 +34,9 @@ class BeliefDmaxRule(BelievingRule):
 
     chances = 1.0  # the consumption of the next decision is known
 
-    def __init__(self, known: Known, pace: Pace, deviations: float, step_mps: float | None = None) -> None:
+    def __init__(
+        self, known: Known, pace: Pace, deviations: float, step_mps: float | None = None
+    ) -> None:
         super().__init__(known, pace, deviations)
         s = known.shared[0]
         self._onwards_mps = float(s["cruise_mps"])

@@ -1,4 +1,5 @@
-"""The rule of a patrol that measures its laps: the next one is predicted from the earlier ones, with a reserve."""
+"""The rule of a patrol that measures its laps: the next one is predicted from the earlier ones,
+with a reserve."""
 
 from __future__ import annotations
 
@@ -17,12 +18,14 @@ from homeward.physics import ancillary_power
 
 @final
 class LapRule(BelievingRule):
-    """Measures laps from one arrival at the home post to the next, and continues while another lap fits.
+    """Measures laps from one arrival at the home post to the next, and continues while another lap
+    fits.
 
-    All laps have the same ground, wind and battery. The first one, which begins without a pit stop, is used until there
-    is another. At the far post the robot returns for good if no other lap fits after this one, which saves the rest of
-    the pit stop once the return is final. The standard deviation is that of the laps and of the state-of-charge
-    reading. What chargers supply is left out of a lap, and so is standing at a dock.
+    All laps have the same ground, wind and battery. The first one, which begins without a pit stop,
+    is used until there is another. At the far post the robot returns for good if no other lap fits
+    after this one, which saves the rest of the pit stop once the return is final. The standard
+    deviation is that of the laps and of the state-of-charge reading. What chargers supply is left
+    out of a lap, and so is standing at a dock.
 
     Args:
         known: Constants of the environment.
@@ -33,8 +36,8 @@ class LapRule(BelievingRule):
     def __init__(self, known: Known, pace: Pace, deviations: float) -> None:
         super().__init__(known, pace, deviations)
         s = known.shared[0]
-        # By the file: hidden variables only increase it, so that shortening the stop saves at least this. With docks
-        # the mission goes on to the next one instead.
+        # By the file: hidden variables only increase it, so that shortening the stop saves at least
+        # this. With docks the mission goes on to the next one instead.
         saved_s = 0.0
         if s["dock_count"] == 0:
             until_final_s = (s["return_decisions"] - 1) * s["decision_s"]
@@ -77,11 +80,15 @@ class LapRule(BelievingRule):
         self._arrival = np.ones(count)  # energy on arrival at the last post
         self._left = np.ones(count)  # energy on arrival at the home post
         self._away = np.zeros(count, np.bool_)  # whether the last post is the far one
-        self._stood = np.zeros(count)  # energy of standing at a dock since the home post, beyond pit stops
+        # energy of standing at a dock since the home post, beyond pit stops
+        self._stood = np.zeros(count)
         self._waited = np.zeros(count)  # pit stop in a decision, as a share of it
 
-    def _measure(self, observations: Observations, begun: NDArray[np.bool_], energy: NDArray[np.float64]) -> None:
-        """Process arrivals at posts; energies are shares of the usable energy, `energy` without what was charged."""
+    def _measure(
+        self, observations: Observations, begun: NDArray[np.bool_], energy: NDArray[np.float64]
+    ) -> None:
+        """Process arrivals at posts; energies are shares of the usable energy, `energy` without
+        what was charged."""
         if len(begun) != len(self._away):
             self._forget(len(begun))
         self._laps[:, begun] = 0.0

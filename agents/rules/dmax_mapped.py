@@ -1,4 +1,5 @@
-"""Turn back when the energy left is no more than that of the way home, with the grades measured on the way out."""
+"""Turn back when the energy left is no more than that of the way home, with the grades measured on
+the way out."""
 
 from __future__ import annotations
 
@@ -27,6 +28,9 @@ class MappedDmaxRule(TurnBackRule):
         super().__init__(known, pace)
         self._reserve = reserve
 
-    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond the way home over mapped ground and the reserve, see `TurnBackRule.margin_above_reserve`."""
+    def margin_above_reserve(
+        self, observations: Observations, begun: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Energy beyond the way home over mapped ground and the reserve, see
+        `TurnBackRule.margin_above_reserve`."""
         return feature(observations, "margin") - self.cost_of_going_on(observations) - self._reserve

@@ -20,7 +20,8 @@ class Energies(NamedTuple):
     """Energies that a rule predicts, shares of the usable energy, arrays of shape (n,).
 
     Attributes:
-        margin: Energy beyond going on, the way home and the reserve, negative where the robot turns without docks.
+        margin: Energy beyond going on, the way home and the reserve, negative where the robot turns
+            without docks.
         spare: Energy beyond the way home and the reserve.
         home: Energy of the way home.
         round_trip: Energy of a round at cruise: a lap, or some decisions out and back.
@@ -35,10 +36,11 @@ class Energies(NamedTuple):
 class Docking:
     """Uses the docks of a mission.
 
-    The energy must suffice to the last dock or home after going on, or else to the next dock. On the way out, and on
-    patrols, the robot charges until the battery is full or lasts for the time that is left. On the way home it charges
-    until the battery lasts to home, or is full. It does not stop where the battery would be full before the decision is
-    over, because the rest of the decision would be lost.
+    The energy must suffice to the last dock or home after going on, or else to the next dock. On
+    the way out, and on patrols, the robot charges until the battery is full or lasts for the time
+    that is left. On the way home it charges until the battery lasts to home, or is full. It does
+    not stop where the battery would be full before the decision is over, because the rest of the
+    decision would be lost.
 
     Args:
         known: Constants of the environment, with docks.
@@ -57,8 +59,12 @@ class Docking:
         self._charge_w = docks["charger_w"] - idle_w
         self._idle_share = idle_w * s["decision_s"] / s["usable_j"]
         # A patrol charges in its pit stops anyway, once at each post on a round.
-        at_post = (self._position_m <= 0.0) | (self._position_m >= thresholds.AT_END * s["length_m"])
-        self._round_share = float(docks["charger_w"][at_post].sum() * s["pit_stop_s"] / s["usable_j"])
+        at_post = (self._position_m <= 0.0) | (
+            self._position_m >= thresholds.AT_END * s["length_m"]
+        )
+        self._round_share = float(
+            docks["charger_w"][at_post].sum() * s["pit_stop_s"] / s["usable_j"]
+        )
         drives = encode_actions(known, s["cruise_mps"], 0.0, STOP)
         way_m = float(decode_actions(known, drives).speed_mps[0] * s["decision_s"])
         self._way_m = (1.0 - ON_BORDER) * way_m  # observed distances are rounded
@@ -66,20 +72,26 @@ class Docking:
         self._full = np.zeros(0, np.bool_)
 
     def must_turn(self, observations: Observations, energies: Energies) -> NDArray[np.bool_]:
-        """Which missions have only the time left for the way home and for charging what it needs, shape (n,)."""
+        """Which missions have only the time left for the way home and for charging what it needs,
+        shape (n,)."""
         short_j = np.maximum(-energies.spare, 0.0) * self._known.shared["usable_j"][0]
         charging_s = short_j / self._charge_w.min()
-        return np.asarray(self._left_s(observations) < thresholds.HOME_TIME * (self._round_s + charging_s))
+        return np.asarray(
+            self._left_s(observations) < thresholds.HOME_TIME * (self._round_s + charging_s)
+        )
 
     def margin(self, observations: Observations, energies: Energies) -> NDArray[np.float64]:
-        """Energy beyond going on and back to the last dock, or on to the next one, and the reserve, shape (n,)."""
+        """Energy beyond going on and back to the last dock, or on to the next one, and the reserve,
+        shape (n,)."""
         home_cost = feature(observations, "home_cost")
         dock_cost = feature(observations, "dock_cost")
         # The part of the way home beyond the last dock need not be in the battery.
         beyond = energies.home * (1.0 - dock_cost / np.maximum(home_cost, 1e-9))
         back = energies.margin + np.where(home_cost > 0.0, beyond, 0.0)
         outwards = feature(observations, "outbound") > 0.0
-        ahead = np.where(outwards, feature(observations, "dock_out"), feature(observations, "dock_back"))
+        ahead = np.where(
+            outwards, feature(observations, "dock_out"), feature(observations, "dock_back")
+        )
         ahead_m = ahead * self._known.shared["reach_m"][0]
         onwards = energies.spare + energies.home - ahead_m * energies.round_trip / self._round_m
         return np.where(ahead_m > 0.0, np.maximum(back, onwards), back)
@@ -91,7 +103,8 @@ class Docking:
         energies: Energies,
         turned: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
-        """Which missions stop at the next dock, because they reach it in this decision and charge there, shape (n,).
+        """Which missions stop at the next dock, because they reach it in this decision and charge
+        there, shape (n,).
 
         Args:
             observations: As in `Policy.act`, like the next.
@@ -101,8 +114,11 @@ class Docking:
         """
         s = self._known.shared[0]
         position_m = feature(observations, "distance") * s["reach_m"]
-        ahead_m = feature(observations, "outbound")[:, None] * (self._position_m - position_m[:, None])
-        ahead_m = np.where(ahead_m < -ON_BORDER * s["place_m"], np.inf, ahead_m)  # not the docks behind
+        ahead_m = feature(observations, "outbound")[:, None] * (
+            self._position_m - position_m[:, None]
+        )
+        # not the docks behind
+        ahead_m = np.where(ahead_m < -ON_BORDER * s["place_m"], np.inf, ahead_m)
         decision_share = self._charge_w[ahead_m.argmin(axis=1)] * s["decision_s"] / s["usable_j"]
         full = self._is_full(observations, begun, position_m, 0.5 * decision_share)
         full |= 1.0 - feature(observations, "metered") < decision_share
@@ -128,7 +144,8 @@ class Docking:
         position_m: NDArray[np.float64],
         least_share: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
-        """Which batteries are full: in a decision at the dock they took less than `least_share`, shape (n,)."""
+        """Which batteries are full: in a decision at the dock they took less than `least_share`,
+        shape (n,)."""
         time = feature(observations, "time")
         supplied = feature(observations, "supplied")
         now = np.stack((time, supplied, position_m))

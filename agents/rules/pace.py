@@ -1,8 +1,9 @@
-"""Speed, sensing rate and stops: one rule for all baselines, so that they differ only in when they turn back.
+"""Speed, sensing rate and stops: one rule for all baselines, so that they differ only in when they
+turn back.
 
-Drive at cruise, the speed with the longest range. On the way out sense at one rate wherever the interest reaches a
-threshold; when the memory is nearly full there, stop without sensing until the radio has made room. On the way home do
-not sense.
+Drive at cruise, the speed with the longest range. On the way out sense at one rate wherever the
+interest reaches a threshold; when the memory is nearly full there, stop without sensing until the
+radio has made room. On the way home do not sense.
 """
 
 from __future__ import annotations
@@ -36,10 +37,14 @@ class Pace:
     full: float
 
     def act(
-        self, known: Known, observations: Observations, homebound: NDArray[np.bool_], charges: NDArray[np.bool_]
+        self,
+        known: Known,
+        observations: Observations,
+        homebound: NDArray[np.bool_],
+        charges: NDArray[np.bool_],
     ) -> NDArray[Any]:
-        """Actions of missions that go on, head home (`homebound`) or stop at a dock (`charges`), both shape (n,);
-        shape (n, 3)."""
+        """Actions of missions that go on, head home (`homebound`) or stop at a dock (`charges`),
+        both shape (n,); shape (n, 3)."""
         s = known.shared[0]
         interesting = INTEREST_UNIT * feature(observations, "interest") >= self.interest
         worth = interesting & ~homebound & ~charges

@@ -1,11 +1,12 @@
 """Parameters of the baselines for each mission, found by `python benchmarks/agents/tune.py`.
 
-Eight values of each are tried on seeds that neither training nor evaluation uses, at `uncertain`, with the default
-robot: on 2,048 missions, and on 4,096 for the planner, whose choice depends on the few strandings. A rule has the
-reserve with the highest mean score. The planner has one for OutAndBack and Survey: with the highest sum of scores over
-both at `uncertain` and `harsh`, relative to the best of each, with no more than 0.3 % stranded at `uncertain`. On
-Patrol, where it uses another rule, its reserve is found in the same way. With the gauges of `harsh` the planner was
-tuned again, at `harsh` on 1,024 missions: a larger reserve on Patrol, and the same elsewhere.
+Eight values of each are tried on seeds that neither training nor evaluation uses, at `uncertain`,
+with the default robot: on 2,048 missions, and on 4,096 for the planner, whose choice depends on the
+few strandings. A rule has the reserve with the highest mean score. The planner has one for
+OutAndBack and Survey: with the highest sum of scores over both at `uncertain` and `harsh`, relative
+to the best of each, with no more than 0.3 % stranded at `uncertain`. On Patrol, where it uses
+another rule, its reserve is found in the same way. With the gauges of `harsh` the planner was tuned
+again, at `harsh` on 1,024 missions: a larger reserve on Patrol, and the same elsewhere.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ RESERVES = {
     "dmax_belief": {"OutAndBack": 3.0, "Survey": 2.0, "Patrol": 1.0},
     "planner": {"OutAndBack": 5.0, "Survey": 5.0, "Patrol": 3.0},
 }
-"""Reserves: shares of the usable energy; of `dmax_adaptive`, `dmax_belief` and `planner` standard deviations of the
-margin."""
+"""Reserves: shares of the usable energy; of `dmax_adaptive`, `dmax_belief` and `planner` standard
+deviations of the margin."""
 
 
 def pace_of(mission: str) -> Pace:

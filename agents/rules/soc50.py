@@ -27,6 +27,8 @@ class StateOfChargeRule(TurnBackRule):
         super().__init__(known, pace)
         self._threshold = threshold
 
-    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def margin_above_reserve(
+        self, observations: Observations, begun: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
         """Charge above the threshold, see `TurnBackRule.margin_above_reserve`."""
         return feature(observations, "energy") - self._threshold

@@ -1,4 +1,5 @@
-"""Common part of all rules for turning back: forced turns, where a patrol may turn, and the energy of going on."""
+"""Common part of all rules for turning back: forced turns, where a patrol may turn, and the energy
+of going on."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from homeward.physics import ancillary_power, d_max
 
 
 class Outlook(NamedTuple):
-    """Belief about the energy left and that of the way home, shares of the usable energy, arrays of shape (n,).
+    """Belief about the energy left and that of the way home, shares of the usable energy, arrays of
+    shape (n,).
 
     Attributes:
         left: Mean of the energy left.
@@ -37,9 +39,10 @@ class Outlook(NamedTuple):
 class TurnBackRule(Policy):
     """Goes on while there is enough energy, and then heads home.
 
-    It also heads home at the far end of the route, and when only enough time is left. A patrol decides at its home post
-    whether another lap fits. With docks, the energy must suffice to the next one, in either direction, or home, and the
-    rule charges at those that it passes (`Docking`).
+    It also heads home at the far end of the route, and when only enough time is left. A patrol
+    decides at its home post whether another lap fits. With docks, the energy must suffice to the
+    next one, in either direction, or home, and the rule charges at those that it passes
+    (`Docking`).
 
     Args:
         known: Constants of the environment.
@@ -51,7 +54,8 @@ class TurnBackRule(Policy):
     """
 
     chances = 2.0
-    """Number of decisions for which going on is predicted: the next one, and another for unknown ground."""
+    """Number of decisions for which going on is predicted: the next one, and another for unknown
+    ground."""
 
     def __init__(self, known: Known, pace: Pace) -> None:
         self._known = known
@@ -59,12 +63,18 @@ class TurnBackRule(Policy):
         self._turned = np.zeros(0, np.bool_)
         s = known.shared[0]
         self._shuttles = bool(s["shuttles"])
-        self._sines = np.linspace(-routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, 281)
+        self._sines = np.linspace(
+            -routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, 281
+        )
         # Eq. 8 with a full battery: share of it that a metre consumes at each grade.
-        self._shares_per_m = 1.0 / np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines)))
+        self._shares_per_m = 1.0 / np.asarray(
+            d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines))
+        )
         self._reach_m = float(s["reach_m"])
         self._sees_posts = sees_posts(known)
-        idle_w, busy_w = ancillary_power(known.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]]))
+        idle_w, busy_w = ancillary_power(
+            known.robot, np.array([0.0, pace.rate * s["max_sensing_hz"]])
+        )
         # Going on: some decisions out and back, on a patrol a lap with its two pit stops.
         outward_s = self.chances * s["decision_s"]
         extra_j = outward_s * (busy_w - idle_w)
@@ -86,7 +96,8 @@ class TurnBackRule(Policy):
         return self.drive(observations, self.turns(observations, begun))
 
     def turns(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which missions head home, including those already returning, shape (n,). Arguments as in `act`."""
+        """Which missions head home, including those already returning, shape (n,). Arguments as in
+        `act`."""
         s = self._known.shared[0]
         distance_m = feature(observations, "distance") * self._reach_m
         if len(begun) != len(self._turned):
@@ -112,7 +123,8 @@ class TurnBackRule(Policy):
         return self._turned.copy()
 
     def drive(self, observations: Observations, homebound: NDArray[np.bool_]) -> NDArray[Any]:
-        """Actions at the rule's pace for missions that go on or, where `homebound` of shape (n,), head home."""
+        """Actions at the rule's pace for missions that go on or, where `homebound` of shape (n,),
+        head home."""
         return self._pace.act(self._known, observations, homebound, self.charges)
 
     def _may_turn(self, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -120,10 +132,13 @@ class TurnBackRule(Policy):
         return np.asarray(distance_m <= 0.0)
 
     @abstractmethod
-    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def margin_above_reserve(
+        self, observations: Observations, begun: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
         """Energy beyond that of going on to the next chance to turn and then home, shape (n,).
 
-        As a share of the usable energy; the robot turns back when it is negative. Arguments as in `act`.
+        As a share of the usable energy; the robot turns back when it is negative. Arguments as in
+        `act`.
         """
 
     def energies(self, observations: Observations) -> Energies:
@@ -137,25 +152,29 @@ class TurnBackRule(Policy):
         )
 
     def round_trip(self, observations: Observations) -> NDArray[np.float64]:
-        """Energy of a round at cruise by Eq. 7, with the consumption so far, a share of the usable energy."""
+        """Energy of a round at cruise by Eq. 7, with the consumption so far, a share of the usable
+        energy."""
         sine = _mean_sine(observations)
         out_and_back = self._share_per_m(sine) + self._share_per_m(-sine)
         by_file = 0.5 * self._round_m * out_and_back + self._extra_share
         return (1.0 + feature(observations, "consumption")) * by_file
 
     def charged(self, observations: Observations) -> Any:
-        """Energy that chargers have supplied so far, a share of the usable energy; 0 without docks."""
+        """Energy that chargers have supplied so far, a share of the usable energy; 0 without
+        docks."""
         if self._docking is None:
             return 0.0
         return feature(observations, "charged")
 
     def home_cost_on_average(self, observations: Observations) -> NDArray[np.float64]:
-        """Energy to get home by Eq. 8 at the average grade, a share of the usable energy, shape (n,)."""
+        """Energy to get home by Eq. 8 at the average grade, a share of the usable energy, shape
+        (n,)."""
         distance_m = feature(observations, "distance") * self._reach_m
         return distance_m * self._share_per_m(-_mean_sine(observations))
 
     def cost_of_going_on(self, observations: Observations) -> NDArray[np.float64]:
-        """Energy of going on to the next chance to turn, and back, by Eq. 7 at the average grade, as above, shape (n,).
+        """Energy of going on to the next chance to turn, and back, by Eq. 7 at the average grade,
+        as above, shape (n,).
 
         The next chance is a decision or two away; on a patrol it is a lap with its pit stops.
         """
@@ -166,7 +185,9 @@ class TurnBackRule(Policy):
     def _share_per_m(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.interp(sine, self._sines, self._shares_per_m)
 
-    def _late(self, observations: Observations, distance_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _late(
+        self, observations: Observations, distance_m: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
         s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         needed_s = thresholds.HOME_TIME * (distance_m / s["cruise_mps"] + self._round_s)
@@ -174,7 +195,8 @@ class TurnBackRule(Policy):
 
 
 class BelievingRule(TurnBackRule):
-    """Estimates the energy of the way home from measurements, with a reserve of k of its standard deviations.
+    """Estimates the energy of the way home from measurements, with a reserve of k of its standard
+    deviations.
 
     Args:
         known: Constants of the environment.
@@ -190,8 +212,11 @@ class BelievingRule(TurnBackRule):
         self.deviations = deviations
         self.outlook: Outlook
 
-    def margin_above_reserve(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Energy beyond the estimated way home and the reserve, see `TurnBackRule.margin_above_reserve`."""
+    def margin_above_reserve(
+        self, observations: Observations, begun: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Energy beyond the estimated way home and the reserve, see
+        `TurnBackRule.margin_above_reserve`."""
         self.outlook = self.look(observations, begun)
         return self.margin_above_reserve_by(self.outlook)
 
@@ -211,11 +236,13 @@ class BelievingRule(TurnBackRule):
 
     @abstractmethod
     def look(self, observations: Observations, begun: NDArray[np.bool_]) -> Outlook:
-        """Update the belief and return it. Arguments as in `act`; a repeated decision counts once."""
+        """Update the belief and return it. Arguments as in `act`; a repeated decision counts
+        once."""
 
 
 def sees_posts(known: Known) -> bool:
-    """Whether arrivals at a patrol's posts are observable: pit stops shorter than a decision may be missed."""
+    """Whether arrivals at a patrol's posts are observable: pit stops shorter than a decision may be
+    missed."""
     s = known.shared[0]
     return bool(s["shuttles"] and s["pit_stop_s"] >= s["decision_s"])
 

@@ -40,5 +40,6 @@ class Wanderer(Policy):
         speed_limits, rate_limits = limits(self._known)
         speed_mps = at_level(speed_levels, *speed_limits)
         sensing_hz = at_level(rate_levels, *rate_limits)
-        mode = np.where(self._rng.random(count) < 0.1, STOP, GO)  # a tenth: chosen, so that it gets far
+        # a tenth: chosen, so that it gets far
+        mode = np.where(self._rng.random(count) < 0.1, STOP, GO)
         return encode_actions(self._known, speed_mps, sensing_hz, mode)

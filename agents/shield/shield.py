@@ -1,4 +1,5 @@
-"""A shield around any policy: its action is taken only if the robot still gets home with high probability."""
+"""A shield around any policy: its action is taken only if the robot still gets home with high
+probability."""
 
 from __future__ import annotations
 
@@ -21,11 +22,12 @@ from homeward.physics import ancillary_power
 class Shield(Policy):
     """Replaces a policy's action by a return if the action violates a chance constraint.
 
-    An action is safe if the energy left, after the action and the way home after it, is at least 0 with probability
-    1 - risk under the belief about robot and wind (`homeward.estimation`). A return of the shield is at cruise, without
-    stops and without sensing, and final. A return of the policy is checked at every decision as well. To make the
-    parameters identifiable, the shield makes excitation steps (`Belief.looks_back`), unless nothing is hidden. The time
-    limit is treated likewise, with a fixed reserve.
+    An action is safe if the energy left, after the action and the way home after it, is at least 0
+    with probability 1 - risk under the belief about robot and wind (`homeward.estimation`). A
+    return of the shield is at cruise, without stops and without sensing, and final. A return of the
+    policy is checked at every decision as well. To make the parameters identifiable, the shield
+    makes excitation steps (`Belief.looks_back`), unless nothing is hidden. The time limit is
+    treated likewise, with a fixed reserve.
 
     Args:
         policy: The policy to shield.
@@ -58,7 +60,9 @@ class Shield(Policy):
         )
         unsafe = self._margin_j(observations, wanted) < 0.0
         # The shield's own action needs no check.
-        unsafe &= ~(wanted.returns & (wanted.driven_mps == self._home_mps) & (wanted.sensing_hz == 0.0))
+        unsafe &= ~(
+            wanted.returns & (wanted.driven_mps == self._home_mps) & (wanted.sensing_hz == 0.0)
+        )
         self._overruled |= unsafe & ~returning
         excites = self._belief.looks_back(observations) & ~returning & ~wanted.returns
         actions[excites] = self._belief.back_action
@@ -67,7 +71,8 @@ class Shield(Policy):
         return actions
 
     def _margin_j(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
-        """Quantile, at the risk, of the energy left after a decision and the way home after it, J, shape (n,)."""
+        """Quantile, at the risk, of the energy left after a decision and the way home after it, J,
+        shape (n,)."""
         s = self._known.shared[0]
         position_m = feature(observations, "distance") * s["reach_m"]
         pit_stop_s = feature(observations, "pit_stop") * s["decision_s"]
@@ -80,7 +85,8 @@ class Shield(Policy):
         # Posts are those of a patrol; on other missions pit stops last 0 s.
         comes_to_post = (way_m > 0.0) & ((ends_m <= 0.0) | (ends_m >= s["length_m"]))
         asked_s = self._asked_s(observations, wanted)
-        # A pit stop continues until the return is final, and a robot that is home before waits there.
+        # A pit stop continues until the return is final, and a robot that is home before waits
+        # there.
         stop_left_s = np.where(comes_to_post, s["pit_stop_s"], pit_stop_s - stands_s)
         waits_s = np.minimum(stop_left_s, asked_s)
         waits_s += np.maximum(asked_s - waits_s - ends_m / self._home_mps, 0.0)
@@ -90,26 +96,33 @@ class Shield(Policy):
         plans["speed_mps"] = np.where(way_m > 0.0, wanted.driven_mps, self._home_mps)
         arrives_after_s = position_m / np.maximum(wanted.driven_mps, 1e-9)
         plans["onwards_s"] = np.where(arrives, arrives_after_s, s["decision_s"])
-        plans["onwards_j"] = ancillary_power(self._known.robot, wanted.sensing_hz) * plans["onwards_s"]
+        plans["onwards_j"] = (
+            ancillary_power(self._known.robot, wanted.sensing_hz) * plans["onwards_s"]
+        )
         plans["onwards_j"] += self._belief.estimator.vehicle.idle_w * waits_s
         plans["onwards_s"] += waits_s
         return np.asarray(self._belief.margin(plans, self._risk).total["margin_low_j"])
 
     def _asked_s(self, observations: Observations, wanted: Commands) -> NDArray[np.float64]:
-        """Time after a decision for which the return must be chosen until it is final, s, shape (n,)."""
+        """Time after a decision for which the return must be chosen until it is final, s, shape
+        (n,)."""
         s = self._known.shared[0]
         returning = feature(observations, "returning")
         asked = np.rint(returning * s["return_decisions"]) + 1.0
         decisions_left = s["return_decisions"] - np.where(wanted.returns, asked, 0.0)
         # With the last of them it is final at once.
-        return np.where(returning >= 1.0, 0.0, np.maximum(decisions_left - 1.0, 0.0) * s["decision_s"])
+        return np.where(
+            returning >= 1.0, 0.0, np.maximum(decisions_left - 1.0, 0.0) * s["decision_s"]
+        )
 
     def _late(self, observations: Observations, wanted: Commands) -> NDArray[np.bool_]:
         """Which missions would reach the time limit, less a reserve, before home, shape (n,)."""
         s = self._known.shared[0]
         left_s = (1.0 - feature(observations, "time")) * s["max_decisions"] * s["decision_s"]
         position_m = feature(observations, "distance") * s["reach_m"]
-        ends_m = np.where(wanted.returns, position_m, position_m + wanted.driven_mps * s["decision_s"])
+        ends_m = np.where(
+            wanted.returns, position_m, position_m + wanted.driven_mps * s["decision_s"]
+        )
         reserve_decisions = max(thresholds.SPARE_DECISIONS, float(s["return_decisions"]))
         reserve_s = reserve_decisions * s["decision_s"] + s["pit_stop_s"]
         return np.asarray(left_s < ends_m / self._home_mps + reserve_s)

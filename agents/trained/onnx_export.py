@@ -1,8 +1,9 @@
-"""A trained policy for the robot itself: physical units in, physical commands out, as one ONNX file.
+"""A trained policy for the robot itself: physical units in, physical commands out, as one ONNX
+file.
 
-`python -m homeward.agents.trained.onnx_export POLICY_FOLDER policy.onnx` writes the network with the scaling of the
-observation before it and the decoding of the action behind it, compares it with the original in onnxruntime, and prints
-inputs and outputs. The file's metadata contain the same.
+`python -m homeward.agents.trained.onnx_export POLICY_FOLDER policy.onnx` writes the network with
+the scaling of the observation before it and the decoding of the action behind it, compares it with
+the original in onnxruntime, and prints inputs and outputs. The file's metadata contain the same.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ if TYPE_CHECKING:
     import onnx
 
 _CHECKED = 2000
-"""Random observations on which the exported network must act as the policy does: what is wrong in 0.15 % of them is
-found with a probability of 95 % (rule of three: Hanley & Lippman-Hand, 1983)."""
+"""Random observations on which the exported network must act as the policy does: what is wrong in
+0.15 % of them is found with a probability of 95 % (rule of three: Hanley & Lippman-Hand, 1983)."""
 
 
 class ExportError(ValueError):
@@ -87,7 +88,9 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known, rng: Genera
     threads = onnxruntime.SessionOptions()
     threads.intra_op_num_threads = 1  # more would only wait for each other
     session = onnxruntime.InferenceSession(content, threads, providers=["CPUExecutionProvider"])
-    commands = np.stack([output.astype(np.float64) for output in session.run(list(OUTPUTS), feed)], axis=1)
+    commands = np.stack(
+        [output.astype(np.float64) for output in session.run(list(OUTPUTS), feed)], axis=1
+    )
     outputs = policy.outputs(seen)
     actions = policy.choose(outputs)
     (_, fastest_mps), (_, most_hz) = limits(known)
@@ -102,13 +105,18 @@ def check_equal(content: bytes, policy: NetworkPolicy, known: Known, rng: Genera
         )
 
 
-def _undecided(policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDArray[Any]) -> NDArray[np.bool_]:
-    """Where rounding decides, shape (n, 3): two levels have equal outputs, or a mode is at a border."""
+def _undecided(
+    policy: NetworkPolicy, outputs: NDArray[np.float32], actions: NDArray[Any]
+) -> NDArray[np.bool_]:
+    """Where rounding decides, shape (n, 3): two levels have equal outputs, or a mode is at a
+    border."""
     undecided = np.zeros((len(outputs), 3), np.bool_)
     if isinstance(policy.action_space, spaces.MultiDiscrete):
         parts = np.split(outputs, np.cumsum(policy.action_space.nvec)[:-1], axis=1)
         ordered = [np.sort(part, axis=1) for part in parts]
-        undecided = np.stack([part[:, -2] >= part[:, -1] - thresholds.SAME_OUTPUT for part in ordered], axis=1)
+        undecided = np.stack(
+            [part[:, -2] >= part[:, -1] - thresholds.SAME_OUTPUT for part in ordered], axis=1
+        )
     else:
         borders = thirds(actions)
         undecided[:, 2] = np.abs(borders - np.rint(borders)) < thresholds.SAME_OUTPUT
@@ -120,7 +128,8 @@ def main(args: Args) -> onnx.ModelProto:
     """Export, check and print inputs and outputs.
 
     Raises:
-        ExportError, PolicyFileError, OptionError, RobotError, RouteError: The policy cannot be exported.
+        ExportError, PolicyFileError, OptionError, RobotError, RouteError: The policy cannot be
+        exported.
         OSError: The file cannot be written.
     """
     try:
@@ -128,11 +137,15 @@ def main(args: Args) -> onnx.ModelProto:
 
         from homeward.agents.trained.onnx_graph import to_onnx
     except ModuleNotFoundError as error:
-        raise ExportError(f"exporting needs {error.name}: {advice('onnx', str(error.name))}") from None
+        raise ExportError(
+            f"exporting needs {error.name}: {advice('onnx', str(error.name))}"
+        ) from None
     policy = load_policy(args.policy)
     options, known = setting_of(policy, args.robot)
     if options.docks:
-        raise ExportError(f"{args.policy}: was trained with docks, whose features no robot reads yet; train without")
+        raise ExportError(
+            f"{args.policy}: was trained with docks, whose features no robot reads yet; train without"
+        )
     model = to_onnx(policy, options, known)
     content = model.SerializeToString()
     check_equal(content, policy, known, np.random.default_rng(0))
@@ -144,7 +157,9 @@ def main(args: Args) -> onnx.ModelProto:
 def _print(model: onnx.ModelProto, known: Known, out: Path) -> None:
     from homeward.agents.trained.onnx_graph import quantities
 
-    table = Table(title=f"columns of {INPUT}, float32 (missions, {len(FEATURES)})", box=box.SIMPLE_HEAD)
+    table = Table(
+        title=f"columns of {INPUT}, float32 (missions, {len(FEATURES)})", box=box.SIMPLE_HEAD
+    )
     for heading in ("", "name", "unit", "meaning"):
         table.add_column(heading, overflow="fold")
     for index, quantity in enumerate(quantities(known)):

@@ -24,7 +24,8 @@ from homeward.envs.options import Known, Options
 from homeward.envs.state import GO
 
 _SENSING_IF_IT_GOES = "sensing_if_it_goes"
-_ELSEWHERE = ("robot", "true_robot", "docks")  # in a text of its own, hidden from a robot, and none in what is exported
+# in a text of its own, hidden from a robot, and none in what is exported
+_ELSEWHERE = ("robot", "true_robot", "docks")
 _OPSET = 17
 _IR_VERSION = 8
 """Opset of 2022, so that the runtimes of older robots read the file."""
@@ -68,18 +69,23 @@ def quantities(known: Known) -> list[PhysicalInput]:
     columns = []
     for name, unit, meaning in FEATURES:
         physical, size, zero = units[unit]
-        columns.append(PhysicalInput(name, physical, float(size), zero, meaning.removesuffix(f" above {zero:g} C")))
+        columns.append(
+            PhysicalInput(
+                name, physical, float(size), zero, meaning.removesuffix(f" above {zero:g} C")
+            )
+        )
     return columns
 
 
 def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.ModelProto:
     """The policy as a graph.
 
-    Input `observation`, float32 (missions, features) in the units of `quantities`. Policies with a belief also have
-    `belief`, float32 (missions, columns): the columns behind the features that
-    `homeward.agents.trained.inputs.BeliefInputs` returns, an estimator with a state that a graph cannot contain.
-    `load_onnx` of `homeward.agents.trained.onnx_policy` runs both. Outputs `speed_mps` and `sensing_hz`, float32
-    (missions,), and `mode`, int64 (missions,): 0 stop, 1 go, 2 return.
+    Input `observation`, float32 (missions, features) in the units of `quantities`. Policies with a
+    belief also have `belief`, float32 (missions, columns): the columns behind the features that
+    `homeward.agents.trained.inputs.BeliefInputs` returns, an estimator with a state that a graph
+    cannot contain. `load_onnx` of `homeward.agents.trained.onnx_policy` runs both. Outputs
+    `speed_mps` and `sensing_hz`, float32 (missions,), and `mode`, int64 (missions,): 0 stop, 1 go,
+    2 return.
 
     Args:
         policy: The policy.
@@ -88,12 +94,20 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
     """
     graph = _Graph()
     columns = quantities(known)
-    offset = graph.apply("Sub", INPUT, graph.constant("zero", [quantity.zero for quantity in columns]))
-    scaled = graph.apply("Div", offset, graph.constant("size", [quantity.size for quantity in columns]))
-    values = graph.apply("Clip", scaled, graph.constant("lowest", -LIMIT), graph.constant("highest", LIMIT))
+    offset = graph.apply(
+        "Sub", INPUT, graph.constant("zero", [quantity.zero for quantity in columns])
+    )
+    scaled = graph.apply(
+        "Div", offset, graph.constant("size", [quantity.size for quantity in columns])
+    )
+    values = graph.apply(
+        "Clip", scaled, graph.constant("lowest", -LIMIT), graph.constant("highest", LIMIT)
+    )
     inputs = [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["missions", len(columns)])]
     if sees_beliefs(policy):
-        inputs.append(helper.make_tensor_value_info(BELIEF, TensorProto.FLOAT, ["missions", len(COLUMNS)]))
+        inputs.append(
+            helper.make_tensor_value_info(BELIEF, TensorProto.FLOAT, ["missions", len(COLUMNS)])
+        )
         values = graph.apply("Concat", values, BELIEF, axis=1)
     seen = values
     for index, (weight, bias) in enumerate(policy.layers):
@@ -101,9 +115,14 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
             values = graph.apply("Tanh", values)
         if index and index == len(policy.layers) - 1:
             values = graph.apply("Concat", values, seen, axis=1)
-        parameters = graph.constant(f"weight_{index}", weight), graph.constant(f"bias_{index}", bias)
+        parameters = (
+            graph.constant(f"weight_{index}", weight),
+            graph.constant(f"bias_{index}", bias),
+        )
         values = graph.apply("Gemm", values, *parameters, transB=1)
-    decode = _decode_levels if isinstance(policy.action_space, spaces.MultiDiscrete) else _decode_box
+    decode = (
+        _decode_levels if isinstance(policy.action_space, spaces.MultiDiscrete) else _decode_box
+    )
     decode(graph, values, known)
     # Without go there is no sensing, see `homeward.agents.trained.policy_file.sensing_on_the_go`.
     senses = [mode == GO or not policy.senses_on_the_go for mode in range(len(MODES))]
@@ -115,7 +134,10 @@ def to_onnx(policy: NetworkPolicy, options: Options, known: Known) -> onnx.Model
             graph.nodes,
             "policy",
             inputs,
-            [helper.make_tensor_value_info(*output, ["missions"]) for output in zip(OUTPUTS, types, strict=True)],
+            [
+                helper.make_tensor_value_info(*output, ["missions"])
+                for output in zip(OUTPUTS, types, strict=True)
+            ],
             graph.constants,
         ),
         producer_name="homeward",
@@ -183,23 +205,37 @@ def _decode_box(graph: _Graph, values: str, known: Known) -> None:
     clipped = graph.apply("Clip", values, graph.constant("minus_one", -1.0), unit)
     shares = graph.apply("Add", clipped, unit)  # 0 to 2
     for part, output in enumerate(OUTPUTS):
-        share = graph.apply("Gather", shares, graph.constant(f"{output}_column", part, np.int64), axis=1)
+        share = graph.apply(
+            "Gather", shares, graph.constant(f"{output}_column", part, np.int64), axis=1
+        )
         if output == "mode":
             thirds = graph.apply("Mul", share, graph.constant("thirds", len(MODES) / 2.0))
             thirds_number = graph.apply("Cast", thirds, to=TensorProto.INT64)
-            graph.apply("Min", thirds_number, graph.constant("last_mode", len(MODES) - 1, np.int64), into=output)
+            graph.apply(
+                "Min",
+                thirds_number,
+                graph.constant("last_mode", len(MODES) - 1, np.int64),
+                into=output,
+            )
         else:
             low, high = _limits(known)[output]
-            above = graph.apply("Mul", share, graph.constant(f"{output}_per_share", (high - low) / 2.0))
-            graph.apply("Add", above, graph.constant(f"{output}_least", low), into=_before_mode(output))
+            above = graph.apply(
+                "Mul", share, graph.constant(f"{output}_per_share", (high - low) / 2.0)
+            )
+            graph.apply(
+                "Add", above, graph.constant(f"{output}_least", low), into=_before_mode(output)
+            )
 
 
 def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str, str]:
-    inputs: dict[str, Any] = {INPUT: [dataclasses.asdict(quantity) for quantity in quantities(known)]}
+    inputs: dict[str, Any] = {
+        INPUT: [dataclasses.asdict(quantity) for quantity in quantities(known)]
+    }
     if sees_beliefs(policy):
         inputs[BELIEF] = [{"name": name, "meaning": meaning} for name, meaning in COLUMNS]
     outputs = {
-        name: f"command until the next decision, {low:g} to {high:g}" for name, (low, high) in _limits(known).items()
+        name: f"command until the next decision, {low:g} to {high:g}"
+        for name, (low, high) in _limits(known).items()
     }
     modes = ", ".join(f"{index} {mode}" for index, mode in enumerate(MODES))
     outputs["mode"] = f"{modes}; a return is final: once begun, go on home whatever is output later"
@@ -211,8 +247,11 @@ def _metadata(policy: NetworkPolicy, options: Options, known: Known) -> dict[str
         "inputs": inputs,
         "outputs": outputs,
         "weights_sha256": policy.description.get("weights_sha256"),
-        # From these `homeward.agents.trained.onnx_policy.load_onnx` makes the policy and its inputs.
-        "setting": {name: _plain(value) for name, value in vars(options).items() if name not in _ELSEWHERE},
+        # From these `homeward.agents.trained.onnx_policy.load_onnx` makes the policy and its
+        # inputs.
+        "setting": {
+            name: _plain(value) for name, value in vars(options).items() if name not in _ELSEWHERE
+        },
         "robot_file": known.robot.to_toml(),
     }
     if sees_beliefs(policy):

@@ -1,4 +1,5 @@
-"""A policy from an ONNX file, with its environment and the inputs that it needs, from the file's metadata."""
+"""A policy from an ONNX file, with its environment and the inputs that it needs, from the file's
+metadata."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ OPERATIONS = frozenset({
 })  # fmt: skip
 """Operations of an exported network, all of which end."""
 MOST_VALUES = 1_000_000
-"""Most values that an operation computes for a mission. Chosen: layers of trained policies have some hundred."""
+"""Most values that an operation computes for a mission. Chosen: layers of trained policies have
+some hundred."""
 
 
 @final
@@ -40,7 +42,8 @@ class OnnxPolicy(Policy):
 
     Args:
         session: An `onnxruntime.InferenceSession`.
-        trained: Constants of the environment of the training, for which the network returns its commands.
+        trained: Constants of the environment of the training, for which the network returns its
+            commands.
         size: Physical size of a feature of 1, shape (features,).
         zero: Physical value of a feature of 0, shape (features,).
         inputs: Computes the belief, if the network needs it.
@@ -73,10 +76,12 @@ def load_onnx(path: str | Path, **keywords: Any) -> tuple[OnnxPolicy, Known]:
 
     Args:
         path: Path of the file.
-        **keywords: Keywords of the environment to use instead of those of the training, such as `robot` or `route`.
+        **keywords: Keywords of the environment to use instead of those of the training, such as
+            `robot` or `route`.
 
     Raises:
-        PolicyFileError: The file cannot be read, or was not written by this version, or onnxruntime is not installed.
+        PolicyFileError: The file cannot be read, or was not written by this version, or onnxruntime
+            is not installed.
         OptionError, RobotError, RouteError: A keyword is invalid.
     """
     session = _open(Path(path))
@@ -85,7 +90,9 @@ def load_onnx(path: str | Path, **keywords: Any) -> tuple[OnnxPolicy, Known]:
         columns = json.loads(metadata["inputs"])[INPUT]
         setting = json.loads(metadata["setting"])
         if [column["name"] for column in columns] != list(NAMES):
-            raise PolicyFileError(f"{path} needs other features than this version has: export it again")
+            raise PolicyFileError(
+                f"{path} needs other features than this version has: export it again"
+            )
         setting["robot"] = _robot(metadata["robot_file"])
         trained = known_of(Options(**setting))
         known = known_of(Options(**setting | keywords))
@@ -97,7 +104,9 @@ def load_onnx(path: str | Path, **keywords: Any) -> tuple[OnnxPolicy, Known]:
     except (PolicyFileError, OptionError, RobotError, RouteError):
         raise
     except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
-        raise PolicyFileError(f"{path} does not contain its environment: export it again ({error!r})") from None
+        raise PolicyFileError(
+            f"{path} does not contain its environment: export it again ({error!r})"
+        ) from None
     return OnnxPolicy(session, trained, size, zero, inputs), known
 
 
@@ -107,23 +116,30 @@ def _open(path: Path) -> Any:
         import onnx
         import onnxruntime
     except ModuleNotFoundError as error:
-        raise PolicyFileError(f"{path} needs {error.name}: {advice('onnx', str(error.name))}") from None
+        raise PolicyFileError(
+            f"{path} needs {error.name}: {advice('onnx', str(error.name))}"
+        ) from None
     threads = onnxruntime.SessionOptions()
     threads.intra_op_num_threads = 1  # for one mission, more would only wait for each other
     try:
         content = read_bytes(path, MOST_BYTES)
-        _refuse_foreign(path, onnx.shape_inference.infer_shapes(onnx.load_model_from_string(content)))
+        _refuse_foreign(
+            path, onnx.shape_inference.infer_shapes(onnx.load_model_from_string(content))
+        )
         return onnxruntime.InferenceSession(content, threads, providers=["CPUExecutionProvider"])
     except PolicyFileError:
         raise
     except OSError as error:
-        raise PolicyFileError(f"cannot read {path}: {error.strerror}; give a file that onnx_export wrote") from None
+        raise PolicyFileError(
+            f"cannot read {path}: {error.strerror}; give a file that onnx_export wrote"
+        ) from None
     except Exception as error:  # onnxruntime has no class of its own for them
         raise PolicyFileError(f"{path} is not a network that onnxruntime reads: {error}") from None
 
 
 def _refuse_foreign(path: Path, model: Any) -> None:
-    """Refuse a network that no export writes: it may loop for ever, read other files or make values of any size.
+    """Refuse a network that no export writes: it may loop for ever, read other files or make values
+    of any size.
 
     Raises:
         PolicyFileError: It is not.
@@ -131,13 +147,21 @@ def _refuse_foreign(path: Path, model: Any) -> None:
     foreign = {node.op_type for node in model.graph.node} - OPERATIONS
     if foreign or model.functions:
         names = ", ".join(sorted(foreign)) or "functions"
-        raise PolicyFileError(f"{path} computes with {names[:100]}, which no export does: export it again")
+        raise PolicyFileError(
+            f"{path} computes with {names[:100]}, which no export does: export it again"
+        )
     if any(constant.external_data for constant in model.graph.initializer):
-        raise PolicyFileError(f"{path} has weights in another file, which no export has: export it again")
+        raise PolicyFileError(
+            f"{path} has weights in another file, which no export has: export it again"
+        )
     for value in (*model.graph.value_info, *model.graph.output):
-        size = math.prod(max(dimension.dim_value, 1) for dimension in value.type.tensor_type.shape.dim)
+        size = math.prod(
+            max(dimension.dim_value, 1) for dimension in value.type.tensor_type.shape.dim
+        )
         if size > MOST_VALUES:
-            raise PolicyFileError(f"{path} computes {size:.3g} values at once, which no export does: export it again")
+            raise PolicyFileError(
+                f"{path} computes {size:.3g} values at once, which no export does: export it again"
+            )
 
 
 def _robot(text: str) -> Robot:

@@ -1,4 +1,5 @@
-"""Trained policies as files: `policy.safetensors` for the weights, `policy.json` for the rest; reading runs no code."""
+"""Trained policies as files: `policy.safetensors` for the weights, `policy.json` for the rest;
+reading runs no code."""
 
 from __future__ import annotations
 
@@ -28,15 +29,17 @@ DESCRIPTION = "policy.json"
 SCHEMA = 2
 """Version of the format of policy.json; one of another schema is refused."""
 MOST_BYTES = 100_000_000
-"""Limit of a policy's file. Chosen: 2,500 times those of the shipped policies (40 kB), and it fits in memory."""
+"""Limit of a policy's file. Chosen: 2,500 times those of the shipped policies (40 kB), and it fits
+in memory."""
 _OBSERVED = [list(names_of(docks)) for docks in (False, True)]
 """Features of policies, without and with docks."""
 _MOST_LAYERS = 100  # chosen: far more than a policy needs
 ON_THE_GO = {"senses": "on the go"}
 """Entry of a description: the policy was trained with `sensing_on_the_go`."""
 _ROWS = 64
-"""Missions at a time: larger products are spread over threads, which wait for each other. With 32 the shipped policies
-take 1.6 times as long, with 128 three times (4096 missions on two busy cores)."""
+"""Missions at a time: larger products are spread over threads, which wait for each other. With 32
+the shipped policies take 1.6 times as long, with 128 three times (4096 missions on two busy
+cores)."""
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inputs), bias (outputs,)
 
@@ -46,10 +49,11 @@ class PolicyFileError(ValueError):
 
 
 def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
-    """Actions, shape (n, 3), without sensing for robots that stop or head home: they pass no new ground.
+    """Actions, shape (n, 3), without sensing for robots that stop or head home: they pass no new
+    ground.
 
-    Speed, sensing and mode are sampled independently. Without this, exploring a stop would waste sensing energy, and
-    training would learn to avoid stops.
+    Speed, sensing and mode are sampled independently. Without this, exploring a stop would waste
+    sensing energy, and training would learn to avoid stops.
     """
     return silenced(actions, modes(actions) != GO)
 
@@ -57,11 +61,12 @@ def sensing_on_the_go(actions: NDArray[Any]) -> NDArray[Any]:
 @final
 @dataclass(frozen=True)
 class NetworkPolicy(Policy):
-    """A network with tanh between its layers; it takes the most likely action, or the mean one in a continuous space.
+    """A network with tanh between its layers; it takes the most likely action, or the mean one in a
+    continuous space.
 
     Attributes:
-        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32. Of several, the last one also takes
-            the network's inputs, after the outputs of the layer before.
+        layers: Weight (outputs, inputs) and bias (outputs,) of each layer, float32. Of several, the
+            last one also takes the network's inputs, after the outputs of the layer before.
         action_space: Space of one action: `MultiDiscrete` or `Box`.
         description: Content of `policy.json`: environment, options, spaces, training, versions.
         inputs: Computes the network's inputs from observations, if they are not the observations.
@@ -83,10 +88,12 @@ class NetworkPolicy(Policy):
         return list(self.description.get("observation_space", {}).get("features", NAMES))
 
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
-        """Choose one action for each mission: int64 levels, or float32 within the box, shape (n, 3).
+        """Choose one action for each mission: int64 levels, or float32 within the box, shape (n,
+        3).
 
         Raises:
-            PolicyFileError: The policy needs a belief and was loaded without an environment's constants.
+            PolicyFileError: The policy needs a belief and was loaded without an environment's
+                constants.
         """
         return self.choose(self.outputs(self.seen(observations, begun)))
 
@@ -99,12 +106,17 @@ class NetworkPolicy(Policy):
         if self.inputs is not None:
             return self.inputs(observations, begun)
         if "inputs" in self.description:
-            raise PolicyFileError("the policy needs a belief: load it with known=, the constants of an environment")
+            raise PolicyFileError(
+                "the policy needs a belief: load it with known=, the constants of an environment"
+            )
         return observations
 
     def outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Outputs of the last layer, shape (n, outputs): logits of all levels, or the mean action."""
-        return np.concatenate([self._outputs(values[i : i + _ROWS]) for i in range(0, len(values), _ROWS)])
+        """Outputs of the last layer, shape (n, outputs): logits of all levels, or the mean
+        action."""
+        return np.concatenate(
+            [self._outputs(values[i : i + _ROWS]) for i in range(0, len(values), _ROWS)]
+        )
 
     def _outputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         # As in training, the last layer sees the inputs beside the hidden units.
@@ -129,7 +141,9 @@ class NetworkPolicy(Policy):
             return sensing_on_the_go(actions)
         return actions
 
-    def check_spaces(self, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:
+    def check_spaces(
+        self, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
+    ) -> None:
         """Check that the policy fits an environment.
 
         Raises:
@@ -196,7 +210,8 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
         known: Constants of the environment that it acts in; required for a policy with a belief.
 
     Raises:
-        PolicyFileError: A file is missing, truncated, or not a policy of this version of the observations.
+        PolicyFileError: A file is missing, truncated, or not a policy of this version of the
+            observations.
     """
     path = Path(path)
     folder = path
@@ -205,10 +220,13 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
     description = _read_description(folder / DESCRIPTION)
     weights = _read(folder / WEIGHTS)
     if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
-        raise PolicyFileError(f"{folder / WEIGHTS} is truncated or not the one of {DESCRIPTION}: train again")
+        raise PolicyFileError(
+            f"{folder / WEIGHTS} is truncated or not the one of {DESCRIPTION}: train again"
+        )
     try:
         tensors = load(weights)
-    except (SafetensorError, ValueError, OverflowError, KeyError, TypeError) as error:  # of shapes that numpy refuses
+    # of shapes that numpy refuses
+    except (SafetensorError, ValueError, OverflowError, KeyError, TypeError) as error:
         raise PolicyFileError(f"{folder / WEIGHTS} is not a safetensors file: {error}") from None
     try:
         action_space = _action_space(description["action_space"])
@@ -217,7 +235,9 @@ def load_policy(path: str | Path, known: Known | None = None) -> NetworkPolicy:
             for index in range(_layers(description["network"]["layers"]))
         )
     except (KeyError, TypeError, ValueError, OverflowError, AssertionError) as error:
-        raise PolicyFileError(f"{folder / DESCRIPTION} does not describe {WEIGHTS}: {error!r}") from None
+        raise PolicyFileError(
+            f"{folder / DESCRIPTION} does not describe {WEIGHTS}: {error!r}"
+        ) from None
     width = len(description["observation_space"]["features"])
     if "inputs" in description:
         width += len(COLUMNS)
@@ -243,7 +263,9 @@ def _read(path: Path) -> bytes:
 
 
 def _unreadable(path: Path, error: OSError) -> PolicyFileError:
-    return PolicyFileError(f"cannot read {path}: {error.strerror}; give the folder that `homeward train` wrote")
+    return PolicyFileError(
+        f"cannot read {path}: {error.strerror}; give the folder that `homeward train` wrote"
+    )
 
 
 def _read_description(path: Path) -> dict[str, Any]:
@@ -279,7 +301,9 @@ def _action_space(described: Mapping[str, Any]) -> spaces.Space[Any]:
     if described["type"] == "MultiDiscrete":
         return spaces.MultiDiscrete(described["nvec"])
     if described["type"] == "Box":
-        return spaces.Box(np.array(described["low"], np.float32), np.array(described["high"], np.float32))
+        return spaces.Box(
+            np.array(described["low"], np.float32), np.array(described["high"], np.float32)
+        )
     raise ValueError(f"action space {described['type']!r}")
 
 
@@ -289,7 +313,9 @@ def _layers(count: Any) -> int:
     return count
 
 
-def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Space[Any], inputs: int) -> None:
+def _check_layers(
+    path: Path, layers: Sequence[Layer], action_space: spaces.Space[Any], inputs: int
+) -> None:
     if isinstance(action_space, spaces.MultiDiscrete):
         outputs = int(action_space.nvec.sum())
     else:
@@ -298,14 +324,20 @@ def _check_layers(path: Path, layers: Sequence[Layer], action_space: spaces.Spac
     if len(layers) > 1:
         widths[-2] += inputs  # before the last layer
     for width, (weight, bias) in zip(widths[:-1], layers, strict=True):
-        if weight.dtype != np.float32 or bias.dtype != np.float32 or weight.shape != (_width(bias), width):
+        if (
+            weight.dtype != np.float32
+            or bias.dtype != np.float32
+            or weight.shape != (_width(bias), width)
+        ):
             raise PolicyFileError(
                 f"{path}: a layer of shape {weight.shape} and {bias.shape} does not fit the one before"
             )
         if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
             raise PolicyFileError(f"{path}: a weight is not a finite number")
     if widths[-1] != outputs or len(layers) == 0:
-        raise PolicyFileError(f"{path}: {len(layers)} layers with {widths[-1]} outputs do not fit {action_space}")
+        raise PolicyFileError(
+            f"{path}: {len(layers)} layers with {widths[-1]} outputs do not fit {action_space}"
+        )
 
 
 def _width(bias: NDArray[np.float32]) -> int:

@@ -1,4 +1,5 @@
-"""Provenance of a policy beside its settings, and differences between an environment and that of its training."""
+"""Provenance of a policy beside its settings, and differences between an environment and that of
+its training."""
 
 from __future__ import annotations
 
@@ -25,18 +26,32 @@ _LEARNER = (
     "rules/reserves.py",
     "thresholds.py",
 )
-_COMPARED = ("env", "robot", "route", "difficulty", "instruments", "weather", "randomise", "docks", "time_limit_s")
+_COMPARED = (
+    "env",
+    "robot",
+    "route",
+    "difficulty",
+    "instruments",
+    "weather",
+    "randomise",
+    "docks",
+    "time_limit_s",
+)
 
 
 def made_with(options: Options) -> dict[str, str]:
     """Version and hashes of everything that determines the result of training, beside its settings.
 
     Args:
-        options: Options of the environment; contents of robot, instruments and route are hashed, not names or paths.
+        options: Options of the environment; contents of robot, instruments and route are hashed,
+            not names or paths.
     """
     known, hidden = constants_of(options)
     # Field by field: between them a record may hold anything.
-    route = [hidden.record[name].tobytes() for name in ("fixed", "temperature_c", "wind_mps", "wind_from_rad")]
+    route = [
+        hidden.record[name].tobytes()
+        for name in ("fixed", "temperature_c", "wind_mps", "wind_from_rad")
+    ]
     return {
         "homeward": homeward.__version__,
         **_code(),
@@ -49,8 +64,8 @@ def made_with(options: Options) -> dict[str, str]:
 def robot_hash(known: Known) -> str:
     """Hash of a robot's parameters and effects, without its name and uncertainty.
 
-    A battery of constant voltage is left out: robots had no other when the first policies were trained. So is the
-    motors' current at rest, which no environment uses.
+    A battery of constant voltage is left out: robots had no other when the first policies were
+    trained. So is the motors' current at rest, which no environment uses.
     """
     left_out = ["name", "description", "uncertainty", "rest_current_a"]
     if known.robot.curve.mean_v == 0.0:
@@ -70,7 +85,9 @@ def _instruments_hash(known: Known) -> str:
     return _digest(json.dumps(sizes, sort_keys=True).encode())
 
 
-def differences(description: Mapping[str, Any], env: str, options: Options, known: Known) -> list[str]:
+def differences(
+    description: Mapping[str, Any], env: str, options: Options, known: Known
+) -> list[str]:
     """Differences between an environment and that of a policy's training.
 
     Shaping and discount affect only the reward, not observation or score, and may differ.
@@ -88,7 +105,8 @@ def differences(description: Mapping[str, Any], env: str, options: Options, know
     hashes = _mapping(description.get("made_with"))
     different = _different(training, present, hashes, known)
     sentences = [
-        f"{name} {_said(present[name])} (trained with {_trained_with(training, name, present)})" for name in different
+        f"{name} {_said(present[name])} (trained with {_trained_with(training, name, present)})"
+        for name in different
     ]
     decision_s = float(known.shared["decision_s"][0])
     trained_s = description.get("decision_s", 0.0)
@@ -111,7 +129,8 @@ def _different(
         hashes: Hashes of the training's files.
         known: Constants of the environment.
     """
-    # Robot and instruments by their contents, where those are known: a file may have changed, or moved.
+    # Robot and instruments by their contents, where those are known: a file may have changed, or
+    # moved.
     present_hashes = {"robot": robot_hash(known), "instruments": _instruments_hash(known)}
     by_content = [name for name in present_hashes if name in hashes]
     by_text = [name for name in _COMPARED if name in training and name not in by_content]
@@ -121,7 +140,9 @@ def _different(
         different = [name for name in different if name != "weather"]
     if "difficulty" in different:  # which the others follow from where they are left to the default
         by_default = {
-            name for name in ("instruments", "weather") if training.get(name) is None and present[name] is None
+            name
+            for name in ("instruments", "weather")
+            if training.get(name) is None and present[name] is None
         }
         different = [name for name in different if name not in by_default]
     return different
@@ -169,10 +190,19 @@ def _code() -> dict[str, str]:
     parts = {
         "physics": (package / "physics").rglob("*.py"),
         "envs": (package / "envs").glob("*.py"),  # the viewer does not change a policy
-        "learner": [*(agents / name for name in _LEARNER), *(package / "estimation").glob("*.py"), *training],
+        "learner": [
+            *(agents / name for name in _LEARNER),
+            *(package / "estimation").glob("*.py"),
+            *training,
+        ],
     }
     return {
-        part: _digest(*(file.relative_to(package).as_posix().encode() + file.read_bytes() for file in sorted(sources)))
+        part: _digest(
+            *(
+                file.relative_to(package).as_posix().encode() + file.read_bytes()
+                for file in sorted(sources)
+            )
+        )
         for part, sources in parts.items()
     }
 

@@ -24,7 +24,8 @@ FIRST = "first"
 LAST = "last"
 """Subfolders of the policies at the beginning and the end of training."""
 CURVE_POLICIES = "curve"
-"""Subfolder of the policies at the points of the learning curve, each in a folder named by its steps."""
+"""Subfolder of the policies at the points of the learning curve, each in a folder named by its
+steps."""
 CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint.previous.safetensors"
 
@@ -44,7 +45,8 @@ class RunState(Enum):
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a run's folder against other trainings; the system releases the lock when the process ends, however it ends.
+    """Lock a run's folder against other trainings; the system releases the lock when the process
+    ends, however it ends.
 
     Raises:
         TrainingError: The folder contains something other than a run, or another training uses it.
@@ -55,7 +57,9 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         lock = FileLock(folder / LOCK).acquire(timeout=0)
     except Timeout:
-        raise TrainingError(f"another training is using {folder}: wait for it, or choose another --out") from None
+        raise TrainingError(
+            f"another training is using {folder}: wait for it, or choose another --out"
+        ) from None
     with lock:
         yield
 
@@ -64,11 +68,18 @@ def _refuse_strangers(folder: Path) -> None:
     if (folder / RUN).is_file():
         _read(folder)
     elif any(path.name != LOCK for path in folder.glob("[!.]*")):
-        raise TrainingError(f"{folder} is not empty and contains no training run: choose another --out")
+        raise TrainingError(
+            f"{folder} is not empty and contains no training run: choose another --out"
+        )
 
 
 def open_run(
-    folder: Path, settings: Mapping[str, Any], made_with: Mapping[str, str], *, resume: bool, replace: bool
+    folder: Path,
+    settings: Mapping[str, Any],
+    made_with: Mapping[str, str],
+    *,
+    resume: bool,
+    replace: bool,
 ) -> RunState:
     """Begin a run in its folder, `locked` by the caller, or find the state of the same run in it.
 
@@ -83,7 +94,9 @@ def open_run(
         TrainingError: The folder contains a run that must not be continued or replaced.
         OSError: The folder cannot be written to.
     """
-    run: dict[str, Any] = json.loads(json.dumps({"settings": settings, "made_with": made_with, "extended_from": []}))
+    run: dict[str, Any] = json.loads(
+        json.dumps({"settings": settings, "made_with": made_with, "extended_from": []})
+    )
     if not (folder / RUN).is_file():
         return _write(folder, run, RunState.NEW)
     for leftover in folder.glob(".*.safetensors.*"):  # of a killed write
@@ -113,7 +126,8 @@ def _keep_longer(folder: Path, stored: Mapping[str, Any], steps: int) -> None:
 
 
 def extended_from(folder: Path) -> list[int]:
-    """Numbers of steps of the folder's run before it was extended; the learning rate had fallen at each."""
+    """Numbers of steps of the folder's run before it was extended; the learning rate had fallen at
+    each."""
     return list(_read(folder)["extended_from"])
 
 
@@ -125,13 +139,20 @@ def _go_on(folder: Path, stored: dict[str, Any], steps: int, resume: bool) -> Ru
         run = f"this run, of {steps_of_policy} steps"
         if steps_of_policy is None:
             run = "this run unfinished"
-        raise TrainingError(f"{folder} holds {run}: continue it with --resume, or choose another --out")
+        raise TrainingError(
+            f"{folder} holds {run}: continue it with --resume, or choose another --out"
+        )
     goal = stored["settings"]["steps"]
     if steps == goal:
         return RunState.CONTINUED
     if not any((folder / name).is_file() for name in (CHECKPOINT, PREVIOUS)):
-        raise TrainingError(f"{folder} contains no checkpoint to continue from: choose another --out")
-    extended = {"settings": stored["settings"] | {"steps": steps}, "extended_from": [*stored["extended_from"], goal]}
+        raise TrainingError(
+            f"{folder} contains no checkpoint to continue from: choose another --out"
+        )
+    extended = {
+        "settings": stored["settings"] | {"steps": steps},
+        "extended_from": [*stored["extended_from"], goal],
+    }
     return _write(folder, stored | extended, RunState.CONTINUED)
 
 
@@ -143,10 +164,15 @@ def _write(folder: Path, run: Mapping[str, Any], state: RunState) -> RunState:
 def _read(folder: Path) -> dict[str, Any]:
     try:
         stored = read_json(folder / RUN)
-        # A run of an early version holds its settings only: made with other code, as far as anyone can tell.
+        # A run of an early version holds its settings only: made with other code, as far as anyone
+        # can tell.
         run: dict[str, Any] = {"made_with": {}, "extended_from": []} | stored
         has_both = all(isinstance(run[name], dict) for name in ("settings", "made_with"))
-        if has_both and isinstance(run["settings"].get("steps"), int) and isinstance(run["extended_from"], list):
+        if (
+            has_both
+            and isinstance(run["settings"].get("steps"), int)
+            and isinstance(run["extended_from"], list)
+        ):
             return run
     except (ValueError, KeyError, TypeError):
         pass
@@ -163,14 +189,17 @@ def _difference(stored: Mapping[str, Any], run: Mapping[str, Any]) -> str:
     if differing:
         texts = [f"{name} {settings.get(name)!r}" for name in differing]
         return f"with other settings ({', '.join(texts)})"
-    changed = [name for name, value in run["made_with"].items() if stored["made_with"].get(name) != value]
+    changed = [
+        name for name, value in run["made_with"].items() if stored["made_with"].get(name) != value
+    ]
     if changed:
         return f"made before a change of {', '.join(changed)}"
     return ""
 
 
 def _steps_of_policy(folder: Path) -> int | None:
-    """Steps that the policy in the folder was trained on, before they were made up to whole updates."""
+    """Steps that the policy in the folder was trained on, before they were made up to whole
+    updates."""
     try:
         return int(read_json(folder / DESCRIPTION)["training"]["steps"])
     except FileNotFoundError:
@@ -180,7 +209,8 @@ def _steps_of_policy(folder: Path) -> int | None:
 
 
 def _remove(folder: Path) -> None:
-    """Remove the files of a run, its description last: after a kill in between it is still another run."""
+    """Remove the files of a run, its description last: after a kill in between it is still another
+    run."""
     for part in (TENSORBOARD, WANDB, FIRST, LAST, CURVE_POLICIES):
         shutil.rmtree(folder / part, ignore_errors=True)
     for name in (DESCRIPTION, WEIGHTS, CURVE, CHECKPOINT, PREVIOUS, RUN):

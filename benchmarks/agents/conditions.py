@@ -1,9 +1,10 @@
-"""Score that instruments and rough ground cost the planner at `uncertain` and `harsh`, and its gain over the rules.
+"""Score that instruments and rough ground cost the planner at `uncertain` and `harsh`, and its gain
+over the rules.
 
-`python benchmarks/agents/conditions.py` prints the planner's score with the instruments of the difficulty, also
-relative to that with exact ones in the same weather, on the same episodes. It also prints the gain over the rules at
-equal stranding: each rule is run with all reserves of its tuning and larger ones, and its score is interpolated where
-its stranding rate equals the planner's.
+`python benchmarks/agents/conditions.py` prints the planner's score with the instruments of the
+difficulty, also relative to that with exact ones in the same weather, on the same episodes. It also
+prints the gain over the rules at equal stranding: each rule is run with all reserves of its tuning
+and larger ones, and its score is interpolated where its stranding rate equals the planner's.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.agents.tune import NUMBERS, RULES
 from benchmarks.tables import rate, span, table
@@ -35,8 +37,10 @@ from homeward.parallel import ClusterError, TaskError
 Array = NDArray[np.float64]
 Ends = list[float] | None
 _FURTHER = (1.25, 1.5, 2.0)
-"""Reserves beyond the largest of those that a rule is tuned over, as multiples of it: few strand with them."""
-_RESAMPLES = 999  # of missions; chosen: the 2.5 % beyond an end are then sure to 0.5 % (standard error)
+"""Reserves beyond the largest of those that a rule is tuned over, as multiples of it: few strand
+with them."""
+# of missions; chosen: the 2.5 % beyond an end are then sure to 0.5 % (standard error)
+_RESAMPLES = 999
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,9 @@ def main(args: Args) -> None:
     for mission, difficulty in itertools.product(args.missions, args.difficulties):
         options = Options(mission, difficulty=difficulty)
         metered = episodes_of(args, options, "planner", None)
-        exact = episodes_of(args, dataclasses.replace(options, instruments="exact"), "planner", None)
+        exact = episodes_of(
+            args, dataclasses.replace(options, instruments="exact"), "planner", None
+        )
         stranded = rate(int(metered.stranded.sum()), args.episodes)
         shown = share_of(metered.score, exact.score, args.seed)
         alone.add_row(mission, difficulty, f"{metered.score.mean():.4g}", stranded, shown)
@@ -79,7 +85,9 @@ def main(args: Args) -> None:
         for rule, (score, gain, ci95) in gains.items():
             at_equal = "more strand" if score is None else f"{score:.4g}"
             shown = span(gain, ci95, "+.1%") if gain is not None and ci95 else ""
-            above.add_row(mission, difficulty, rule, at_equal, shown, style="bold" if score == highest else "")
+            above.add_row(
+                mission, difficulty, rule, at_equal, shown, style="bold" if score == highest else ""
+            )
     console = Console(width=140)
     console.print(alone)
     console.print(above)
@@ -88,28 +96,38 @@ def main(args: Args) -> None:
 def episodes_of(args: Args, options: Options, name: str, reserve: float | None) -> Episodes:
     """Episodes of an agent with a reserve, or with its own."""
     agents = {name: [AGENTS[name](Request(known_of(options), reserve=reserve))]}
-    return run_agents(agents, options, episode_seeds(args.seed, args.episodes), jobs=args.jobs)[name][0].episodes
+    return run_agents(agents, options, episode_seeds(args.seed, args.episodes), jobs=args.jobs)[
+        name
+    ][0].episodes
 
 
 def share_of(metered: Array, exact: Array, seed: int) -> str:
-    """Ratio of the mean scores of the same episodes, with its paired interval; "" where none scored."""
+    """Ratio of the mean scores of the same episodes, with its paired interval; "" where none
+    scored."""
     if exact.mean() <= 0.0:
         return ""
-    means = Bootstrap({"metered": metered[None], "exact": exact[None]}, np.random.default_rng(seed)).means()
+    means = Bootstrap(
+        {"metered": metered[None], "exact": exact[None]}, np.random.default_rng(seed)
+    ).means()
     has_score = means["exact"] > 0.0  # a resample of very few episodes may contain none that scored
     ratios = means["metered"][has_score] / means["exact"][has_score]
     return span(metered.mean() / exact.mean(), interval(ratios), ".1%")
 
 
-def gains_of(args: Args, options: Options, planner: Episodes) -> dict[str, tuple[float | None, float | None, Ends]]:
-    """For each rule its score at the planner's stranding rate, the planner's gain over it and the interval of the gain.
+def gains_of(
+    args: Args, options: Options, planner: Episodes
+) -> dict[str, tuple[float | None, float | None, Ends]]:
+    """For each rule its score at the planner's stranding rate, the planner's gain over it and the
+    interval of the gain.
 
     Score and gain are None where it strands more often with every reserve.
     """
     count = len(planner.score)
     gains = {}
     equal_weights = np.full(count, 1.0 / count)
-    resamples = np.random.default_rng(args.seed).multinomial(count, equal_weights, _RESAMPLES) / count
+    resamples = (
+        np.random.default_rng(args.seed).multinomial(count, equal_weights, _RESAMPLES) / count
+    )
     for name in RULES:
         largest = NUMBERS[name][-1]
         reserves = (*NUMBERS[name], *(largest * factor for factor in _FURTHER))

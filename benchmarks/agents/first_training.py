@@ -1,9 +1,10 @@
 """The first training example of the README, copied word for word, with ten training seeds.
 
-`python benchmarks/agents/first_training.py` runs the example in a process of its own for each seed, and prints the mean
-score on its 500 unseen missions before and after training, that of the rule `dmax` on the same missions, and the
-seconds that the whole example takes. Only the seed is another one: seeds are a thousand apart, so that no two share a
-training mission. Finished seeds are stored in OUT, so that an interrupted run continues.
+`python benchmarks/agents/first_training.py` runs the example in a process of its own for each seed,
+and prints the mean score on its 500 unseen missions before and after training, that of the rule
+`dmax` on the same missions, and the seconds that the whole example takes. Only the seed is another
+one: seeds are a thousand apart, so that no two share a training mission. Finished seeds are stored
+in OUT, so that an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from typing import Any
 
 from rich.console import Console
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.kept import Kept
 from benchmarks.tables import table
@@ -65,7 +67,9 @@ class Args:
 
 def example() -> str:
     """The first example of the README that trains."""
-    blocks: list[str] = re.findall(r"^```python\n(.*?)^```", README.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+    blocks: list[str] = re.findall(
+        r"^```python\n(.*?)^```", README.read_text("utf-8"), re.DOTALL | re.MULTILINE
+    )
     return next(block for block in blocks if LEARNS in block)
 
 
@@ -73,7 +77,9 @@ def program(seed: int) -> str:
     """The example with a seed, and with its measurements around it."""
     text = example()
     if text.count(SEED) != 1:
-        raise TrainingError(f"the example of the README has {text.count(SEED)} times {SEED!r}; give it once")
+        raise TrainingError(
+            f"the example of the README has {text.count(SEED)} times {SEED!r}; give it once"
+        )
     before, learns, after = text.replace(SEED, f"seed={seed}").partition(LEARNS)
     return MEASURED.format(before=before, after=learns + after, episodes=EPISODES)
 
@@ -86,7 +92,9 @@ def run_seed(seed: int) -> dict[str, Any]:
     """
     process = subprocess.run([sys.executable, "-c", program(seed)], capture_output=True, text=True)
     if process.returncode:
-        raise TrainingError(f"the example fails with seed {seed}: {process.stderr.strip().splitlines()[-1]}")
+        raise TrainingError(
+            f"the example fails with seed {seed}: {process.stderr.strip().splitlines()[-1]}"
+        )
     result: dict[str, Any] = json.loads(process.stdout.splitlines()[-1])
     return result
 
@@ -101,13 +109,19 @@ def main(args: Args) -> list[dict[str, Any]]:
     if args.seeds < 1:
         raise TrainingError(f"--seeds {args.seeds} is not allowed; give at least 1")
     options = Options("OutAndBack")
-    rule = run_episodes(AGENTS["dmax"](Request(known_of(options))), options, episode_seeds(0, EPISODES)).episodes
+    rule = run_episodes(
+        AGENTS["dmax"](Request(known_of(options))), options, episode_seeds(0, EPISODES)
+    ).episodes
     versions = {name: version(name) for name in ("stable-baselines3", "torch")}
     kept = Kept(args.out / "first_training.json", example=example(), versions=versions)
     tasks = {f"seed {APART * k}": APART * k for k in range(args.seeds)}
     run_tasks(run_seed, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title="training seeds")
-    title = f"The README's example on {EPISODES} unseen missions; dmax scores {rule.score.mean():.0f}"
-    shown = table(title, ("training",), ("start", "end", "end minus dmax", "time, s", "time of processors, s"))
+    title = (
+        f"The README's example on {EPISODES} unseen missions; dmax scores {rule.score.mean():.0f}"
+    )
+    shown = table(
+        title, ("training",), ("start", "end", "end minus dmax", "time, s", "time of processors, s")
+    )
     results = [kept.results[name] for name in tasks]
     for name, run in zip(tasks, results, strict=True):
         gain = f"{run['end'] - rule.score.mean():+.0f}"

@@ -1,10 +1,12 @@
-"""Accuracy of the estimated energy of the way home, with robot and wind estimated: tables of docs/results.md.
+"""Accuracy of the estimated energy of the way home, with robot and wind estimated: tables of
+docs/results.md.
 
-`python benchmarks/agents/identification.py` drives missions out for some decisions, gets the distribution of the energy
-of the way home from two estimators, and drives home to measure it, as a share of a full battery. The estimators are
-`belief`, from `homeward.agents.belief`, and `ratio`, from `dmax_adaptive`, which scales the map by measured over
-modelled consumption. After the estimate the battery gets more energy than the way home can consume, so that missions
-that would strand count as well.
+`python benchmarks/agents/identification.py` drives missions out for some decisions, gets the
+distribution of the energy of the way home from two estimators, and drives home to measure it, as a
+share of a full battery. The estimators are `belief`, from `homeward.agents.belief`, and `ratio`,
+from `dmax_adaptive`, which scales the map by measured over modelled consumption. After the estimate
+the battery gets more energy than the way home can consume, so that missions that would strand count
+as well.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from rich.console import Console
 from rich.table import Table
 from scipy.special import ndtr
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.tables import rate, span, table
 from homeward import cli
@@ -69,7 +72,8 @@ class Args:
 
 
 class Mixture(NamedTuple):
-    """A mixture of normal distributions for each mission, arrays of shape (missions, components)."""
+    """A mixture of normal distributions for each mission, arrays of shape (missions,
+    components)."""
 
     weight: Array
     mean: Array
@@ -88,12 +92,13 @@ class Mixture(NamedTuple):
     def crps(self, values: Array) -> Array:
         """Continuous ranked probability score of a value, shape (missions,).
 
-        Source: Grimit, Gneiting, Berrocal, Johnson, Q. J. R. Meteorol. Soc. 132, 2006, Eq. 4: the closed form of
-        E|X - y| - E|X - X'| / 2.
+        Source: Grimit, Gneiting, Berrocal, Johnson, Q. J. R. Meteorol. Soc. 132, 2006, Eq. 4: the
+        closed form of E|X - y| - E|X - X'| / 2.
         """
         apart = _expected_absolute(values[:, None] - self.mean, self.sd)
         between = _expected_absolute(
-            self.mean[:, :, None] - self.mean[:, None, :], np.hypot(self.sd[:, :, None], self.sd[:, None, :])
+            self.mean[:, :, None] - self.mean[:, None, :],
+            np.hypot(self.sd[:, :, None], self.sd[:, None, :]),
         )
         spread = np.einsum("nk,nl,nkl->n", self.weight, self.weight, between)
         return np.asarray(np.einsum("nk,nk->n", self.weight, apart) - 0.5 * spread)
@@ -126,7 +131,8 @@ class Forecasts:
 
 
 def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
-    """Drive out for some decisions with the planner's excitation steps, estimate the way home, and drive home.
+    """Drive out for some decisions with the planner's excitation steps, estimate the way home, and
+    drive home.
 
     Args:
         options: Keyword arguments of the environment.
@@ -161,7 +167,9 @@ def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
     deviation = outlook.deviation * home_cost / (home_cost + ratio.cost_of_going_on(observations))
     forecasts = {
         "belief": way_home(belief, plans),
-        "ratio": Mixture(np.ones((len(seeds), 1)), outlook.home[:, None], np.maximum(deviation, 1e-9)[:, None]),
+        "ratio": Mixture(
+            np.ones((len(seeds), 1)), outlook.home[:, None], np.maximum(deviation, 1e-9)[:, None]
+        ),
     }
     wind_mps = _wind_error_mps(batch, belief)
     left_j = m["energy_j"].copy()
@@ -175,7 +183,10 @@ def drive(options: Options, seeds: list[int], count: int) -> Forecasts:
     home = m["home"] & alive
     is_below = m["meter_gain"] * (left_j - used_j) < low_j
     return Forecasts(
-        forecasts={name: Mixture(*(part[home] for part in forecast)) for name, forecast in forecasts.items()},
+        forecasts={
+            name: Mixture(*(part[home] for part in forecast))
+            for name, forecast in forecasts.items()
+        },
         home_share=(used_j / full_j)[home],
         wind_mps=wind_mps[home],
         below=is_below[home],
@@ -189,7 +200,8 @@ def _step(batch: Batch, actions: NDArray[np.int64], observations: Observations) 
 
 
 def top_up(batch: Batch) -> None:
-    """Give missions more energy than any way home consumes; descents regenerate as much as before."""
+    """Give missions more energy than any way home consumes; descents regenerate as much as
+    before."""
     m = batch.records
     more_j = _BATTERIES * m["capacity_j"]
     m["energy_j"] += more_j
@@ -197,7 +209,8 @@ def top_up(batch: Batch) -> None:
 
 
 def way_home(belief: Belief, plans: NDArray[np.void]) -> Mixture:
-    """Distribution of the energy of plans, as a share of a full battery: a component for each hypothesis of the wind.
+    """Distribution of the energy of plans, as a share of a full battery: a component for each
+    hypothesis of the wind.
 
     Args:
         belief: Estimates of robot and wind.
@@ -233,7 +246,9 @@ def main(args: Args) -> None:
         OptionError, InstrumentError: An argument cannot be used.
     """
     if args.missions < 2 or args.seed < 0 or any(count < 1 for count in args.decisions):
-        raise OptionError("give at least 2 --missions, a --seed of 0 or more and --decisions of 1 or more")
+        raise OptionError(
+            "give at least 2 --missions, a --seed of 0 or more and --decisions of 1 or more"
+        )
     seeds = episode_seeds(args.seed, args.missions)
     drawn = (
         f"{args.missions} missions, episode_seeds({args.seed}, {args.missions})\n"
@@ -248,22 +263,37 @@ def main(args: Args) -> None:
         ("|wind error|, m/s", f"margin below {RISK:g} quantile (95 %)", "us per update"),
     )  # fmt: skip
     for difficulty, count in itertools.product(args.difficulties, args.decisions):
-        options = Options("OutAndBack", difficulty=difficulty, instruments=args.instruments, weather=args.weather)
+        options = Options(
+            "OutAndBack", difficulty=difficulty, instruments=args.instruments, weather=args.weather
+        )
         forecasts = drive(options, seeds, count)
         _add_ways(ways, difficulty, count, forecasts, args.seed)
         wind_mps = _absolute(forecasts.wind_mps, "{:.2f}")
         below = _rate(forecasts.below)
-        wind_and_margin.add_row(difficulty, str(count), wind_mps, below, f"{forecasts.update_us:.1f}")
+        wind_and_margin.add_row(
+            difficulty, str(count), wind_mps, below, f"{forecasts.update_us:.1f}"
+        )
     console = Console(width=140)
     console.print(ways)
     console.print(wind_and_margin)
-    console.print("Errors are forecasts minus what came; rates and ratios with 95 % intervals.", highlight=False)
+    console.print(
+        "Errors are forecasts minus what came; rates and ratios with 95 % intervals.",
+        highlight=False,
+    )
 
 
 def _add_ways(ways: Table, difficulty: str, count: int, forecasts: Forecasts, seed: int) -> None:
-    crps = {name: forecast.crps(forecasts.home_share) for name, forecast in forecasts.forecasts.items()}
-    means = Bootstrap({name: scores[None] for name, scores in crps.items()}, np.random.default_rng(seed)).means()
-    ratio = span(crps["belief"].mean() / crps["ratio"].mean(), interval(means["belief"] / means["ratio"]), ".3f")
+    crps = {
+        name: forecast.crps(forecasts.home_share) for name, forecast in forecasts.forecasts.items()
+    }
+    means = Bootstrap(
+        {name: scores[None] for name, scores in crps.items()}, np.random.default_rng(seed)
+    ).means()
+    ratio = span(
+        crps["belief"].mean() / crps["ratio"].mean(),
+        interval(means["belief"] / means["ratio"]),
+        ".3f",
+    )
     for name, forecast in forecasts.forecasts.items():
         error = forecast.expected - forecasts.home_share
         ways.add_row(
@@ -279,7 +309,9 @@ def covered(forecast: Mixture, values: Array) -> NDArray[np.bool_]:
 
 
 def _absolute(errors: Array, style: str) -> str:
-    return ", ".join(style.format(quantile) for quantile in np.quantile(np.abs(errors), (0.5, 0.95)))
+    return ", ".join(
+        style.format(quantile) for quantile in np.quantile(np.abs(errors), (0.5, 0.95))
+    )
 
 
 def _rate(happened: NDArray[np.bool_]) -> str:

@@ -1,9 +1,10 @@
 """Train policies for all missions, starts and seeds, and compare them: tables of docs/results.md.
 
-`python benchmarks/agents/learn.py` trains as train.py does, for as long as each mission needs. It prints the scores of
-the first, the last and the best policy of the learning curve, greedy and sampled, on unseen episodes, and those of
-rules and planner. Finished runs and episodes are stored, and an interrupted run continues from its last checkpoint.
-OUT/learn.json contains the figures; `evaluate.py --agents ppo=OUT/RUN` plots a run's learning curve.
+`python benchmarks/agents/learn.py` trains as train.py does, for as long as each mission needs. It
+prints the scores of the first, the last and the best policy of the learning curve, greedy and
+sampled, on unseen episodes, and those of rules and planner. Finished runs and episodes are stored,
+and an interrupted run continues from its last checkpoint. OUT/learn.json contains the figures;
+`evaluate.py --agents ppo=OUT/RUN` plots a run's learning curve.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 import train
 from benchmarks.tables import span, table
 from homeward import cli
@@ -67,7 +69,8 @@ class Args:
 
 @dataclass(frozen=True)
 class Driven:
-    """Score, 0 unless home, and whether it stranded, of each episode, shape (episodes,) or (seeds, episodes)."""
+    """Score, 0 unless home, and whether it stranded, of each episode, shape (episodes,) or (seeds,
+    episodes)."""
 
     score: NDArray[np.float64]
     stranded: NDArray[np.bool_]
@@ -75,7 +78,8 @@ class Driven:
 
 @dataclass(frozen=True)
 class Result:
-    """Results of a mission and start: first policy, best and last of each seed, other agents on the same episodes."""
+    """Results of a mission and start: first policy, best and last of each seed, other agents on the
+    same episodes."""
 
     mission: str
     start: str
@@ -109,7 +113,9 @@ class Sampled(Policy):
         """Choose one action for each mission, see `Policy.act`."""
         logits = self._policy.outputs(self._policy.seen(observations, begun))
         # Gumbel-max trick: the largest logit with Gumbel noise is a sample.
-        return self._policy.choose((logits + self._rng.gumbel(size=logits.shape)).astype(np.float32))
+        return self._policy.choose(
+            (logits + self._rng.gumbel(size=logits.shape)).astype(np.float32)
+        )
 
 
 def main(args: Args) -> list[Result]:
@@ -120,7 +126,9 @@ def main(args: Args) -> list[Result]:
         OSError: The output folder cannot be written to.
     """
     if args.seeds < 1 or args.episodes < 2:
-        raise TrainingError(f"--seeds {args.seeds} --episodes {args.episodes}: give at least 1 seed and 2 episodes")
+        raise TrainingError(
+            f"--seeds {args.seeds} --episodes {args.episodes}: give at least 1 seed and 2 episodes"
+        )
     numba.set_num_threads(1)  # steps are short: several threads would be slower
     results = [compare(args, mission, start) for mission in args.missions for start in args.starts]
     rows = [summary(result) for result in results]
@@ -139,12 +147,16 @@ def compare(args: Args, mission: str, start: str) -> Result:
     def both(folder: Path, seed: int) -> dict[str, Driven]:
         key = (folder / "policy.safetensors").read_bytes()
         greedy = driven(args, options, load_policy(folder, known), key + b"greedy", seeds)
-        sampled = driven(args, options, Sampled(load_policy(folder, known), seed), key + b"sampled", seeds)
+        sampled = driven(
+            args, options, Sampled(load_policy(folder, known), seed), key + b"sampled", seeds
+        )
         return {"greedy": greedy, "sampled": sampled}
 
     other_agents = {}
     for name in (*RULES, *OTHERS):
-        other_agents[name] = driven(args, options, AGENTS[name](Request(known)), name.encode(), seeds)
+        other_agents[name] = driven(
+            args, options, AGENTS[name](Request(known)), name.encode(), seeds
+        )
     return Result(
         mission=mission,
         start=start,
@@ -179,7 +191,9 @@ def trained(args: Args, mission: str, start: str, seed: int) -> Path:
     )  # fmt: skip
 
 
-def driven(args: Args, options: Options, policy: Policy, key: bytes, seeds: Sequence[int]) -> Driven:
+def driven(
+    args: Args, options: Options, policy: Policy, key: bytes, seeds: Sequence[int]
+) -> Driven:
     """Drive a policy on episodes, or load the stored results.
 
     Args:
@@ -189,7 +203,9 @@ def driven(args: Args, options: Options, policy: Policy, key: bytes, seeds: Sequ
         key: Identity of the policy beside the code.
         seeds: Seeds of the episodes.
     """
-    inputs = json.dumps([vars(options), made_with(options), [str(seed) for seed in seeds]], default=str).encode()
+    inputs = json.dumps(
+        [vars(options), made_with(options), [str(seed) for seed in seeds]], default=str
+    ).encode()
     file = args.out / "driven" / f"{hashlib.sha256(key + inputs).hexdigest()[:24]}.npz"
     if not file.is_file():
         episodes = run_episodes(policy, options, seeds).episodes
@@ -221,7 +237,11 @@ def summary(result: Result) -> dict[str, Any]:
     for name, episodes in compared.items():
         row[name] = float(episodes.score.mean())
         row[f"{name}_stranded_rate"] = float(episodes.stranded.mean())
-    against = {"first": result.first["greedy"], "rule": result.others[result.rule], "planner": result.others["planner"]}
+    against = {
+        "first": result.first["greedy"],
+        "rule": result.others[result.rule],
+        "planner": result.others["planner"],
+    }
     last_score = result.last["greedy"].score
     scores = {"": greedy.score, "last": last_score}
     scores |= {name: episodes.score[None] for name, episodes in against.items()}
@@ -237,9 +257,8 @@ def summary(result: Result) -> dict[str, Any]:
 
 def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
     """One line for each mission and start."""
-    title = (
-        f"PPO on {args.episodes} unseen episodes, {args.seeds} training seeds; differences of the greedy policy, paired"
-    )
+    conditions = f"{args.episodes} unseen episodes, {args.seeds} training seeds"
+    title = f"PPO on {conditions}; differences of the greedy policy, paired"
     right = (
         "first, greedy", "first, sampled", "last, greedy", "last, sampled", "best, greedy", "best, sampled",
         "last minus first (95 %)", "last minus best rule (95 %)", "best minus best rule (95 %)",
@@ -250,7 +269,14 @@ def table_of(rows: list[dict[str, Any]], args: Args) -> Table:
         row["score_stranded_rate"] = row["stranded_rate"]
         scores = (
             f"{row[name]:.4g}\n{row[f'{name}_stranded_rate']:.1%}"
-            for name in ("first_greedy", "first_sampled", "last_greedy", "last_sampled", "score", "sampled")
+            for name in (
+                "first_greedy",
+                "first_sampled",
+                "last_greedy",
+                "last_sampled",
+                "score",
+                "sampled",
+            )
         )
         compared = ("last_minus_first", "last_minus_rule", "minus_rule", "minus_planner")
         gains = (span(row[name], row[f"{name}_ci95"], "+.3g") for name in compared)

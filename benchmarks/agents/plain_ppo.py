@@ -1,9 +1,11 @@
-"""Baseline: stable-baselines3's PPO with its defaults, on the observation alone, without a pretrained policy.
+"""Baseline: stable-baselines3's PPO with its defaults, on the observation alone, without a
+pretrained policy.
 
-`python benchmarks/agents/plain_ppo.py` trains `PPO("MlpPolicy")` with five seeds on 16 missions of OutAndBack side by
-side, with all its defaults but the discount factor, which is that of the shaping. It prints the results of 2,000 unseen
-missions, those of evaluate.py with seed 0, with the most probable action (greedy) and with sampled ones.
-Finished seeds are stored in OUT, so that an interrupted run continues.
+`python benchmarks/agents/plain_ppo.py` trains `PPO("MlpPolicy")` with five seeds on 16 missions of
+OutAndBack side by side, with all its defaults but the discount factor, which is that of the
+shaping. It prints the results of 2,000 unseen missions, those of evaluate.py with seed 0, with the
+most probable action (greedy) and with sampled ones. Finished seeds are stored in OUT, so that an
+interrupted run continues.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ import torch
 from rich.console import Console
 from stable_baselines3 import PPO
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.kept import Kept
 from benchmarks.tables import rate, table
@@ -66,7 +69,8 @@ def make_model(options: Options, seed: int) -> PPO:
     """
     env = SB3Adapter(HomewardVectorEnv(SIDE_BY_SIDE, autoreset_mode="SameStep", **vars(options)))
     model = PPO("MlpPolicy", env, gamma=options.discount, seed=seed, device="cpu")
-    env.seed(seed * SIDE_BY_SIDE)  # the model has given it seeds that overlap with those of the next seed
+    # the model has given it seeds that overlap with those of the next seed
+    env.seed(seed * SIDE_BY_SIDE)
     return model
 
 
@@ -105,7 +109,9 @@ def main(args: Args) -> None:
         raise TrainingError(f"{args}: give at least 1 of --seeds and --steps, and 2 --episodes")
     versions = {name: version(name) for name in ("stable-baselines3", "torch")}
     unseen = episode_seeds(0, args.episodes)
-    kept = Kept(args.out / "plain_ppo.json", steps=args.steps, episodes=args.episodes, versions=versions)
+    kept = Kept(
+        args.out / "plain_ppo.json", steps=args.steps, episodes=args.episodes, versions=versions
+    )
     tasks = {f"seed {seed}": (seed, args.steps, unseen) for seed in range(args.seeds)}
     run_tasks(run_seed, kept.missing(tasks), jobs=args.jobs, keep=kept.keep, title="training seeds")
     title = f"OutAndBack, uncertain: {args.steps:,} decisions of plain PPO\n{args.episodes} unseen missions"

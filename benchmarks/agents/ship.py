@@ -1,7 +1,9 @@
-"""Copy the policies that `benchmarks/agents/learn.py` trained into the package: `python benchmarks/agents/ship.py`.
+"""Copy the policies that `benchmarks/agents/learn.py` trained into the package:
+`python benchmarks/agents/ship.py`.
 
-For each mission and start, the policy of the best seed on the episodes of the learning curve is copied to
-agents/policies, with its curve and a model card. The episodes that the card reports are not used for the choice.
+For each mission and start, the policy of the best seed on the episodes of the learning curve is
+copied to agents/policies, with its curve and a model card. The episodes that the card reports are
+not used for the choice.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.tables import span
 from homeward import cli
 from homeward.agents.evaluation.learning_curve import EPISODES, Point, read_curve
@@ -50,15 +53,24 @@ def main(args: Args) -> None:
     try:
         rows = json.loads((args.runs / "learn.json").read_text("utf-8"))
     except FileNotFoundError:
-        raise PolicyFileError(f"{args.runs} holds no learn.json: run benchmarks/agents/learn.py first") from None
+        raise PolicyFileError(
+            f"{args.runs} holds no learn.json: run benchmarks/agents/learn.py first"
+        ) from None
     for row in rows:
-        folders = [args.runs / f"{row['mission']}-{row['start']}-{seed}" for seed in range(row["seeds"])]
-        chosen_folder = max(folders, key=lambda folder: max(point.score for point in read_curve(folder)[1:]))
+        folders = [
+            args.runs / f"{row['mission']}-{row['start']}-{seed}" for seed in range(row["seeds"])
+        ]
+        chosen_folder = max(
+            folders, key=lambda folder: max(point.score for point in read_curve(folder)[1:])
+        )
         out = args.out / shipped(row["mission"], row["start"]).name
         out.mkdir(parents=True, exist_ok=True)
         for name in (WEIGHTS, DESCRIPTION, CURVE):
             shutil.copyfile(chosen_folder / name, out / name)
-        write_whole(out / CARD, card(dict(load_policy(chosen_folder).description), row, read_curve(chosen_folder)))
+        write_whole(
+            out / CARD,
+            card(dict(load_policy(chosen_folder).description), row, read_curve(chosen_folder)),
+        )
         print(f"{chosen_folder} -> {out}")
 
 
@@ -90,10 +102,16 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
         stranded_rate = row["stranded_rate"] if name == "score" else row[f"{name}_stranded_rate"]
         compared_rows.append(f"| {heading} | {row[name]:.4g} | {stranded_rate:.2%} |")
     compared = "\n".join(compared_rows)
-    against = {"first": "first policy", "rule": f"best d_max rule, `{row['rule']}`", "planner": "planner"}
+    against = {
+        "first": "first policy",
+        "rule": f"best d_max rule, `{row['rule']}`",
+        "planner": "planner",
+    }
     gains = {f"minus the {words}": f"minus_{name}" for name, words in against.items()}
     gains |= {f"last minus the {against[name]}": f"last_minus_{name}" for name in ("first", "rule")}
-    gained = "; ".join(f"{words} {span(row[name], row[f'{name}_ci95'], '+.3g')}" for words, name in gains.items())
+    gained = "; ".join(
+        f"{words} {span(row[name], row[f'{name}_ci95'], '+.3g')}" for words, name in gains.items()
+    )
     seeds = f"the best of {row['seeds']} seeds" if row["seeds"] > 1 else "one seed"
     return f"""# {agent}, {row["mission"]}
 

@@ -1,6 +1,7 @@
 """A policy that turns when the companion advises it, to measure its stranding rate and distances.
 
-`homeward evaluate` compares it with the shield of a policy that never turns (docs/results.md has the command).
+`homeward evaluate` compares it with the shield of a policy that never turns (docs/results.md has
+the command).
 """
 
 from __future__ import annotations
@@ -26,9 +27,11 @@ LAG_S = 60.0
 
 @final
 class Advised(Policy):
-    """Drives out at cruise, and home when its companion advises it; it also makes the advised excitation steps.
+    """Drives out at cruise, and home when its companion advises it; it also makes the advised
+    excitation steps.
 
-    The companion gets readings in SI units and the robot's file, but no forecast or other constants of the environment.
+    The companion gets readings in SI units and the robot's file, but no forecast or other constants
+    of the environment.
 
     Args:
         known: Constants of the environment.
@@ -37,7 +40,9 @@ class Advised(Policy):
     def __init__(self, known: Known) -> None:
         self._known = known
         cruise = known.shared["cruise_mps"][0]
-        self._on, self._home = (encode_actions(known, cruise, 0.0, mode)[0] for mode in (GO, RETURN))
+        self._on, self._home = (
+            encode_actions(known, cruise, 0.0, mode)[0] for mode in (GO, RETURN)
+        )
         self._back = encode_actions(known, known.shared["min_speed_mps"][0], 0.0, RETURN)[0]
         self._companions: list[Companion] = []
 
@@ -45,11 +50,15 @@ class Advised(Policy):
         """Choose one action for each mission, see `Policy.act`."""
         if begun.all():  # all missions of a batch begin together
             window_s = float(self._known.shared["decision_s"][0])
-            self._companions = [Companion(self._known.robot, risk=RISK, window_s=window_s) for _ in begun]
+            self._companions = [
+                Companion(self._known.robot, risk=RISK, window_s=window_s) for _ in begun
+            ]
         readings = self._readings(observations)
         actions = np.repeat(self._on[None], len(begun), axis=0)
         for k, companion in enumerate(self._companions):
-            advice = companion.update(**{name: float(values[k]) for name, values in readings.items()})
+            advice = companion.update(
+                **{name: float(values[k]) for name, values in readings.items()}
+            )
             if advice.turn_now:
                 actions[k] = self._home
             elif advice.looks_back:
@@ -64,14 +73,17 @@ class Advised(Policy):
             "power_w": feature(observations, "power") * s["cruise_w"],
             "soc": feature(observations, "energy"),
             "grade_rad": np.arcsin(0.1 * feature(observations, "grade")),
-            "heading_rad": np.arctan2(feature(observations, "north"), feature(observations, "east")),
+            "heading_rad": np.arctan2(
+                feature(observations, "north"), feature(observations, "east")
+            ),
             "position": feature(observations, "distance") * s["reach_m"],
         }
 
 
 @final
 class AdvisedByGauge(Policy):
-    """`Advised` by a state of charge in whole per cents that lags, which the companion's settings do not include.
+    """`Advised` by a state of charge in whole per cents that lags, which the companion's settings
+    do not include.
 
     Args:
         known: Constants of the environment.

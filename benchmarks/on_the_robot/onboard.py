@@ -1,9 +1,11 @@
-"""What a policy on a robot loses without forecasts, a map or the temperature, and by following `turn_now`.
+"""What a policy on a robot loses without forecasts, a map or the temperature, and by following
+`turn_now`.
 
-`python benchmarks/on_the_robot/onboard.py` drives missions of an environment by a policy that ships, asked through
-`homeward.companion.Companion(policy=...)` with what the environment's instruments read. Beforehand it is given all that
-the environment's agents know, the forecast of the wind alone, or nothing, and nothing while it follows `turn_now`. It
-prints what docs/results.md quotes.
+`python benchmarks/on_the_robot/onboard.py` drives missions of an environment by a policy that
+ships, asked through `homeward.companion.Companion(policy=...)` with what the environment's
+instruments read. Beforehand it is given all that the environment's agents know, the forecast of the
+wind alone, or nothing, and nothing while it follows `turn_now`. It prints what docs/results.md
+quotes.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.tables import rate, table
 from homeward import cli
@@ -95,7 +98,9 @@ def main(args: Args) -> None:
     for given in GIVEN:
         scores, stranded = np.array(list(driven(args, given))).T
         count = int(stranded.sum())
-        shown.add_row(given, f"{scores.mean():.5g}", f"{count}, {rate(count, args.missions, '.1%')}")
+        shown.add_row(
+            given, f"{scores.mean():.5g}", f"{count}, {rate(count, args.missions, '.1%')}"
+        )
     cli.Terminal().show(shown)
 
 

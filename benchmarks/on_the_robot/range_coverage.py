@@ -1,10 +1,12 @@
-"""Coverage of the 90 % interval of a corrected file for the energy of the rest of a drive, on held-out drives.
+"""Coverage of the 90 % interval of a corrected file for the energy of the rest of a drive, on
+held-out drives.
 
-`python benchmarks/on_the_robot/range_coverage.py --out runs/range_coverage` does what a user does: it diagnoses
-recordings, writes `corrected.toml` with its table `[uncertainty]`, and predicts from that file with `homeward.watch`,
-as if live, the energy of the rest of other drives. It prints, by part, the coverage with its interval (bootstrap over
-independent robots, blocks or runs), bias, half width and CRPS. For comparison it prints the error of d_max alone
-(Tiwari et al., Eq. 8, on level ground at the drive's mean speed and duty cycle), for the given and the corrected file.
+`python benchmarks/on_the_robot/range_coverage.py --out runs/range_coverage` does what a user does:
+it diagnoses recordings, writes `corrected.toml` with its table `[uncertainty]`, and predicts from
+that file with `homeward.watch`, as if live, the energy of the rest of other drives. It prints, by
+part, the coverage with its interval (bootstrap over independent robots, blocks or runs), bias, half
+width and CRPS. For comparison it prints the error of d_max alone (Tiwari et al., Eq. 8, on level
+ground at the drive's mean speed and duty cycle), for the given and the corrected file.
 `range_drives.py` defines the drives. Finished sites are stored.
 """
 
@@ -23,7 +25,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.kept import Kept
 from benchmarks.on_the_robot.range_drives import PARTS, Site, sites
@@ -63,21 +66,25 @@ class CoverageError(ValueError):
 
 
 def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array]) -> dict[str, Any]:
-    """Scores of one held-out drive or window: sums over its moments, over the sum of the measured energies of the rest.
+    """Scores of one held-out drive or window: sums over its moments, over the sum of the measured
+    energies of the rest.
 
-    `bias` is the sum of predictions over that of measured values, less 1; `width` half the interval; `nominal` and
-    `corrected` the absolute error of d_max alone with the two files.
+    `bias` is the sum of predictions over that of measured values, less 1; `width` half the
+    interval; `nominal` and `corrected` the absolute error of d_max alone with the two files.
 
     Args:
         site: The site.
         run: Name of the run.
         watched: Predictions and measured values.
-        plain: Predictions of d_max alone at its moments, with the nominal and with the corrected file.
+        plain: Predictions of d_max alone at its moments, with the nominal and with the corrected
+            file.
     """
     total_j = float(watched.took_j.sum())
     half_j = 0.5 * (watched.high_j - watched.low_j)
     scores_j = scores_of(watched).crps
-    nominal, corrected = (float(np.abs(prediction_j - watched.took_j).sum()) / total_j for prediction_j in plain)
+    nominal, corrected = (
+        float(np.abs(prediction_j - watched.took_j).sum()) / total_j for prediction_j in plain
+    )
     return {
         "site": site.name, "run": run, "moments": len(half_j), "covered": float(watched.covered.mean()),
         "covered_first": bool(watched.covered[0]), "bias": float(watched.mean_j.sum()) / total_j - 1.0,
@@ -89,8 +96,8 @@ def score_of(site: Site, run: str, watched: Watched, plain: tuple[Array, Array])
 def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
     """Energy of the rest at each moment by the paper's model, shape (moments,).
 
-    It is that of d_max on level ground at the drive's mean speed while moving and its duty cycle. For motor currents it
-    is the charge by rolling, drag and slope.
+    It is that of d_max on level ground at the drive's mean speed while moving and its duty cycle.
+    For motor currents it is the charge by rolling, drag and slope.
     """
     robot = dataclasses.replace(robot, effects={}) if watched.unit == "A s" else robot
     run = signals(recording, robot)
@@ -103,7 +110,11 @@ def plain_of(robot: Robot, recording: Recording, watched: Watched) -> Array:
     mean_mps = float(speed @ step_s) / moving_s
     duty = moving_s / float(step_s.sum())
     sensing_hz = float(run.sensing_hz @ step_s) / float(step_s.sum())
-    return robot.usable_energy_j / float(d_max(robot, mean_mps, duty=duty, sensing_hz=sensing_hz)) * watched.left_m
+    return (
+        robot.usable_energy_j
+        / float(d_max(robot, mean_mps, duty=duty, sensing_hz=sensing_hz))
+        * watched.left_m
+    )
 
 
 def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
@@ -124,13 +135,19 @@ def proof_of(make: Callable[[], Site], folder: Path) -> dict[str, Any]:
             continue
         plain = plain_of(nominal, recording, watched), plain_of(robot, recording, watched)
         scores.append(score_of(site, run, watched, plain))
-    return {"site": site.name, "verdict": analysis.diagnosis.verdict, "scores": scores, "left_out": left_out}
+    return {
+        "site": site.name,
+        "verdict": analysis.diagnosis.verdict,
+        "scores": scores,
+        "left_out": left_out,
+    }
 
 
 def coverage(
     scores: list[dict[str, Any]], unit_fields: tuple[str, ...], name: str, seed: int
 ) -> tuple[float, float, float]:
-    """Mean of a score over independent units, those that differ in some fields, and its 95 % bootstrap interval."""
+    """Mean of a score over independent units, those that differ in some fields, and its 95 %
+    bootstrap interval."""
     groups = dict[tuple[str, ...], list[float]]()
     for score in scores:
         unit = tuple(score[field] for field in unit_fields)
@@ -151,7 +168,9 @@ def main(args: Args) -> dict[str, list[dict[str, Any]]]:
     """
     unknown = [part for part in args.parts if part not in PARTS]
     if unknown or args.robots < 2 or args.seed < 0:
-        raise CoverageError(f"give --parts of {', '.join(PARTS)}, at least 2 --robots and a --seed of 0 or more")
+        raise CoverageError(
+            f"give --parts of {', '.join(PARTS)}, at least 2 --robots and a --seed of 0 or more"
+        )
     lacking = missing()
     if lacking is not None:
         raise CoverageError(lacking)
@@ -165,9 +184,20 @@ def main(args: Args) -> dict[str, list[dict[str, Any]]]:
             if key not in kept.results:
                 kept.keep(key, proof_of(make, make.args[-1]))
             proof = kept.results[key]
-            covered = np.mean([score["covered"] for score in proof["scores"]]) if proof["scores"] else np.nan
-            left_out = f"; {proof['left_out']} drives of which the file says nothing" if proof["left_out"] else ""
-            console.print(f"{proof['site']}: {proof['verdict']}, {covered:.0%} in the interval{left_out}", style="dim")
+            covered = (
+                np.mean([score["covered"] for score in proof["scores"]])
+                if proof["scores"]
+                else np.nan
+            )
+            left_out = (
+                f"; {proof['left_out']} drives of which the file says nothing"
+                if proof["left_out"]
+                else ""
+            )
+            console.print(
+                f"{proof['site']}: {proof['verdict']}, {covered:.0%} in the interval{left_out}",
+                style="dim",
+            )
             proofs.setdefault(part, []).append(proof)
     console.print(table_of(args, proofs))
     return proofs

@@ -1,7 +1,7 @@
 """Drives for `range_coverage.py`: for each robot some for the diagnosis, and others held out.
 
-Robots of MuJoCo and batteries of PyBaMM are drawn from [seed, part, number]; all drives of a robot have the same
-distribution. For real recordings the seed determines which are held out.
+Robots of MuJoCo and batteries of PyBaMM are drawn from [seed, part, number]; all drives of a robot
+have the same distribution. For real recordings the seed determines which are held out.
 """
 
 from __future__ import annotations
@@ -61,14 +61,17 @@ def sites(part: str, seed: int, robots: int, folder: Path) -> list[partial[Site]
     """Functions that make the sites of a part; `robots` is the number of simulated robots."""
     if part in ("rover", "cell"):
         make = rover_site if part == "rover" else cell_site
-        return [partial(make, seed, number, folder / f"{part}_{number}") for number in range(robots)]
+        return [
+            partial(make, seed, number, folder / f"{part}_{number}") for number in range(robots)
+        ]
     if part == "f1tenth":
         return [partial(car_site, block, folder / f"f1tenth_{block}") for block in range(BLOCKS)]
     return [partial(husky_site, seed, ground, folder / f"husky_{ground}") for ground in GROUNDS]
 
 
 def rover_site(seed: int, number: int, folder: Path) -> Site:
-    """A rover of MuJoCo: tours and stop and go on the level, known hills, or different unrecorded loads."""
+    """A rover of MuJoCo: tours and stop and go on the level, known hills, or different unrecorded
+    loads."""
     from benchmarks.concealed.plants import rover, rover_drives
     from benchmarks.concealed.plants import rover_scenarios as scenarios
     from benchmarks.concealed.plants.rover_engine import World
@@ -82,7 +85,11 @@ def rover_site(seed: int, number: int, folder: Path) -> Site:
     trips = []
     for index in range(count):
         speed_mps = rng.uniform(0.4, 0.85)
-        kinds = ("cruise", "stop and go") if kind == "hills" else ("tour", "stop and go", "tour", "cruise")
+        kinds = (
+            ("cruise", "stop and go")
+            if kind == "hills"
+            else ("tour", "stop and go", "tour", "cruise")
+        )
         draw = kinds[index // 2 % len(kinds)] if kind == "hills" else kinds[index % len(kinds)]
         if draw == "tour":
             command = rover_drives.tour(rng, length_s, speed_mps)
@@ -93,7 +100,9 @@ def rover_site(seed: int, number: int, folder: Path) -> Site:
         trip = plain.trips[index % 2]
         load_kg = rng.uniform(0.0, 12.0) if kind == "loads" else 0.0
         loads = np.full(command[0].size, load_kg)
-        trips.append(dataclasses.replace(trip, speed_mps=command[0], yaw_radps=command[1], payload_kg=loads))
+        trips.append(
+            dataclasses.replace(trip, speed_mps=command[0], yaw_radps=command[1], payload_kg=loads)
+        )
     if kind != "hills":
         trips = [dataclasses.replace(trip, world=World(plain.ground)) for trip in trips]
     vehicle = rover.vehicle_of(rover.calibrated(plain))
@@ -103,7 +112,8 @@ def rover_site(seed: int, number: int, folder: Path) -> Site:
 
 
 def cell_site(seed: int, number: int, folder: Path) -> Site:
-    """A vehicle on a battery of PyBaMM: resistance of tabs, cold, or negligible losses; by gauge or at terminals."""
+    """A vehicle on a battery of PyBaMM: resistance of tabs, cold, or negligible losses; by gauge or
+    at terminals."""
     from benchmarks.concealed.plants import cell
     from benchmarks.concealed.plants.cell_electrochemistry import ExhaustedError
 
@@ -133,7 +143,9 @@ def cell_site(seed: int, number: int, folder: Path) -> Site:
             continue
         frames = [record(work, NOISES[level], Logging(), rng) for work in works]
         robot = dataclasses.replace(nominal, rated_energy_j=fitted.robot.rated_energy_j)
-        return _written(folder, f"cell {number}, {vehicle.robot.name}, {kind}", robot.to_toml(), frames)
+        return _written(
+            folder, f"cell {number}, {vehicle.robot.name}, {kind}", robot.to_toml(), frames
+        )
     raise RuntimeError(f"no pack is large enough for cell {number}")
 
 
@@ -146,7 +158,9 @@ def car_site(block: int, folder: Path) -> Site:
         write_whole(path, table.iloc[piece].to_csv(index=False))
     training = [path for number, path in enumerate(paths) if number != block]
     name = f"f1tenth without block {block}"
-    return Site(name, "f1tenth", "f1tenth_frictionmaps", training, [paths[block]], [f"block {block}"])
+    return Site(
+        name, "f1tenth", "f1tenth_frictionmaps", training, [paths[block]], [f"block {block}"]
+    )
 
 
 def husky_site(seed: int, ground: str, folder: Path) -> Site:
@@ -178,7 +192,12 @@ def _windows(table: pd.DataFrame, rng: Generator) -> list[tuple[int, int]]:
     for _ in range(WINDOWS):
         length_s = rng.uniform(SHORTEST_S, min(LONGEST_S, time_s[-1]))
         start_s = rng.uniform(0.0, time_s[-1] - length_s)
-        cut.append((int(np.searchsorted(time_s, start_s)), int(np.searchsorted(time_s, start_s + length_s))))
+        cut.append(
+            (
+                int(np.searchsorted(time_s, start_s)),
+                int(np.searchsorted(time_s, start_s + length_s)),
+            )
+        )
     return cut
 
 
@@ -188,4 +207,11 @@ def _written(folder: Path, name: str, nominal: str, frames: Sequence[pd.DataFram
         write_whole(path, frame.to_csv(index=False))
     write_whole(folder / "nominal.toml", nominal)
     held_out = paths[TRAINING:]
-    return Site(name, folder / "nominal.toml", None, paths[:TRAINING], held_out, [path.stem for path in held_out])
+    return Site(
+        name,
+        folder / "nominal.toml",
+        None,
+        paths[:TRAINING],
+        held_out,
+        [path.stem for path in held_out],
+    )

@@ -1,10 +1,12 @@
-"""What is left at home, and what the reserve of the companion consists of at the moment it says to turn.
+"""What is left at home, and what the reserve of the companion consists of at the moment it says to
+turn.
 
-`python benchmarks/on_the_robot/reserve.py --drives 60 --seed 1` drives as `benchmarks.on_the_robot.gauges` does. What
-is left of the energy is the sum of three: the reserve that the companion keeps (energy left less that of the way home,
-by its means), by how much the true energy left is above its mean, and by how much the true way home is below its mean.
-The second table takes one doubt after another away from the companion as it is at that moment, and prints the reserve
-that it needs then.
+`python benchmarks/on_the_robot/reserve.py --drives 60 --seed 1` drives as
+`benchmarks.on_the_robot.gauges` does. What is left of the energy is the sum of three: the reserve
+that the companion keeps (energy left less that of the way home, by its means), by how much the true
+energy left is above its mean, and by how much the true way home is below its mean. The second table
+takes one doubt after another away from the companion as it is at that moment, and prints the
+reserve that it needs then.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 from tyro.conf import FlagCreatePairsOff
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.on_the_robot.gauges.__main__ import Args as Gauges
 from benchmarks.on_the_robot.gauges.__main__ import Chemistry, make_cases
@@ -61,7 +64,12 @@ DOUBTS = {
     "meter": (GAIN, OFFSET, USED),
 }
 """States of the filter, by the doubt that they are."""
-ALL, BATTERY, MODEL, TAILS = "all", "battery and gauge", "what the model omits", "tails of Student's t"
+ALL, BATTERY, MODEL, TAILS = (
+    "all",
+    "battery and gauge",
+    "what the model omits",
+    "tails of Student's t",
+)
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,8 @@ class Args:
     chemistries: tuple[Chemistry, ...] = Gauges.chemistries
     """Chemistries."""
     knows: tuple[Literal["current", "counter", "cutoff", "capacity"], ...] = ()
-    """What all robots have: voltage and current; a gauge that counts; a cut-off and a capacity that the user tells."""
+    """What all robots have: voltage and current; a gauge that counts; a cut-off and a capacity that
+    the user tells."""
     risk: float | None = None
     """Accepted risk; by default the companion's."""
     jobs: int = 2
@@ -85,7 +94,8 @@ class Args:
 
 
 def reserves(companion: Companion) -> dict[str, float]:
-    """Reserve that is needed as things are, and without each doubt, over a full battery by the file."""
+    """Reserve that is needed as things are, and without each doubt, over a full battery by the
+    file."""
     estimator = companion._estimator
     home = companion._way_home()
     needed = {ALL: _needs(estimator, home)}
@@ -127,12 +137,15 @@ def _know_capacity(battery: BatteryBelief) -> None:
 
 def _know_start(battery: BatteryBelief) -> None:
     """Take the mean charge at the start as known."""
-    battery.trust.start = np.full_like(battery.trust.start, battery.trust.weights @ battery.trust.start)
+    battery.trust.start = np.full_like(
+        battery.trust.start, battery.trust.weights @ battery.trust.start
+    )
     _tell_anew(battery)
 
 
 def _know_load(battery: BatteryBelief) -> None:
-    """Take the voltage under load as known: resistance, curve, cut-off, and how they are in the cold."""
+    """Take the voltage under load as known: resistance, curve, cut-off, and how they are in the
+    cold."""
     with patch("homeward.companion.battery._SAGS", np.zeros_like(battery_module._SAGS)):
         battery._tell()
 
@@ -188,7 +201,8 @@ def _needs_normal(estimator: HomeEstimator, home: WayHome) -> float:
 
 
 def left_over(drive: Drive) -> tuple[float, ...]:
-    """Energy left at home, reserve, and errors of both means when it turned, over the energy on the label."""
+    """Energy left at home, reserve, and errors of both means when it turned, over the energy on the
+    label."""
     point = drive.points[-1]
     label_j = drive.label.energy_j
     reserve_j = point.left.mean_j - point.home.mean_j
@@ -203,7 +217,9 @@ def main(args: Args) -> None:
     sizes = read_sizes()
     unpaired = dataclasses.replace(sizes, rules=dataclasses.replace(sizes.rules, paired_share=0.0))
     if "cutoff" in args.knows:
-        unpaired = dataclasses.replace(unpaired, truth=dataclasses.replace(unpaired.truth, cutoff_known_share=1.0))
+        unpaired = dataclasses.replace(
+            unpaired, truth=dataclasses.replace(unpaired.truth, cutoff_known_share=1.0)
+        )
     asked = Gauges(
         drives=args.drives, seed=args.seed, charged=True, current="current" in args.knows, chemistries=args.chemistries,
         gauges=("counter",) if "counter" in args.knows else Gauges.gauges,
@@ -215,9 +231,15 @@ def main(args: Args) -> None:
     ]
     runs = (delayed(run_drive)(case, unpaired, reserves) for case in cases)
     drives: list[Drive] = Parallel(n_jobs=args.jobs)(runs)
-    made = [drive for drive in drives if drive.points and drive.looked and not drive.outcomes["companion"].stranded]
+    made = [
+        drive
+        for drive in drives
+        if drive.points and drive.looked and not drive.outcomes["companion"].stranded
+    ]
     stranded = sum(drive.outcomes["companion"].stranded for drive in drives)
-    print(f"{stranded} of {len(drives)} stranded; those that turned at once have no way out and are left out below.")
+    print(
+        f"{stranded} of {len(drives)} stranded; those that turned at once have no way out and are left out below."
+    )
     title = f"{len(made)} of {len(cases)} drives that turned on the way, seed {args.seed}; share of the label"
     for shown in _tables(made, title):
         cli.Terminal().show(shown)
@@ -238,12 +260,18 @@ def _tables(drives: list[Drive], title: str) -> Iterator[Table]:
     for name, values in rows.items():
         left_at_home.add_row(name, f"{np.median(values):.1%}", f"{values.mean():.1%}")
     ways = np.array([drive.outcomes["companion"].turned for drive in drives])
-    left_at_home.add_row("way out, of that to empty", f"{np.median(ways):.1%}", f"{ways.mean():.1%}")
+    left_at_home.add_row(
+        "way out, of that to empty", f"{np.median(ways):.1%}", f"{ways.mean():.1%}"
+    )
     yield left_at_home
     needs = table(f"Reserve without a doubt: {title}", ["without"], ["median", "mean"])
     for name in drives[0].looked:
         values = np.array([drive.looked[name] for drive in drives])
-        needs.add_row("(all of them)" if name == ALL else name, f"{np.median(values):.1%}", f"{values.mean():.1%}")
+        needs.add_row(
+            "(all of them)" if name == ALL else name,
+            f"{np.median(values):.1%}",
+            f"{values.mean():.1%}",
+        )
     yield needs
 
 

@@ -1,9 +1,9 @@
 """Soak test: advise a simulated robot on ROS 2 for an hour, and measure memory and update times.
 
-`python benchmarks/on_the_robot/soak.py --minutes 60` starts a simulated robot in another process, which publishes
-battery state, odometry and IMU at 20 Hz on the loopback interface alone, and subscribes as `homeward watch --ros2`
-does. It prints the figures of docs/results.md: resident memory after a tenth, half and all of the time, number of
-messages, and time of a step.
+`python benchmarks/on_the_robot/soak.py --minutes 60` starts a simulated robot in another process,
+which publishes battery state, odometry and IMU at 20 Hz on the loopback interface alone, and
+subscribes as `homeward watch --ros2` does. It prints the figures of docs/results.md: resident
+memory after a tenth, half and all of the time, number of messages, and time of a step.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.tables import table
 from homeward import cli, installed
@@ -51,7 +52,8 @@ def main(args: Args) -> None:
     """Run the test, and print.
 
     Raises:
-        CompanionError: An argument is invalid, the extra is not installed, or no message was received.
+        CompanionError: An argument is invalid, the extra is not installed, or no message was
+            received.
     """
     if args.minutes <= 0.0 or args.hz <= 0.0:
         raise CompanionError("give --minutes and --hz above 0")
@@ -65,7 +67,9 @@ def main(args: Args) -> None:
     duration_s = 60.0 * args.minutes
     took_s: list[float] = []
     marks = {_WARMS_UP: 0.0, 0.5: 0.0, 1.0: 0.0}
-    with subprocess.Popen([sys.executable, "-m", "homeward.watch.ros2.simulated", *robot]) as publisher:
+    with subprocess.Popen(
+        [sys.executable, "-m", "homeward.watch.ros2.simulated", *robot]
+    ) as publisher:
         try:
             while not node.messages and publisher.poll() is None:
                 node.step()
@@ -91,7 +95,9 @@ def main(args: Args) -> None:
     shown.add_row("resident memory after a tenth, half, all", f"{memory} MB")
     shown.add_row("messages taken", f"{node.messages} of about {sent:.0f} sent")
     shown.add_row("updates", f"{len(took_s)}")
-    shown.add_row("time of a step, median, 99 %, most", f"{median_ms:.2f}, {late_ms:.2f}, {most_ms:.1f} ms")
+    shown.add_row(
+        "time of a step, median, 99 %, most", f"{median_ms:.2f}, {late_ms:.2f}, {most_ms:.1f} ms"
+    )
     console = cli.Terminal()
     console.show(shown)
     console.print(str(node.advice), soft_wrap=True)

@@ -1,8 +1,8 @@
 """Time and memory of the companion over a million updates.
 
-`python benchmarks/on_the_robot/updates.py` lets a Husky drive out until its companion says turn, home, and out again
-with a charged battery, with ten readings a second. After each tenth of the updates it prints the processor time of an
-update and the resident memory, as in docs/results.md.
+`python benchmarks/on_the_robot/updates.py` lets a Husky drive out until its companion says turn,
+home, and out again with a charged battery, with ten readings a second. After each tenth of the
+updates it prints the processor time of an update and the resident memory, as in docs/results.md.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # as a script, it does not see the folder above its own
+# as a script, it does not see the folder above its own
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.on_the_robot.soak import resident_mb
 from homeward import cli
@@ -30,7 +31,8 @@ EVERY_S = 0.1
 POSITION_SD_M, POWER_SD = 1.0, 0.05
 """Noise of positions, m, and of power, a share. Chosen: those of an ordinary outdoor robot."""
 EMPTY_V, FULL_V = 23.4, 25.6
-"""Voltage of an empty and of a full battery. Chosen: two lead-acid batteries of 12 V, as a Husky has."""
+"""Voltage of an empty and of a full battery. Chosen: two lead-acid batteries of 12 V, as a Husky
+has."""
 PARTS = 10
 """Parts of the updates, each with a line."""
 
@@ -61,7 +63,9 @@ class Driven:
         self._full_j = robot.usable_energy_j
         self._speed_mps = companion.vehicle.cruise_mps
         force_n = float(model.traction_force(robot, self._speed_mps, 0.0))
-        self._power_w = force_n * self._speed_mps / robot.traction_efficiency + float(ancillary_power(robot, 0.0))
+        self._power_w = force_n * self._speed_mps / robot.traction_efficiency + float(
+            ancillary_power(robot, 0.0)
+        )
         self._left_j = self._full_j
         self._way_m = 0.0
         self._heads_home = False
@@ -106,10 +110,13 @@ def main(args: Args) -> None:
     console = cli.Terminal()
     companion = Companion(args.robot, home=(0.0, 0.0))
     driven = Driven(companion, np.random.default_rng(args.seed))
-    took_s = np.full(args.updates, np.nan)  # written once now, so that it does not grow the memory later
+    # written once now, so that it does not grow the memory later
+    took_s = np.full(args.updates, np.nan)
     ends = {part * args.updates // PARTS for part in range(1, PARTS + 1)}
     begin = 0
-    console.print(f"{args.robot}, seed {args.seed}, an update each {EVERY_S:g} s; processor time of an update:")
+    console.print(
+        f"{args.robot}, seed {args.seed}, an update each {EVERY_S:g} s; processor time of an update:"
+    )
     for count, reading in enumerate(driven.readings(), start=1):
         begun_s = time.process_time()
         advice = companion.update(**reading)

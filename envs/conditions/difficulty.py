@@ -1,4 +1,5 @@
-"""Difficulties: the distributions of hidden variables, from which missions are drawn and agents have their priors."""
+"""Difficulties: the distributions of hidden variables, from which missions are drawn and agents
+have their priors."""
 
 from __future__ import annotations
 
@@ -45,9 +46,12 @@ class Difficulty:
         health: Capacity of the battery over the file's.
         rolling: Rolling resistance over the file's.
         payload: Payload over the robot's mass.
-        surface: Additional rolling resistance of the roughest ground, as a share, beyond an effect in the robot's file.
-        route_is_known: Whether the whole route and the wind are known, or two places ahead and a forecast.
-        weather_changes: Whether wind and temperature change during the mission (`homeward.envs.conditions.weather`).
+        surface: Additional rolling resistance of the roughest ground, as a share, beyond an effect
+            in the robot's file.
+        route_is_known: Whether the whole route and the wind are known, or two places ahead and a
+            forecast.
+        weather_changes: Whether wind and temperature change during the mission
+            (`homeward.envs.conditions.weather`).
     """
 
     instruments: str
@@ -59,9 +63,10 @@ class Difficulty:
     weather_changes: bool
 
 
-# The paper gives no ranges; these are chosen. Health: electric vehicles' batteries are retired at 80 % of their
-# capacity (USABC, Electric vehicle battery test procedures manual, 1996). Rolling resistance and payload: differences
-# between paths and loads of one robot. Rough ground: at most twice the rolling resistance.
+# The paper gives no ranges; these are chosen. Health: electric vehicles' batteries are retired at
+# 80 % of their capacity (USABC, Electric vehicle battery test procedures manual, 1996). Rolling
+# resistance and payload: differences between paths and loads of one robot. Rough ground: at most
+# twice the rolling resistance.
 DIFFICULTY: dict[str, Difficulty] = {
     "known": Difficulty(
         instruments="exact",
@@ -82,7 +87,9 @@ DIFFICULTY: dict[str, Difficulty] = {
         weather_changes=True,
     ),
 }
-DIFFICULTY["harsh"] = replace(DIFFICULTY["uncertain"], instruments="any_gauge", surface=Uniform(0.2, 1.0))
+DIFFICULTY["harsh"] = replace(
+    DIFFICULTY["uncertain"], instruments="any_gauge", surface=Uniform(0.2, 1.0)
+)
 """Difficulties by name."""
 
 DIFFICULTIES = tuple(DIFFICULTY)
@@ -102,8 +109,12 @@ def draw(rng: Any, p: Any, base: Any, mission: Any, hidden: Any) -> None:
     mission.capacity_j = hidden.full_j * (drawn.health.low + drawn.health.span * health)
     mission.energy_j = mission.capacity_j
     p.effects = base.effects
-    p.rolling_resistance = base.rolling_resistance * (drawn.rolling.low + drawn.rolling.span * rolling)
-    p.payload_mass_kg = base.payload_mass_kg + (drawn.payload.low + drawn.payload.span * payload) * base.mass_kg
+    p.rolling_resistance = base.rolling_resistance * (
+        drawn.rolling.low + drawn.rolling.span * rolling
+    )
+    p.payload_mass_kg = (
+        base.payload_mass_kg + (drawn.payload.low + drawn.payload.span * payload) * base.mass_kg
+    )
     if hidden.forecast_errs:
         p.wind_exposure = max(base.wind_exposure, 1.0)
         p.effects |= _WIND | _PAYLOAD

@@ -1,6 +1,8 @@
-"""Random numbers determined by a key, the number of a decision and a channel, whatever was drawn before.
+"""Random numbers determined by a key, the number of a decision and a channel, whatever was drawn
+before.
 
-Missions that are copied, or driven by another policy, therefore have the same weather and the same noise.
+Missions that are copied, or driven by another policy, therefore have the same weather and the same
+noise.
 """
 
 from __future__ import annotations
@@ -11,11 +13,17 @@ import numpy as np
 
 from homeward.physics.jit import inline
 
-SOC, POWER, SPEED, GRADE, GUST_EAST, GUST_NORTH, FORECAST_GRADE, FORECAST_INTEREST, GAUGE, RESET = range(10)
+SOC, POWER, SPEED, GRADE, GUST_EAST, GUST_NORTH, FORECAST_GRADE, FORECAST_INTEREST, GAUGE, RESET = (
+    range(10)
+)
 """Channels with independent numbers."""
 
 # SplitMix64 (Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014).
-_WEYL, _MIX_1, _MIX_2 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_WEYL, _MIX_1, _MIX_2 = (
+    np.uint64(0x9E3779B97F4A7C15),
+    np.uint64(0xBF58476D1CE4E5B9),
+    np.uint64(0x94D049BB133111EB),
+)
 _CHANNELS = np.uint64(16)
 _BITS = tuple(np.uint64(bits) for bits in (16, 27, 30, 31, 32, 48))
 _LOW, _HALF, _PER_HALF = np.uint64(0xFFFF), np.uint64(32), 2.0**-32

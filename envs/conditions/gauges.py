@@ -20,10 +20,12 @@ MOST_POINTS = 12
 """Most points of a map. Chosen: those of vendors have up to 11."""
 
 _LINEAR: Mapping[str, Points] = {
-    "nmc": ((3.2, 0.0), (4.14, 1.0)),  # Husarion Panther, battery_publisher: 32.0 to 41.4 V of 10 cells
+    # Husarion Panther, battery_publisher: 32.0 to 41.4 V of 10 cells
+    "nmc": ((3.2, 0.0), (4.14, 1.0)),
     "lipo": ((3.5, 0.0), (4.2, 1.0)),  # AryanRai/WarehouseTurtlebot: 10.5 to 12.6 V of 3 cells
     "lfp": ((2.8, 0.0), (3.4, 1.0)),  # chosen: cut-off, and rest after charging
-    "lead_acid": ((1.667, 0.0), (2.333, 1.0)),  # UbiquityRobotics/ubiquity_motor: (V - 20) / 8 of 12 cells
+    # UbiquityRobotics/ubiquity_motor: (V - 20) / 8 of 12 cells
+    "lead_acid": ((1.667, 0.0), (2.333, 1.0)),
 }
 _PIECES: Mapping[str, Points] = {
     # UbiquityRobotics/ubiquity_motor, LI_ION.
@@ -53,8 +55,8 @@ class Gauge:
         step: Step in which it shows the state of charge, a share; 0: that of the instruments.
         lag_s: Time constant with which it follows the battery, s; 0: that of the instruments.
         map: Map of the voltage under load by chemistry, empty: it counts charge.
-        reset_left: Share of charge at which it is set anew, uniform within these limits; (0, 0): never. It is set to
-            full, or by its map, and counts on.
+        reset_left: Share of charge at which it is set anew, uniform within these limits; (0, 0):
+            never. It is set to full, or by its map, and counts on.
     """
 
     meaning: str
@@ -69,7 +71,9 @@ _RESET_LEFT = (0.55, 0.95)
 """Charge left at a reset. Chosen: before most robots turn back."""
 
 GAUGES: dict[str, Gauge] = {
-    "counter": Gauge("counts charge, with steps, noise and lag of the instruments", "see the instruments"),
+    "counter": Gauge(
+        "counts charge, with steps, noise and lag of the instruments", "see the instruments"
+    ),
     "linear_voltage": Gauge(
         "maps the voltage under load by a straight line from empty to full, in steps of 1 %",
         "Husarion Panther, WarehouseTurtlebot, ubiquity_motor; of LFP chosen",
@@ -83,7 +87,9 @@ GAUGES: dict[str, Gauge] = {
         map=_PIECES,
     ),
     "coarse": Gauge(
-        "counts charge and shows it in steps of 5 %", "chosen: displays with few bars have up to 25 %", step=0.05
+        "counts charge and shows it in steps of 5 %",
+        "chosen: displays with few bars have up to 25 %",
+        step=0.05,
     ),
     "late": Gauge(
         "counts charge and shows it late, by a first-order lag of 3 minutes",
@@ -107,8 +113,9 @@ GAUGES: dict[str, Gauge] = {
 COUNTER = "counter"
 
 RISE = 0.07
-"""Rise of a state of charge beyond its lowest, as a share, after which robots believe their gauge no more: a battery
-that drives does not fill. Chosen: above a bar of 5 % and noise, so that no gauge without a reset does it."""
+"""Rise of a state of charge beyond its lowest, as a share, after which robots believe their gauge
+no more: a battery that drives does not fill. Chosen: above a bar of 5 % and noise, so that no gauge
+without a reset does it."""
 LOST = -1.0
 """Lowest reading of a gauge that is believed no more."""
 
@@ -136,24 +143,30 @@ def resistance_ohm(robot: Robot) -> float:
 
 
 def suits(gauge: Gauge, robot: Robot) -> bool:
-    """Whether a robot can have a gauge: a map of the voltage needs one that changes with the charge."""
+    """Whether a robot can have a gauge: a map of the voltage needs one that changes with the
+    charge."""
     return not gauge.map or robot.curve.mean_v > 0.0
 
 
 def pack_map(gauge: Gauge, robot: Robot) -> Points:
     """Map of a gauge for a robot: (V of the pack, share).
 
-    For a curve of the robot's own it is that curve at rest, in as many points as the gauge's first map has.
+    For a curve of the robot's own it is that curve at rest, in as many points as the gauge's first
+    map has.
     """
     if robot.chemistry == battery.FLAT:
         points = len(next(iter(gauge.map.values())))
         shares = np.linspace(0.0, 1.0, points)
         volts = battery.open_circuit_v(robot.curve, shares)
         return tuple(zip(volts.tolist(), shares.tolist(), strict=True))
-    return tuple((robot.cells_in_series * volts, share) for volts, share in gauge.map[robot.chemistry])
+    return tuple(
+        (robot.cells_in_series * volts, share) for volts, share in gauge.map[robot.chemistry]
+    )
 
 
-def write_gauge(gauge: Gauge, robot: Robot, step: float, lag_s: float, decision_s: float, record: Any) -> None:
+def write_gauge(
+    gauge: Gauge, robot: Robot, step: float, lag_s: float, decision_s: float, record: Any
+) -> None:
     """Write a gauge's record.
 
     Args:
@@ -188,7 +201,8 @@ def write_gauge(gauge: Gauge, robot: Robot, step: float, lag_s: float, decision_
 
 
 def rms_error(gauge: Gauge, robot: Robot, lasts_s: float, most_reset: float = np.inf) -> float:
-    """Root mean square of what a gauge shows beyond what a counter shows, over an even discharge, a share.
+    """Root mean square of what a gauge shows beyond what a counter shows, over an even discharge, a
+    share.
 
     Args:
         gauge: The gauge.

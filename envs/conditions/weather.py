@@ -1,4 +1,5 @@
-"""Wind and temperature of a mission: drawn at its start, and changing during it at `uncertain` and `harsh`."""
+"""Wind and temperature of a mission: drawn at its start, and changing during it at `uncertain` and
+`harsh`."""
 
 from __future__ import annotations
 
@@ -12,17 +13,19 @@ from homeward.physics import model
 from homeward.physics.jit import inline
 
 GUSTINESS = 0.3
-"""Standard deviation of either part of the wind about its mean, over the mean speed. Chosen between the turbulence
-within ten minutes (0.12 to 0.16 by IEC 61400-1) and a wind that turns round: direction wanders by 17 degrees."""
+"""Standard deviation of either part of the wind about its mean, over the mean speed. Chosen between
+the turbulence within ten minutes (0.12 to 0.16 by IEC 61400-1) and a wind that turns round:
+direction wanders by 17 degrees."""
 WANDERS_S = (300.0, 3600.0)
-"""Range of its autocorrelation time, s: five minutes to an hour, log-uniform. Chosen: from a part of a mission
-on to all of it."""
+"""Range of its autocorrelation time, s: five minutes to an hour, log-uniform. Chosen: from a part
+of a mission on to all of it."""
 FORECAST_ERROR_MPS = 1.0
-"""Standard deviation of the forecast's error of either component of the wind, m/s. Chosen: two thirds of the 1.5 m/s by
-which winds of generated routes vary, so that a forecast is informative and leaves something to estimate."""
+"""Standard deviation of the forecast's error of either component of the wind, m/s. Chosen: two
+thirds of the 1.5 m/s by which winds of generated routes vary, so that a forecast is informative and
+leaves something to estimate."""
 WARMING_K_PER_H = 2.0
-"""Largest change of the temperature in an hour, K, within the limits of a route. Chosen: 12 K from dawn to noon,
-as on a clear day."""
+"""Largest change of the temperature in an hour, K, within the limits of a route. Chosen: 12 K from
+dawn to noon, as on a clear day."""
 _COLDEST_C, _HOTTEST_C, _ = LIMITS["temperature_c"]
 
 
@@ -70,9 +73,15 @@ def change(mission: Any) -> None:
     if mission.gust_kick > 0.0:
         mission.gust_east_mps *= mission.gust_keeps
         mission.gust_north_mps *= mission.gust_keeps
-        mission.gust_east_mps += mission.gust_kick * normal(mission.key, mission.decisions, GUST_EAST)
-        mission.gust_north_mps += mission.gust_kick * normal(mission.key, mission.decisions, GUST_NORTH)
-    mission.temperature_c = min(max(mission.temperature_c + mission.warming_k, _COLDEST_C), _HOTTEST_C)
+        mission.gust_east_mps += mission.gust_kick * normal(
+            mission.key, mission.decisions, GUST_EAST
+        )
+        mission.gust_north_mps += mission.gust_kick * normal(
+            mission.key, mission.decisions, GUST_NORTH
+        )
+    mission.temperature_c = min(
+        max(mission.temperature_c + mission.warming_k, _COLDEST_C), _HOTTEST_C
+    )
 
 
 @inline

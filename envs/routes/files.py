@@ -1,4 +1,5 @@
-"""Routes from files, CSV profiles and tracks (GPX, FIT, CSV with positions): checked, and cut into equal places."""
+"""Routes from files, CSV profiles and tracks (GPX, FIT, CSV with positions): checked, and cut into
+equal places."""
 
 from __future__ import annotations
 
@@ -51,28 +52,34 @@ _ALIASES = {
 
 def route_names() -> list[str]:
     """Names of the shipped routes: generated ones and profiles."""
-    profiles = (entry.name.removesuffix(".csv") for entry in _folder().iterdir() if entry.name.endswith(".csv"))
+    profiles = (
+        entry.name.removesuffix(".csv")
+        for entry in _folder().iterdir()
+        if entry.name.endswith(".csv")
+    )
     return [GENERATED, HIDDEN_WIND, *sorted(profiles)]
 
 
 def load_route(route: str | Path, place_m: float) -> Route:
     """Read a route from a file or by the name of a shipped one, and cut it into equal places.
 
-    A track (a .gpx or .fit file, or a CSV file with `latitude_deg`, `longitude_deg` and `elevation_m`, or `lat`, `lon`
-    and `ele`) is smoothed first, as `homeward.envs.routes.tracks` describes. One without heights needs a slope behind
-    its name, `track.gpx@flat` or `track.gpx@grade_rad=0.02`; heights that it has are then not used. Any other CSV file
-    is a profile and is used as it is.
+    A track (a .gpx or .fit file, or a CSV file with `latitude_deg`, `longitude_deg` and
+    `elevation_m`, or `lat`, `lon` and `ele`) is smoothed first, as `homeward.envs.routes.tracks`
+    describes. One without heights needs a slope behind its name, `track.gpx@flat` or
+    `track.gpx@grade_rad=0.02`; heights that it has are then not used. Any other CSV file is a
+    profile and is used as it is.
 
-    Columns of a profile: `distance_m` (required, increasing from 0); optionally `grade_rad` or `elevation_m`,
-    `roughness`, `interest` (1 by default), `heading_rad`; and, for the whole route from the first row, `temperature_c`,
-    `wind_mps`, `wind_from_rad`. Comments begin with #. If the header is separated by semicolons or tabs, so are the
-    rows, and numbers may have decimal commas. Values are interpolated linearly; a place has their mean, and its slope
-    from an elevation is that from its start to its end.
+    Columns of a profile: `distance_m` (required, increasing from 0); optionally `grade_rad` or
+    `elevation_m`, `roughness`, `interest` (1 by default), `heading_rad`; and, for the whole route
+    from the first row, `temperature_c`, `wind_mps`, `wind_from_rad`. Comments begin with #. If the
+    header is separated by semicolons or tabs, so are the rows, and numbers may have decimal commas.
+    Values are interpolated linearly; a place has their mean, and its slope from an elevation is
+    that from its start to its end.
 
     Args:
         route: Path or name.
-        place_m: Length of a place, m; shortened so that places fill the route, and lengthened if more than
-            `MAX_PLACES` would be needed.
+        place_m: Length of a place, m; shortened so that places fill the route, and lengthened if
+            more than `MAX_PLACES` would be needed.
 
     Raises:
         RouteError: The file is unreadable, or has invalid columns or values.
@@ -87,11 +94,15 @@ def load_route(route: str | Path, place_m: float) -> Route:
     if path is not None and not path.is_file():
         path, slope_rad = _with_slope(path)
     if path is None or not (path.is_file() or str(path) == STANDARD_INPUT):
-        raise RouteError(f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}")
+        raise RouteError(
+            f"route {str(route)!r} is neither a known route nor a file; known: {', '.join(route_names())}"
+        )
     if path.suffix.lower() in (".gpx", ".fit"):
         from homeward.envs.routes import tracks  # only now: it needs further packages
 
-        return _cut(path, tracks.profile(tracks.read_track(path), str(path), slope_rad).columns(), place_m)
+        return _cut(
+            path, tracks.profile(tracks.read_track(path), str(path), slope_rad).columns(), place_m
+        )
     remedy = why_no_route(path)
     if remedy:
         raise RouteError(f"{path}: {remedy}")
@@ -103,7 +114,9 @@ def load_route(route: str | Path, place_m: float) -> Route:
         track = tracks.Track(elevation_m, columns["latitude_deg"], columns["longitude_deg"])
         return _cut(path, tracks.profile(track, str(path), slope_rad).columns(), place_m)
     if slope_rad is not None:
-        raise RouteError(f"{path}: is a profile, which has its slopes itself; a slope is given for a track only")
+        raise RouteError(
+            f"{path}: is a profile, which has its slopes itself; a slope is given for a track only"
+        )
     _check_profile(path, columns, lines)
     return _cut(path, columns, place_m)
 
@@ -136,8 +149,11 @@ def _folder() -> Any:
     return files("homeward") / "routes"
 
 
-def _read_table(path: Any, heights: bool = True) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
-    """Read the columns of a CSV file by name, and the line number of each row; a track may be without heights."""
+def _read_table(
+    path: Any, heights: bool = True
+) -> tuple[dict[str, NDArray[np.float64]], list[int]]:
+    """Read the columns of a CSV file by name, and the line number of each row; a track may be
+    without heights."""
     try:
         text = read_text(path, MOST_ROUTE_BYTES).splitlines()
         lines = [(number, line.split("#")[0]) for number, line in enumerate(text, start=1)]
@@ -169,7 +185,9 @@ def _read_table(path: Any, heights: bool = True) -> tuple[dict[str, NDArray[np.f
             except ValueError:
                 table[column, row] = np.nan
             if not np.isfinite(table[column, row]):
-                raise RouteError(f"{path}: line {line}: {names[column]} = {field!r} is not a finite number")
+                raise RouteError(
+                    f"{path}: line {line}: {names[column]} = {field!r} is not a finite number"
+                )
     return dict(zip(names, table, strict=True)), [line for line, _ in rows[1:]]
 
 
@@ -184,7 +202,9 @@ def _check_names(path: Any, names: list[str], heights: bool) -> None:
         if sorted(names) == sorted(POSITIONS) and heights:
             raise RouteError(f"{path}: has no elevations; {without_heights(path)}")
         if sorted(names) not in (sorted(POSITIONS), sorted((*POSITIONS, "elevation_m"))):
-            raise RouteError(f"{path}: a track has the columns {', '.join(POSITIONS)}, elevation_m and no others")
+            raise RouteError(
+                f"{path}: a track has the columns {', '.join(POSITIONS)}, elevation_m and no others"
+            )
         return
     for name in names:
         if name not in COLUMNS:
@@ -196,7 +216,9 @@ def _check_names(path: Any, names: list[str], heights: bool) -> None:
     if "distance_m" not in names:
         raise RouteError(f"{path}: no column distance_m; columns are {', '.join(COLUMNS)}")
     if "grade_rad" in names and "elevation_m" in names:
-        raise RouteError(f"{path}: columns grade_rad and elevation_m both give the slope; keep one of them")
+        raise RouteError(
+            f"{path}: columns grade_rad and elevation_m both give the slope; keep one of them"
+        )
 
 
 def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]], lines: list[int]) -> None:
@@ -206,7 +228,9 @@ def _check_profile(path: Any, columns: dict[str, NDArray[np.float64]], lines: li
         if len(wrong):
             value = values[wrong[0]]
             line = lines[wrong[0]]
-            raise RouteError(f"{path}: line {line}: {name} = {value:g} is not in [{low:g}, {high:g}] ({hint})")
+            raise RouteError(
+                f"{path}: line {line}: {name} = {value:g} is not in [{low:g}, {high:g}] ({hint})"
+            )
     distance = columns["distance_m"]
     increases = np.append(distance[0] == 0.0, np.diff(distance) > 0.0)
     if not increases.all():

@@ -1,6 +1,7 @@
 """Routes: their contents, and a seeded generator.
 
-Along a route: grade, surface roughness, interest, heading and curvature; for the whole route: air temperature and wind.
+Along a route: grade, surface roughness, interest, heading and curvature; for the whole route: air
+temperature and wind.
 """
 
 from __future__ import annotations
@@ -22,13 +23,17 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "grade_rad": (-shared.STEEPEST_RAD, shared.STEEPEST_RAD, "rad; degrees or per cent?"),
     "roughness": (0.0, 10.0, "0 where C_rr was measured"),
     "interest": (0.0, shared.MOST_INTEREST, "a weight, not negative"),
-    "heading_rad": (-shared.MOST_HEADING_RAD, shared.MOST_HEADING_RAD, "rad, counter-clockwise from east"),
+    "heading_rad": (
+        -shared.MOST_HEADING_RAD,
+        shared.MOST_HEADING_RAD,
+        "rad, counter-clockwise from east",
+    ),
     "temperature_c": (-shared.MOST_TEMPERATURE_C, shared.MOST_TEMPERATURE_C, "degrees Celsius"),
     "wind_mps": (0.0, shared.MOST_WIND_MPS, "m/s; km/h?"),
     "wind_from_rad": (-10.0, 10.0, "rad; degrees?"),
 }
-"""Lowest and highest value of each quantity of a route, and a likely mistake. Chosen: wider than any ground and weather
-that a robot meets, narrow enough to detect another unit."""
+"""Lowest and highest value of each quantity of a route, and a likely mistake. Chosen: wider than
+any ground and weather that a robot meets, narrow enough to detect another unit."""
 
 WHOLE_ROUTE = ("temperature_c", "wind_mps", "wind_from_rad")
 
@@ -71,19 +76,25 @@ class Route:
 
     def __post_init__(self) -> None:
         if not isinstance(self.place_m, numbers.Real) or not 0.0 < self.place_m < np.inf:
-            raise RouteError(f"place_m = {self.place_m!r} is not allowed; give the length of a place, in metres")
+            raise RouteError(
+                f"place_m = {self.place_m!r} is not allowed; give the length of a place, in metres"
+            )
         places = max(np.size(self.grade_rad), 1)
         for name, (low, high, hint) in LIMITS.items():
             try:
                 values = np.asarray(getattr(self, name), dtype=np.float64)
             except (TypeError, ValueError):
-                raise RouteError(f"{name} = {getattr(self, name)!r} is not made of numbers") from None
+                raise RouteError(
+                    f"{name} = {getattr(self, name)!r} is not made of numbers"
+                ) from None
             shape = () if name in WHOLE_ROUTE else (places,)
             if values.shape != shape:
                 raise RouteError(f"{name} has shape {values.shape}; give {shape}")
             wrong = ~((values >= low) & (values <= high))
             if wrong.any():
-                raise RouteError(f"{name} = {values[wrong].flat[0]:g} is not in [{low:g}, {high:g}] ({hint})")
+                raise RouteError(
+                    f"{name} = {values[wrong].flat[0]:g} is not in [{low:g}, {high:g}] ({hint})"
+                )
             object.__setattr__(self, name, float(values) if name in WHOLE_ROUTE else values)
 
     @property
@@ -99,46 +110,53 @@ class Route:
 
 
 MOST_ROUTE_BYTES = 100_000_000
-"""Largest size of a file of a route or track, bytes. Chosen: a million rows of a profile, and it bounds memory."""
+"""Largest size of a file of a route or track, bytes. Chosen: a million rows of a profile, and it
+bounds memory."""
 KNOTS = 8
-"""Pieces of a generated route: grade is linear and curvature constant between knots. Chosen: several hills a route."""
+"""Pieces of a generated route: grade is linear and curvature constant between knots. Chosen:
+several hills a route."""
 NEW_PATCH = 0.5
-"""Probability that the ground changes from one piece to the next. Chosen: two pieces of one ground on average."""
+"""Probability that the ground changes from one piece to the next. Chosen: two pieces of one ground
+on average."""
 WIND_SCALE_MPS = 1.5
-"""Standard deviation of either component of the wind: its speed has a Rayleigh distribution of this scale.
-Chosen: a mean of 1.9 m/s, Beaufort 2 (light breeze)."""
+"""Standard deviation of either component of the wind: its speed has a Rayleigh distribution of this
+scale. Chosen: a mean of 1.9 m/s, Beaufort 2 (light breeze)."""
 HIDDEN_WIND_MPS = (3.0, 6.0)
 """Range of the hidden wind, uniform. Chosen: Beaufort 2 to 4 (1.6 to 7.9 m/s)."""
 GENERATED_PLACES = 32
-"""Places of a generated route, except those of a patrol. Chosen: four a piece; a place is the unit of the
-robot's map."""
+"""Places of a generated route, except those of a patrol. Chosen: four a piece; a place is the unit
+of the robot's map."""
 INTEREST_LENGTH = 0.1
-"""Correlation length of the interest, over the length of the route. Chosen so that sensed ground is informative about
-the next, and a route has many different stretches."""
+"""Correlation length of the interest, over the length of the route. Chosen so that sensed ground is
+informative about the next, and a route has many different stretches."""
 MEAN_INTEREST, INTEREST_DEVIATION = 1.23, 1.0
-"""Mean of the interest, and standard deviation of its logarithm. Chosen: a fifth of the ground has over half of it."""
+"""Mean of the interest, and standard deviation of its logarithm. Chosen: a fifth of the ground has
+over half of it."""
 
 
 @inline
-def generate(rng: Any, route: Any, mission: Any, count: int, length_m: float, tailwind_out: bool) -> None:
+def generate(
+    rng: Any, route: Any, mission: Any, count: int, length_m: float, tailwind_out: bool
+) -> None:
     """Draw a route of a given number of places and its weather, into the records of a mission.
 
-    Distributions, all chosen, with lengths as shares of the route so that any robot meets the same variety. At each of
-    9 knots:
+    Distributions, all chosen, with lengths as shares of the route so that any robot meets the same
+    variety. At each of 9 knots:
 
-    * sine of the grade: a mean of N(0, 0.02) over the route plus an autoregressive part of deviation 0.04 that keeps
-      half of itself from knot to knot, within +-0.2; linear in between;
+    * sine of the grade: a mean of N(0, 0.02) over the route plus an autoregressive part of
+      deviation 0.04 that keeps half of itself from knot to knot, within +-0.2; linear in between;
     * roughness: with probability 0.5 a new patch of U(-1, 1), where negative means 0: smooth;
-    * curvature: autoregressive, keeping half, of deviation 3 rad per route; its integral is the heading, from
-      U(0, 2 pi).
+    * curvature: autoregressive, keeping half, of deviation 3 rad per route; its integral is the
+      heading, from U(0, 2 pi).
 
     Further:
 
-    * interest: log-normal of mean 1.23; its logarithm is a Gaussian process of deviation 1 whose correlation falls as
-      exp(-distance / a tenth of the route);
+    * interest: log-normal of mean 1.23; its logarithm is a Gaussian process of deviation 1 whose
+      correlation falls as exp(-distance / a tenth of the route);
     * temperature: N(12, 8) within -10 to 35 C; wind: Rayleigh of scale 1.5 m/s from any direction.
 
-    With `hidden_wind` a wind of U(3, 6) m/s blows along the way out: the robot drives home against it.
+    With `hidden_wind` a wind of U(3, 6) m/s blows along the way out: the robot drives home against
+    it.
     """
     mean_grade = 0.02 * rng.standard_normal()
     heading = 2.0 * np.pi * rng.random()
@@ -175,7 +193,9 @@ def generate(rng: Any, route: Any, mission: Any, count: int, length_m: float, ta
             place.curvature_per_m = curvature
             place.east = east
             place.north = north
-            place.interest = MEAN_INTEREST * np.exp(INTEREST_DEVIATION * (log_interest - 0.5 * INTEREST_DEVIATION))
+            place.interest = MEAN_INTEREST * np.exp(
+                INTEREST_DEVIATION * (log_interest - 0.5 * INTEREST_DEVIATION)
+            )
             log_interest = interest_keeps * log_interest + interest_new * rng.standard_normal()
             next_east = east * cos_bend - north * sin_bend
             north = north * cos_bend + east * sin_bend

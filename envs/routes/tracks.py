@@ -1,20 +1,26 @@
 """Recorded or planned tracks (GPX, FIT, positions in a CSV file) converted to elevation profiles.
 
-A track's elevation has noise on top of hills, and differentiating it gives false slopes. The steps from points to a
-profile, with the lengths below and the thresholds of `homeward.envs.routes.thresholds`:
+A track's elevation has noise on top of hills, and differentiating it gives false slopes. The steps
+from points to a profile, with the lengths below and the thresholds of
+`homeward.envs.routes.thresholds`:
 
-1. Way. Distance between positions on a sphere, summed over points at least `SPACING_M` apart. Nearer ones are averaged,
-   or the jitter of a standing robot would add up. A FIT file's own distance is used if it has one.
-2. Spikes. The elevation, linear between points on a grid of `GRID_M`, goes through a running median of `MEDIAN_M`.
-3. Noise. A Gaussian of standard deviation `SIGMA_M` along the way, the ends continued point-symmetrically.
-4. Turning points. Rises and falls below a threshold are removed: between the remaining turning points the profile is
-   made monotonic (isotonic regression, least squares). The threshold is `LEAST_RISE_M` or, if larger,
-   `NOISE_DEVIATIONS` of the noise that remains from a white error of the size seen in steps 2 and 3.
-5. Limit. Slopes beyond `STEEPEST_OF_TRACK` are limited to it; a track with more than `CAPPED_SHARE` of them is
-   refused.
+1. Way. Distance between positions on a sphere, summed over points at least `SPACING_M` apart.
+   Nearer ones are averaged, or the jitter of a standing robot would add up. A FIT file's own
+   distance is used if it has one.
+2. Spikes. The elevation, linear between points on a grid of `GRID_M`, goes through a running median
+   of `MEDIAN_M`.
+3. Noise. A Gaussian of standard deviation `SIGMA_M` along the way, the ends continued
+   point-symmetrically.
+4. Turning points. Rises and falls below a threshold are removed: between the remaining turning
+   points the profile is made monotonic (isotonic regression, least squares). The threshold is
+   `LEAST_RISE_M` or, if larger, `NOISE_DEVIATIONS` of the noise that remains from a white error of
+   the size seen in steps 2 and 3.
+5. Limit. Slopes beyond `STEEPEST_OF_TRACK` are limited to it; a track with more than `CAPPED_SHARE`
+   of them is refused.
 
-Limits: hills shorter than about 100 m are flattened, and so are bridges and cuttings. GPS heights without a barometer
-drift by several metres over minutes; no smoothing can distinguish that from hills.
+Limits: hills shorter than about 100 m are flattened, and so are bridges and cuttings. GPS heights
+without a barometer drift by several metres over minutes; no smoothing can distinguish that from
+hills.
 """
 
 from __future__ import annotations
@@ -69,7 +75,8 @@ class Profile:
     Attributes:
         distance_m: Way along the slope since the start, m.
         elevation_m: Height, m.
-        heading_rad: Direction of the way, rad counter-clockwise from east, not wrapped; 0 if positions are unknown.
+        heading_rad: Direction of the way, rad counter-clockwise from east, not wrapped; 0 if
+            positions are unknown.
     """
 
     distance_m: Array
@@ -83,20 +90,27 @@ class Profile:
 
     def columns(self) -> dict[str, Array]:
         """The profile as the columns of a route file."""
-        return {"distance_m": self.distance_m, "elevation_m": self.elevation_m, "heading_rad": self.heading_rad}
+        return {
+            "distance_m": self.distance_m,
+            "elevation_m": self.elevation_m,
+            "heading_rad": self.heading_rad,
+        }
 
 
 def read_track(path: str | Path) -> Track:
-    """Read the points of a GPX file (tracks, or routes if it has no track) or of the records of a FIT file.
+    """Read the points of a GPX file (tracks, or routes if it has no track) or of the records of a
+    FIT file.
 
     Raises:
-        RouteError: The file is unreadable, of another kind or has fewer than two points, or the package that reads it
-            is not installed.
+        RouteError: The file is unreadable, of another kind or has fewer than two points, or the
+            package that reads it is not installed.
     """
     path = Path(path)
     track = READERS[path.suffix.lower()](path)
     if len(track.elevation_m) < 2:
-        raise RouteError(f"{path}: has {len(track.elevation_m)} points; give a track of at least two")
+        raise RouteError(
+            f"{path}: has {len(track.elevation_m)} points; give a track of at least two"
+        )
     return track
 
 
@@ -104,7 +118,9 @@ def _read_gpx(path: Path) -> Track:
     try:
         import gpxpy
     except ImportError:
-        raise RouteError(f"{path}: needs gpxpy; install it with {advice('logs', 'gpxpy')}") from None
+        raise RouteError(
+            f"{path}: needs gpxpy; install it with {advice('logs', 'gpxpy')}"
+        ) from None
     try:
         gpx = gpxpy.parse(read_text(path, MOST_ROUTE_BYTES))
     except (gpxpy.gpx.GPXException, ValueError, OSError) as error:
@@ -123,10 +139,11 @@ def _table_of(points: Sequence[Any]) -> Array:
 
 
 def _driven(segments: list[Array], name: str) -> Array:
-    """Points of the segments of a file as one way, shape (points, 3); what was not driven is left out, with a warning.
+    """Points of the segments of a file as one way, shape (points, 3); what was not driven is left
+    out, with a warning.
 
-    Some programs write each segment again at the start of the next. Between segments that are far apart nothing was
-    recorded: the longest way without such a gap is used.
+    Some programs write each segment again at the start of the next. Between segments that are far
+    apart nothing was recorded: the longest way without such a gap is used.
     """
     steps_seen: set[tuple[float, ...]] = set()
     is_new = [False] * len(segments)
@@ -140,7 +157,9 @@ def _driven(segments: list[Array], name: str) -> Array:
     new_segments = [segment for segment, new in zip(segments, is_new, strict=True) if new]
     repeated = sum(len(segment) > 1 for segment in segments) - len(new_segments)
     if repeated:
-        warnings.warn(f"{name}: {repeated} segments repeat points of others: left out", stacklevel=2)
+        warnings.warn(
+            f"{name}: {repeated} segments repeat points of others: left out", stacklevel=2
+        )
     lone = sum(len(segment) == 1 for segment in segments)
     if lone:
         warnings.warn(f"{name}: {lone} segments of one point: left out", stacklevel=2)
@@ -175,7 +194,9 @@ def _read_fit(path: Path) -> Track:
     try:
         import fitdecode
     except ImportError:
-        raise RouteError(f"{path}: needs fitdecode; install it with {advice('logs', 'fitdecode')}") from None
+        raise RouteError(
+            f"{path}: needs fitdecode; install it with {advice('logs', 'fitdecode')}"
+        ) from None
     rows = []
     try:
         with fitdecode.FitReader(io.BytesIO(read_bytes(path, MOST_ROUTE_BYTES))) as reader:
@@ -187,12 +208,16 @@ def _read_fit(path: Path) -> Track:
                     latitude = frame.get_value("position_lat", fallback=None)
                     longitude = frame.get_value("position_long", fallback=None)
                     distance = frame.get_value("distance", fallback=None)
-                    rows.append([_number(value) for value in (height, latitude, longitude, distance)])
+                    rows.append(
+                        [_number(value) for value in (height, latitude, longitude, distance)]
+                    )
     except OSError as error:
         raise RouteError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception as error:  # a damaged file raises anything, from FitError to AssertionError
         raise RouteError(f"{path}: is not a whole FIT file: {_first_line(error)}") from None
-    elevation_m, latitudes, longitudes, distances_m = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+    elevation_m, latitudes, longitudes, distances_m = (
+        np.array(rows, dtype=np.float64).reshape(-1, 4).T
+    )
     has_position = np.isfinite(latitudes) & np.isfinite(longitudes)
     has_distance = np.isfinite(distances_m)
     if has_position.sum() < 2 and has_distance.sum() < 2:
@@ -227,8 +252,8 @@ def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
         slope_rad: Slope of the whole way, rad; heights are then not used.
 
     Raises:
-        RouteError: Positions that are invalid or jump, too few elevations, a way too short for a grade, or slopes too
-            steep for robots on more than a few per cent of the way.
+        RouteError: Positions that are invalid or jump, too few elevations, a way too short for a
+            grade, or slopes too steep for robots on more than a few per cent of the way.
     """
     track = _without_null_island(track, name)
     elevation = np.zeros(len(track.elevation_m))
@@ -251,10 +276,17 @@ def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
     step_m = length_m / (count - 1)
     if slope_rad is not None:
         if np.isfinite(track.elevation_m).any():
-            warnings.warn(f"{name}: its heights are not used: a slope is given for the whole way", stacklevel=2)
+            warnings.warn(
+                f"{name}: its heights are not used: a slope is given for the whole way",
+                stacklevel=2,
+            )
         along_m = grid / np.cos(slope_rad)  # positions and distances of a track are those on a map
-        return Profile(along_m, np.sin(slope_rad) * along_m, _heading(grid, distance, east_m, north_m))
-    smooth, threshold_m = _smooth(np.interp(grid, distance, elevation), step_m, length_m / (len(distance) - 1))
+        return Profile(
+            along_m, np.sin(slope_rad) * along_m, _heading(grid, distance, east_m, north_m)
+        )
+    smooth, threshold_m = _smooth(
+        np.interp(grid, distance, elevation), step_m, length_m / (len(distance) - 1)
+    )
     level = _without_wiggles(smooth, threshold_m)
     rise = np.diff(level)
     steep = np.abs(rise) > thresholds.STEEPEST_OF_TRACK * np.hypot(step_m, rise)
@@ -272,7 +304,8 @@ def profile(track: Track, name: str, slope_rad: float | None = None) -> Profile:
 
 
 def _without_null_island(track: Track, name: str) -> Track:
-    """The track without points at latitude 0 and longitude 0, which receivers emit without a position."""
+    """The track without points at latitude 0 and longitude 0, which receivers emit without a
+    position."""
     if track.latitude_deg is None or track.longitude_deg is None:
         return track
     null = (track.latitude_deg == 0.0) & (track.longitude_deg == 0.0)
@@ -284,7 +317,9 @@ def _without_null_island(track: Track, name: str) -> Track:
         stacklevel=2,
     )
     way_m = None if track.distance_m is None else track.distance_m[~null]
-    return Track(track.elevation_m[~null], track.latitude_deg[~null], track.longitude_deg[~null], way_m)
+    return Track(
+        track.elevation_m[~null], track.latitude_deg[~null], track.longitude_deg[~null], way_m
+    )
 
 
 def _refuse_jump(step_m: Array, name: str) -> None:
@@ -296,7 +331,10 @@ def _refuse_jump(step_m: Array, name: str) -> None:
 
 
 def _filled(elevation: Array, name: str) -> Array:
-    is_known = (np.abs(elevation) <= thresholds.MOST_ELEVATION_M) & ~unknown("elevation_m", elevation)  # not NaN
+    # not NaN
+    is_known = (np.abs(elevation) <= thresholds.MOST_ELEVATION_M) & ~unknown(
+        "elevation_m", elevation
+    )
     if is_known.mean() < 1.0 - thresholds.MISSING_SHARE:
         raise RouteError(
             f"{name}: {int((~is_known).sum())} of {len(is_known)} points have no elevation; {without_heights(name)}"
@@ -310,15 +348,20 @@ def _filled(elevation: Array, name: str) -> Array:
     return np.interp(places, places[is_known], elevation[is_known])
 
 
-def _way(track: Track, elevation: Array, name: str) -> tuple[Array, Array, Array | None, Array | None]:
-    """Distance, elevation and, if known, position east and north of the start, at points that are apart."""
+def _way(
+    track: Track, elevation: Array, name: str
+) -> tuple[Array, Array, Array | None, Array | None]:
+    """Distance, elevation and, if known, position east and north of the start, at points that are
+    apart."""
     east_m = None
     north_m = None
     if track.latitude_deg is not None and track.longitude_deg is not None:
         _check_positions(track.latitude_deg, track.longitude_deg, name)
         latitude = np.radians(track.latitude_deg)
         longitude = np.unwrap(np.radians(track.longitude_deg))
-        east_m = _EARTH_M * np.concatenate(([0.0], np.cumsum(np.diff(longitude) * np.cos(latitude[1:]))))
+        east_m = _EARTH_M * np.concatenate(
+            ([0.0], np.cumsum(np.diff(longitude) * np.cos(latitude[1:])))
+        )
         north_m = _EARTH_M * (latitude - latitude[0])
         _refuse_jump(np.hypot(np.diff(east_m), np.diff(north_m)), name)
     if track.distance_m is None:
@@ -366,14 +409,17 @@ def _apart(east_m: Array, north_m: Array) -> NDArray[np.intp]:
 
 
 def _smooth(elevation: Array, step_m: float, spacing_m: float) -> tuple[Array, float]:
-    """The elevation without spikes and noise, and the smallest rise, m, that remaining noise cannot explain."""
+    """The elevation without spikes and noise, and the smallest rise, m, that remaining noise cannot
+    explain."""
     from scipy.ndimage import gaussian_filter1d, median_filter
 
     sigma = SIGMA_M / step_m
     width = 2 * int(MEDIAN_M / step_m / 2.0) + 1
     pad = min(int(4.0 * sigma) + width, len(elevation) - 1)
     padded = np.pad(elevation, pad, mode="reflect", reflect_type="odd")
-    smooth = gaussian_filter1d(median_filter(padded, width, mode="nearest"), sigma, mode="nearest")[pad:-pad]
+    smooth = gaussian_filter1d(median_filter(padded, width, mode="nearest"), sigma, mode="nearest")[
+        pad:-pad
+    ]
     removed = elevation - smooth
     noise_m = 1.4826 * float(np.median(np.abs(removed - np.median(removed))))
     # A Gaussian of deviation SIGMA_M averages 2 sqrt(pi) SIGMA_M / spacing independent errors.
@@ -395,7 +441,8 @@ def _without_wiggles(elevation: Array, threshold_m: float) -> Array:
 
 
 def _turning_points(elevation: Array, threshold_m: float) -> list[int]:
-    """Indices of the ends and of the extremes from which the profile turns back by the threshold or more."""
+    """Indices of the ends and of the extremes from which the profile turns back by the threshold or
+    more."""
     turns = [0]
     low = 0  # index of the lowest point since the last turn
     high = 0

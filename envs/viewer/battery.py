@@ -38,11 +38,16 @@ def draw_battery(canvas: Canvas, box: Box, scene: Scene) -> None:
 
 def _shown(scene: Scene) -> dict[str, float]:
     """Uses that are large enough to be shown, J."""
-    return {name: used for name, used in scene.used_j.items() if abs(used) > _WORTH_SHOWING * scene.full_j}
+    return {
+        name: used
+        for name, used in scene.used_j.items()
+        if abs(used) > _WORTH_SHOWING * scene.full_j
+    }
 
 
 def _draw_column(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]) -> None:
-    """Draw the battery: what is used by cause above what is left, of which a part is for the way home."""
+    """Draw the battery: what is used by cause above what is left, of which a part is for the way
+    home."""
     left, top, width, height = box
     canvas.box((left + 0.3 * width, top - 7.0, 0.4 * width, 9.0), palette.EDGE, radius=2.0)
     canvas.box((left - 3.0, top - 3.0, width + 6.0, height + 6.0), palette.EDGE, radius=5.0)
@@ -86,7 +91,13 @@ def _draw_legend(canvas: Canvas, box: Box, scene: Scene, shown: dict[str, float]
     y = top + 6.0
     step = 18.0
 
-    def row(name: str, joules: float, colour: Colour | None, bold: bool = False, hatched: Colour | None = None) -> None:
+    def row(
+        name: str,
+        joules: float,
+        colour: Colour | None,
+        bold: bool = False,
+        hatched: Colour | None = None,
+    ) -> None:
         nonlocal y
         swatch = (left, y - 5.5, 11.0, 11.0)
         if colour is not None:

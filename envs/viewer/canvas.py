@@ -1,4 +1,5 @@
-"""Shapes and text in pixels of the picture, drawn at twice the size and shrunk, so that edges are smooth."""
+"""Shapes and text in pixels of the picture, drawn at twice the size and shrunk, so that edges are
+smooth."""
 
 from __future__ import annotations
 
@@ -52,7 +53,9 @@ class Canvas:
         area = pygame.Rect(*(round(_FINE * side) for side in box))
         pygame.draw.rect(self._surface, fill, area, border_radius=round(_FINE * radius))
         if edge is not None:
-            pygame.draw.rect(self._surface, edge, area, width=_FINE, border_radius=round(_FINE * radius))
+            pygame.draw.rect(
+                self._surface, edge, area, width=_FINE, border_radius=round(_FINE * radius)
+            )
 
     def polygon(self, points: Sequence[Point], fill: Colour) -> None:
         """A filled polygon."""
@@ -67,7 +70,9 @@ class Canvas:
             for point in fine:
                 pygame.draw.circle(self._surface, colour, point, thick / 2.0)
 
-    def dashes(self, start: Point, end: Point, colour: Colour, width: float = 1.5, dash: float = 5.0) -> None:
+    def dashes(
+        self, start: Point, end: Point, colour: Colour, width: float = 1.5, dash: float = 5.0
+    ) -> None:
         """A dashed line."""
         x0, y0 = start
         x1, y1 = end
@@ -83,11 +88,22 @@ class Canvas:
         """A filled circle."""
         pygame.draw.circle(self._surface, fill, self._fine(centre), _FINE * radius)
 
-    def arc(self, centre: Point, radius: float, start_deg: float, end_deg: float, colour: Colour, width: float) -> None:
+    def arc(
+        self,
+        centre: Point,
+        radius: float,
+        start_deg: float,
+        end_deg: float,
+        colour: Colour,
+        width: float,
+    ) -> None:
         """An arc, counter-clockwise from the right."""
         x, y = centre
         angles = np.radians(np.linspace(start_deg, end_deg, 24))
-        points = [(x + radius * float(np.cos(angle)), y - radius * float(np.sin(angle))) for angle in angles]
+        points = [
+            (x + radius * float(np.cos(angle)), y - radius * float(np.sin(angle)))
+            for angle in angles
+        ]
         self.line(points, colour, width)
 
     def hatch(self, box: Box, colour: Colour, gap: float = 6.0) -> None:
@@ -108,7 +124,8 @@ class Canvas:
         bold: bool = False,
         align: str = "left",
     ) -> float:
-        """Text whose first, middle or last letter stands at a point, upright around it; returns its width."""
+        """Text whose first, middle or last letter stands at a point, upright around it; returns its
+        width."""
         image = self._font(size, bold).render(text, True, colour)
         width = image.get_width() / _FINE
         height = image.get_height() / _FINE

@@ -33,16 +33,25 @@ def write_gif(
     Raises:
         OSError: The file cannot be written.
     """
-    # One palette for all, or colours flicker: that of the first, middle and last picture together. It covers small
-    # areas too, such as those of a legend.
+    # One palette for all, or colours flicker: that of the first, middle and last picture together.
+    # It covers small areas too, such as those of a legend.
     common = np.concatenate([frames[0], frames[len(frames) // 2], frames[-1]])
     palette = Image.fromarray(common).quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
-    pictures = [_shrunk(frame, width).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    pictures = [
+        _shrunk(frame, width).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    ]
     each_ms = round(1000.0 / frames_per_s)
     durations: Any = [each_ms] * (len(pictures) - 1) + [max(round(1000.0 * hold_s), each_ms)]
     content = io.BytesIO()
     pictures[0].save(
-        content, "GIF", save_all=True, append_images=pictures[1:], duration=durations, loop=0, optimize=True
+        content,
+        "GIF",
+        save_all=True,
+        append_images=pictures[1:],
+        duration=durations,
+        loop=0,
+        optimize=True,
     )
     write_whole(path, content.getvalue())
 
@@ -51,4 +60,6 @@ def _shrunk(frame: NDArray[np.uint8], width: int | None) -> Image.Image:
     picture = Image.fromarray(frame)
     if width is None:
         return picture
-    return picture.resize((width, round(width * picture.height / picture.width)), Image.Resampling.LANCZOS)
+    return picture.resize(
+        (width, round(width * picture.height / picture.width)), Image.Resampling.LANCZOS
+    )

@@ -1,4 +1,5 @@
-"""Dials: speed, power, sensing, memory and score, each with a bar up to its maximum or a good value."""
+"""Dials: speed, power, sensing, memory and score, each with a bar up to its maximum or a good
+value."""
 
 from __future__ import annotations
 

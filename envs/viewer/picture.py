@@ -73,8 +73,13 @@ def _heading(canvas: Canvas, scene: Scene) -> None:
     colour = STATE_COLOURS[scene.state]
     pill = canvas.width_of(label, 13, bold=True) + 26.0
     canvas.box((WIDTH - _MARGIN - pill, 13.0, pill, 28.0), colour, radius=14.0)
-    canvas.text((WIDTH - _MARGIN - pill / 2.0, 27.0), label, 13, palette.PANEL, bold=True, align="centre")
+    canvas.text(
+        (WIDTH - _MARGIN - pill / 2.0, 27.0), label, 13, palette.PANEL, bold=True, align="centre"
+    )
     when = f"decision {scene.decision} of at most {scene.max_decisions}"
     right = WIDTH - _MARGIN - pill - 14.0
-    right -= canvas.text((right, 28.0), quantities.duration(scene.time_s), 15, bold=True, align="right") + 12.0
+    right -= (
+        canvas.text((right, 28.0), quantities.duration(scene.time_s), 15, bold=True, align="right")
+        + 12.0
+    )
     canvas.text((right, 29.0), when, 12, palette.MUTED, align="right")

@@ -20,9 +20,10 @@ _HOPELESS_J_PER_M = 1e12  # of a slope that no battery can climb; chosen: finite
 class PointOfNoReturn:
     """Energy of the ground by the robot's own model, and what follows from it for a mission.
 
-    Driven ground has the energy that the environment stored there. For ground ahead Eq. 8 gives the energy per metre at
-    cruise, without sensing, on the slope that the robot knows: that of each place if the route is known, otherwise that
-    of the next two places and beyond them the mean. A mission that shuttles has no point of no return.
+    Driven ground has the energy that the environment stored there. For ground ahead Eq. 8 gives the
+    energy per metre at cruise, without sensing, on the slope that the robot knows: that of each
+    place if the route is known, otherwise that of the next two places and beyond them the mean. A
+    mission that shuttles has no point of no return.
 
     Args:
         known: Constants of the environment.
@@ -39,7 +40,8 @@ class PointOfNoReturn:
     def no_return_m(self, m: Any, places: NDArray[np.void], margin_j: float) -> float | None:
         """Furthest point from which the robot, driving on and turning there, still gets home.
 
-        If the energy no longer suffices, this is a point behind the robot, where it should have turned.
+        If the energy no longer suffices, this is a point behind the robot, where it should have
+        turned.
 
         Args:
             m: Mission record.
@@ -60,7 +62,8 @@ class PointOfNoReturn:
         return float(np.interp(affordable_j, needed_j, edges_m))
 
     def runs_out_m(self, m: Any, places: NDArray[np.void], margin_j: float) -> float | None:
-        """Place on the way home where the battery will be empty, by the robot's own model; None if it gets home.
+        """Place on the way home where the battery will be empty, by the robot's own model; None if
+        it gets home.
 
         Arguments as in `no_return_m`.
         """

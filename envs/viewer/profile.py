@@ -17,7 +17,8 @@ _LEFT = 54.0  # margins inside the panels, so that both share their horizontal a
 _RIGHT = 20.0
 _LIGHT_VIOLET = mix(palette.VIOLET, palette.PANEL, 0.72)
 _APRON = 26.0
-"""Flat ground before home and behind the end of the route, so that a robot there is fully visible."""
+"""Flat ground before home and behind the end of the route, so that a robot there is fully
+visible."""
 _LOWLANDS = 0.68  # of the height of the picture for the hills; above them is room for text
 _LEAST_WIND_MPS = 0.05  # a weaker wind is shown as none: it would round to 0.0
 _FLATTEST = 0.02  # least height of the picture over its length, so that flat ground looks flat
@@ -28,7 +29,9 @@ def draw_profile(canvas: Canvas, box: Box, scene: Scene, colour: Colour) -> None
     left, top, width, height = box
     plot = (left + _LEFT, top + 32.0, width - _LEFT - _RIGHT, height - 32.0 - 30.0)
     canvas.text((left + 12.0, top + 18.0), "Route", 13, bold=True)
-    canvas.text((left + width - _RIGHT, top + 18.0), _weather(scene), 12, palette.MUTED, align="right")
+    canvas.text(
+        (left + width - _RIGHT, top + 18.0), _weather(scene), 12, palette.MUTED, align="right"
+    )
     canvas.box(plot, palette.SKY)
     to_x, to_y = _scales(plot, scene)
     _draw_axes(canvas, plot, scene, to_x, to_y)
@@ -97,7 +100,8 @@ def _weather(scene: Scene) -> str:
 
 
 def _scales(plot: Box, scene: Scene) -> tuple[Callable[[float], float], Callable[[float], float]]:
-    """Horizontal place of a position on the route, and vertical place of an elevation, in the picture."""
+    """Horizontal place of a position on the route, and vertical place of an elevation, in the
+    picture."""
     left, top, width, height = plot
     low_m = float(scene.elevation_m.min())
     high_m = float(scene.elevation_m.max())
@@ -128,7 +132,11 @@ def _slope(scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float],
 
 
 def _draw_axes(
-    canvas: Canvas, plot: Box, scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float], float]
+    canvas: Canvas,
+    plot: Box,
+    scene: Scene,
+    to_x: Callable[[float], float],
+    to_y: Callable[[float], float],
 ) -> None:
     left, top, width, height = plot
     bottom = top + height
@@ -145,7 +153,9 @@ def _draw_axes(
     for metres in _ticks(float(scene.elevation_m.min()), float(scene.elevation_m.max()), 3):
         y = to_y(metres)
         canvas.line([(left, y), (left + width, y)], palette.GRID)
-        canvas.text((left - 8.0, y), f"{metres:g} m".replace("-", "−"), 11, palette.MUTED, align="right")
+        canvas.text(
+            (left - 8.0, y), f"{metres:g} m".replace("-", "−"), 11, palette.MUTED, align="right"
+        )
 
 
 def _ticks(low: float, high: float, count: int) -> list[float]:
@@ -159,7 +169,11 @@ def _ticks(low: float, high: float, count: int) -> list[float]:
 
 
 def _draw_ground(
-    canvas: Canvas, plot: Box, scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float], float]
+    canvas: Canvas,
+    plot: Box,
+    scene: Scene,
+    to_x: Callable[[float], float],
+    to_y: Callable[[float], float],
 ) -> None:
     bottom = plot[1] + plot[3]
 
@@ -188,7 +202,9 @@ def _draw_ground(
     if scene.rough.max() > 0.01:
         sample_stroke = [(plot[0] + 6.0, bottom - 9.0), (plot[0] + 24.0, bottom - 9.0)]
         canvas.line(sample_stroke, palette.ROUGH, 5.0)
-        canvas.text((plot[0] + 32.0, bottom - 9.5), "rough ground", 11, mix(palette.MUTED, palette.INK, 0.4))
+        canvas.text(
+            (plot[0] + 32.0, bottom - 9.5), "rough ground", 11, mix(palette.MUTED, palette.INK, 0.4)
+        )
 
 
 def _draw_home(canvas: Canvas, foot: Point) -> None:
@@ -198,7 +214,11 @@ def _draw_home(canvas: Canvas, foot: Point) -> None:
 
 
 def _draw_limit(
-    canvas: Canvas, plot: Box, scene: Scene, to_x: Callable[[float], float], to_y: Callable[[float], float]
+    canvas: Canvas,
+    plot: Box,
+    scene: Scene,
+    to_x: Callable[[float], float],
+    to_y: Callable[[float], float],
 ) -> None:
     """Mark the point of no return, or on the way home where the battery will be empty."""
     if scene.runs_out_m is not None:
@@ -217,7 +237,9 @@ def _draw_limit(
     left = min(max(x - 0.5 * width, leftmost), rightmost)
     canvas.dashes((x, plot[1] + 26.0), (x, to_y(_elevation(scene, limit_m))), palette.RED, 2.0)
     canvas.box((left, plot[1] + 6.0, width, 20.0), palette.RED, radius=4.0)
-    canvas.text((left + 0.5 * width, plot[1] + 16.0), label, 12, palette.PANEL, bold=True, align="centre")
+    canvas.text(
+        (left + 0.5 * width, plot[1] + 16.0), label, 12, palette.PANEL, bold=True, align="centre"
+    )
 
 
 def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour: Colour) -> None:
@@ -246,7 +268,9 @@ def _draw_robot(canvas: Canvas, foot: Point, slope: float, scene: Scene, colour:
         if facing < 0.0:
             middle = 180.0 + middle
         for ring in range(1 + round(3.0 * strength)):
-            canvas.arc(at(12.0, 12.0), 8.0 + 5.0 * ring, middle - 38.0, middle + 38.0, palette.VIOLET, 1.8)
+            canvas.arc(
+                at(12.0, 12.0), 8.0 + 5.0 * ring, middle - 38.0, middle + 38.0, palette.VIOLET, 1.8
+            )
     if scene.sending and not scene.over:
         for ring in range(2):
             canvas.arc(at(-7.0, 24.0), 6.0 + 4.5 * ring, 50.0, 130.0, colour, 1.5)
@@ -266,4 +290,6 @@ def _draw_ending(canvas: Canvas, plot: Box, scene: Scene, colour: Colour) -> Non
     width = canvas.width_of(words, 17, bold=True) + 40.0
     left = plot[0] + 0.5 * (plot[2] - width)
     canvas.box((left, plot[1] + 8.0, width, 36.0), colour, radius=18.0)
-    canvas.text((left + 0.5 * width, plot[1] + 26.0), words, 17, palette.PANEL, bold=True, align="centre")
+    canvas.text(
+        (left + 0.5 * width, plot[1] + 26.0), words, 17, palette.PANEL, bold=True, align="centre"
+    )

@@ -35,12 +35,15 @@ GROUPS: dict[str, tuple[str, ...]] = {
 _COLUMNS = {name: [CAUSES.index(cause) for cause in causes] for name, causes in GROUPS.items()}
 
 
-def scene_of(batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, index: int = 0) -> Scene:
+def scene_of(
+    batch: Batch, states: NDArray[np.void], limit: PointOfNoReturn, index: int = 0
+) -> Scene:
     """The present scene of one mission of a batch.
 
     Args:
         batch: The missions; they are only read.
-        states: The mission's record after its reset and after every decision since, `MISSION_DTYPE`, shape (states,).
+        states: The mission's record after its reset and after every decision since,
+            `MISSION_DTYPE`, shape (states,).
         limit: Made for the options of the batch.
         index: Index of the mission.
     """

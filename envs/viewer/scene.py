@@ -16,25 +16,29 @@ class Scene:
     Attributes:
         heading: Mission, difficulty and robot.
         mission: `OutAndBack`, `Survey` or `Patrol`.
-        state: `ready`, `out`, `back` (of one that shuttles), `stopped`, `pit stop`, `returning`, `home`, `stranded` or
-            `out of time`.
+        state: `ready`, `out`, `back` (of one that shuttles), `stopped`, `pit stop`, `returning`,
+            `home`, `stranded` or `out of time`.
         over: Whether the mission is over.
         decision: Decisions taken.
         max_decisions: Decisions until the time limit.
         time_s: Time since the start, s.
         edges_m: Ends of the route's places, shape (places + 1,).
         elevation_m: Elevation above home there, m, shape (places + 1,).
-        rough: Additional rolling resistance of the ground over the robot's file, as a share, shape (places,).
+        rough: Additional rolling resistance of the ground over the robot's file, as a share, shape
+            (places,).
         interest: Interest of the ground, shape (places,).
-        sensed: Stretches in which new ground was reached: from (m), to (m), share of the information that the sensing
-            rate yields there; shape (stretches, 3).
+        sensed: Stretches in which new ground was reached: from (m), to (m), share of the
+            information that the sensing rate yields there; shape (stretches, 3).
         driven_m: Distance up to which the ground was driven, m.
         position_m: Distance from home along the route, m.
         furthest_m: The furthest so far, m.
         direction: 1 away from home, -1 towards it, also during a return that is not final.
-        no_return_m: Point of no return by the robot's own model, m; None where there is none, see `PointOfNoReturn`.
-        runs_out_m: Where the battery will be empty on the way home by the robot's own model; None if it gets home.
-        laps_left: Laps that a mission that shuttles may add by the robot's own model, None for others.
+        no_return_m: Point of no return by the robot's own model, m; None where there is none, see
+            `PointOfNoReturn`.
+        runs_out_m: Where the battery will be empty on the way home by the robot's own model; None
+            if it gets home.
+        laps_left: Laps that a mission that shuttles may add by the robot's own model, None for
+            others.
         full_j: Energy of a full battery by the robot's file, J.
         worn_j: Difference to the true energy of a full battery, J.
         left_j: Energy left, J.

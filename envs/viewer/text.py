@@ -10,7 +10,8 @@ _WIDTH = 60  # characters of a bar; chosen: a line with its note stays within a 
 
 
 def describe(scene: Scene) -> str:
-    """Three lines: where it is, the route with its point of no return (!), and the battery with the way home (=).
+    """Three lines: where it is, the route with its point of no return (!), and the battery with the
+    way home (=).
 
     Args:
         scene: The scene to show.
@@ -60,7 +61,9 @@ def _robot_mark(scene: Scene) -> str:
 def _battery(scene: Scene) -> str:
     left_share = scene.left_j / scene.full_j
     home_share = scene.home_j / scene.full_j
-    marks = [_battery_mark((column + 0.5) / _WIDTH, left_share, home_share) for column in range(_WIDTH)]
+    marks = [
+        _battery_mark((column + 0.5) / _WIDTH, left_share, home_share) for column in range(_WIDTH)
+    ]
     return (
         f"battery |{''.join(marks)}| {left_share:.0%} left, gauge {scene.gauge_j / scene.full_j:.0%}, "
         f"way home {home_share:.0%} by its own model"
@@ -68,7 +71,8 @@ def _battery(scene: Scene) -> str:
 
 
 def _battery_mark(share: float, left_share: float, home_share: float) -> str:
-    """One column of the battery: = energy for the way home, # more than that, ! what the way home lacks."""
+    """One column of the battery: = energy for the way home, # more than that, ! what the way home
+    lacks."""
     if share < min(home_share, left_share):
         return "="
     if share < left_share:

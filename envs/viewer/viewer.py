@@ -37,9 +37,13 @@ class Viewer:
 
     def __init__(self, batch: Batch, mode: str, index: int = 0) -> None:
         if mode not in MODES:
-            raise RenderModeError(f"render_mode = {mode!r} is not allowed; choose from None, {', '.join(MODES)}")
+            raise RenderModeError(
+                f"render_mode = {mode!r} is not allowed; choose from None, {', '.join(MODES)}"
+            )
         if mode != "ansi" and importlib.util.find_spec("pygame") is None:
-            raise RenderModeError(f"render_mode = {mode!r} needs pygame: {advice('view', 'pygame-ce')}")
+            raise RenderModeError(
+                f"render_mode = {mode!r} needs pygame: {advice('view', 'pygame-ce')}"
+            )
         self.mode = mode
         self._batch = batch
         self._index = index
@@ -70,9 +74,9 @@ class Viewer:
         """Show the mission as it is now.
 
         Returns:
-            In mode `rgb_array` the picture, shape (540, 960, 3); in mode `ansi` lines of text; in mode `human` nothing:
-            the picture is in a window, and the call takes as long as a frame lasts. Once a user has closed the window
-            the mission continues without it.
+            In mode `rgb_array` the picture, shape (540, 960, 3); in mode `ansi` lines of text; in
+            mode `human` nothing: the picture is in a window, and the call takes as long as a frame
+            lasts. Once a user has closed the window the mission continues without it.
         """
         if self.mode == "ansi":
             return describe(self.scene())

@@ -10,7 +10,8 @@ _TITLE = "homeward     space: pause   right: one decision   escape: close"
 
 
 class Screen:
-    """A window on the screen; space pauses it, the right arrow shows the next frame, escape closes it.
+    """A window on the screen; space pauses it, the right arrow shows the next frame, escape closes
+    it.
 
     Args:
         frames_per_s: Frames that it shows in a second at most.

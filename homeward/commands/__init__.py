@@ -1,1 +1,2 @@
-"""The subcommands of `homeward`, one a file; `train`, `evaluate` and `diagnose` are links to the scripts at the top."""
+"""The subcommands of `homeward`, one a file; `train`, `evaluate` and `diagnose` are links to the
+scripts at the top."""

@@ -1,11 +1,12 @@
 """Propose which columns of a recording are which channels, or check a mapping.
 
-`homeward columns RUN.csv` prints the proposed channel of each column, its factor, and how sure the proposal is.
-`--out my_columns.toml` writes it as a mapping file, for `homeward diagnose RUN.csv --columns my_columns.toml`. Check it
-first, above all signs and guesses: `homeward columns RUN --columns my_columns.toml` prints the values of each channel.
+`homeward columns RUN.csv` prints the proposed channel of each column, its factor, and how sure the
+proposal is. `--out my_columns.toml` writes it as a mapping file, for
+`homeward diagnose RUN.csv --columns my_columns.toml`. Check it first, above all signs and guesses:
+`homeward columns RUN --columns my_columns.toml` prints the values of each channel.
 
-Several tables of one run are named with a plus between them, and get a mapping each: `homeward columns odom.csv+bat.csv
---out odom.toml+bat.toml`.
+Several tables of one run are named with a plus between them, and get a mapping each:
+`homeward columns odom.csv+bat.csv --out odom.toml+bat.toml`.
 """
 
 from __future__ import annotations
@@ -34,16 +35,19 @@ class Args:
     """Recording and mapping."""
 
     run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """Recording: a .csv, .csv.gz, .tsv, .txt or .parquet file, or several of one run (a.csv+b.csv); with --columns also
-    a bag or a log of an autopilot."""
+    """Recording: a .csv, .csv.gz, .tsv, .txt or .parquet file, or several of one run (a.csv+b.csv);
+    with --columns also a bag or a log of an autopilot."""
     columns: str | None = None
-    """Mapping of columns or topics to check: shipped name or TOML file; by default one is proposed."""
+    """Mapping of columns or topics to check: shipped name or TOML file; by default one is
+    proposed."""
     out: Path | None = None
-    """Mapping file to write (.toml), one for each table (a.toml+b.toml); by default it is only printed."""
+    """Mapping file to write (.toml), one for each table (a.toml+b.toml); by default it is only
+    printed."""
 
 
 def main(args: Args) -> list[Proposal]:
-    """Print the proposals, one for each table, try them, and write them if requested; or print the values of a mapping.
+    """Print the proposals, one for each table, try them, and write them if requested; or print the
+    values of a mapping.
 
     Raises:
         RecordingError: A file cannot be read, or no column of it looks like a channel.
@@ -53,7 +57,9 @@ def main(args: Args) -> list[Proposal]:
     targets = _targets(args.out, len(parts))
     if args.columns is not None:
         if args.out is not None:
-            raise RecordingError("--columns checks a mapping and --out writes a proposed one; give one of them")
+            raise RecordingError(
+                "--columns checks a mapping and --out writes a proposed one; give one of them"
+            )
         _check(read_recording(args.run, args.columns))
         return []
     proposals = propose_each(parts)
@@ -104,9 +110,13 @@ def _targets(out: Path | None, tables: int) -> list[Path]:
         targets = [Path(name) for name in str(out).split(BETWEEN)]
     for target in targets:
         if target.suffix != ".toml" or target.exists():
-            raise RecordingError(f"--out {target}: give a new file that ends in .toml; an existing one is not replaced")
+            raise RecordingError(
+                f"--out {target}: give a new file that ends in .toml; an existing one is not replaced"
+            )
     if len(set(targets)) != tables:
-        raise RecordingError(f"--out {out}: give a file for each of {tables} tables, such as a.toml{BETWEEN}b.toml")
+        raise RecordingError(
+            f"--out {out}: give a file for each of {tables} tables, such as a.toml{BETWEEN}b.toml"
+        )
     return targets
 
 
@@ -123,7 +133,9 @@ def _check(recording: Recording) -> None:
         if len(finite):
             numbers = [f"{value:.4g}" for value in np.quantile(finite, (0.0, 0.5, 1.0))]
         channel = CHANNELS[name]
-        table.add_row(name, *numbers, f"{len(finite) / len(values):.0%}", channel.unit, channel.meaning)
+        table.add_row(
+            name, *numbers, f"{len(finite) / len(values):.0%}", channel.unit, channel.meaning
+        )
     console = cli.Terminal()
     console.print(table)
     for note in recording.notes:
@@ -155,7 +167,9 @@ def _tried(run: Path, proposals: list[Proposal]) -> tuple[list[str], bool]:
     try:
         recording = read_recording(run, columns)
     except RecordingError as error:
-        notes = [f"read with {', '.join(proposal.notes)}" for proposal in proposals if proposal.notes]
+        notes = [
+            f"read with {', '.join(proposal.notes)}" for proposal in proposals if proposal.notes
+        ]
         return [*notes, f"With it the file cannot be read yet: {error}"], False
     reads = f"With it the file reads: {len(recording)} samples over {recording.duration_s:.4g} s."
     return [*recording.notes, reads], True

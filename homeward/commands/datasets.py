@@ -1,8 +1,8 @@
 """List public recordings of real robots, or fetch one.
 
-`homeward datasets` lists them. `homeward datasets husky_borealtc/FLOORING` downloads the recordings of a group into the
-user's cache, verifies their checksums and prints their paths; without /FLOORING all groups. HOMEWARD_DATA=FOLDER uses a
-folder instead of the network.
+`homeward datasets` lists them. `homeward datasets husky_borealtc/FLOORING` downloads the recordings
+of a group into the user's cache, verifies their checksums and prints their paths; without /FLOORING
+all groups. HOMEWARD_DATA=FOLDER uses a folder instead of the network.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""Diagnose the recordings of a fleet, robot by robot, several at once, on this machine or on a Ray cluster.
+"""Diagnose the recordings of a fleet, robot by robot, several at once, on this machine or on a Ray
+cluster.
 
-`homeward fleet FOLDER --robot husky --jobs 2 --out runs/fleet`: every folder in FOLDER is a robot and contains its
-recordings, and optionally its own robot file as robot.toml. A folder of tables in it is one run, whose tables are
-joined. Each robot's diagnosis.json, report.html and corrected.toml
-are written to OUT/NAME as soon as they are done, and OUT/fleet.csv lists all robots. The same command again diagnoses
-only what is new or has changed.
+`homeward fleet FOLDER --robot husky --jobs 2 --out runs/fleet`: every folder in FOLDER is a robot
+and contains its recordings, and optionally its own robot file as robot.toml. A folder of tables in
+it is one run, whose tables are joined. Each robot's diagnosis.json, report.html and corrected.toml
+are written to OUT/NAME as soon as they are done, and OUT/fleet.csv lists all robots. The same
+command again diagnoses only what is new or has changed.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ class Args:
     fleet: Annotated[Path, tyro.conf.Positional]
     """Folder with one folder of recordings per robot."""
     robot: str | None = None
-    """Robot of folders without a robot.toml: preset name or TOML file; by default husky, and a line says so."""
+    """Robot of folders without a robot.toml: preset name or TOML file; by default husky, and a line
+    says so."""
     columns: str | None = None
     """Mapping for recordings with other names: shipped name or TOML file."""
     out: Path = Path("runs/fleet")
@@ -53,7 +55,8 @@ class Args:
     jobs: int = 1
     """Processes on this machine."""
     cluster: str | None = None
-    """HOST:PORT of a Ray cluster to use instead; the recordings are sent there, and nothing has to be shared."""
+    """HOST:PORT of a Ray cluster to use instead; the recordings are sent there, and nothing has to
+    be shared."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,8 @@ def main(args: Args) -> dict[str, Diagnosis]:
     """Diagnose every robot, write the outputs, print a table, and return the diagnoses by robot.
 
     Raises:
-        RecordingError, RobotError: Input that cannot be used. Nothing has been diagnosed or, where that shows only
+        RecordingError, RobotError: Input that cannot be used. Nothing has been diagnosed or, where
+        that shows only
             then, the reports that say why are written nonetheless.
         TaskError: A diagnosis failed; finished ones are written, and the same command continues.
         ClusterError: The cluster cannot be reached.
@@ -97,11 +101,16 @@ def main(args: Args) -> dict[str, Diagnosis]:
 
     due = {name: case for name, case in cases.items() if not _is_written(args.out / name, case)}
     run_tasks(diagnose_one, due, jobs=args.jobs, cluster=args.cluster, keep=keep, title="robots")
-    diagnoses = {name: Diagnosis.from_json((args.out / name / DIAGNOSIS).read_text("utf-8")) for name in cases}
+    diagnoses = {
+        name: Diagnosis.from_json((args.out / name / DIAGNOSIS).read_text("utf-8"))
+        for name in cases
+    }
     write_whole(args.out / "fleet.csv", _csv(diagnoses))
     _print(diagnoses, len(cases) - len(due), args.out)
     if not any(diagnosis.recordings for diagnosis in diagnoses.values()):
-        raise RecordingError(f"no recording of any robot can be used: {args.out / 'fleet.csv'} says why")
+        raise RecordingError(
+            f"no recording of any robot can be used: {args.out / 'fleet.csv'} says why"
+        )
     return diagnoses
 
 
@@ -114,9 +123,13 @@ def members_of(args: Args) -> dict[str, Member]:
     try:
         folders = [entry for entry in _visible(args.fleet) if entry.is_dir()]
     except OSError as error:
-        raise RecordingError(f"cannot read {args.fleet}: {error.strerror}; give a folder of folders") from None
+        raise RecordingError(
+            f"cannot read {args.fleet}: {error.strerror}; give a folder of folders"
+        ) from None
     if not folders:
-        raise RecordingError(f"{args.fleet} contains no folder: give one with a folder of recordings per robot")
+        raise RecordingError(
+            f"{args.fleet} contains no folder: give one with a folder of recordings per robot"
+        )
     nominal = load_robot(args.robot or ASSUMED)
     if args.robot is None:
         _say_assumed([folder.name for folder in folders if not (folder / ROBOT).is_file()])
@@ -142,11 +155,15 @@ def _member(folder: Path, nominal: Robot, args: Args) -> Member:
     """Read the recordings of a robot, and its file if it has one of its own."""
     files = [entry for entry in _visible(folder) if entry.name != ROBOT]
     if not files:
-        raise RecordingError(f"{folder} contains no recording: remove it, or put the robot's recordings there")
+        raise RecordingError(
+            f"{folder} contains no recording: remove it, or put the robot's recordings there"
+        )
     robot = nominal
     if (folder / ROBOT).is_file():
         robot = load_robot(folder / ROBOT)
-    recordings = tuple(within_top_speed(_read(file, args.columns), robot.max_speed_mps) for file in files)
+    recordings = tuple(
+        within_top_speed(_read(file, args.columns), robot.max_speed_mps) for file in files
+    )
     for file, recording in zip(files, recordings, strict=True):
         for note in recording.notes:
             cli.remark(f"{folder.name}/{file.name}", note)
@@ -159,7 +176,9 @@ def _read(entry: Path, columns: str | None) -> Recording:
         return read_recording(entry, columns)
     tables = _visible(entry)
     if not tables:
-        raise RecordingError(f"{entry} contains no table of a run: remove it, or put the tables of one run there")
+        raise RecordingError(
+            f"{entry} contains no table of a run: remove it, or put the tables of one run there"
+        )
     if len(tables) == 1:
         return read_recording(tables[0], columns)
     return read_tables(tables, columns)
@@ -181,7 +200,12 @@ def _is_written(folder: Path, case: Member) -> bool:
 
 def _rows(diagnoses: dict[str, Diagnosis]) -> list[tuple[str, str, str, str]]:
     return [
-        (name, diagnosis.verdict, " ".join(missing.effect for missing in diagnosis.missing_physics), diagnosis.summary)
+        (
+            name,
+            diagnosis.verdict,
+            " ".join(missing.effect for missing in diagnosis.missing_physics),
+            diagnosis.summary,
+        )
         for name, diagnosis in diagnoses.items()
     ]
 
@@ -207,4 +231,10 @@ def _print(diagnoses: dict[str, Diagnosis], finished: int, out: Path) -> None:
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
     refused = (RecordingError, RobotError, TaskError, ClusterError)
-    return cli.run(main, Args, __doc__, refused, interrupted="finished results are kept, the same command continues")
+    return cli.run(
+        main,
+        Args,
+        __doc__,
+        refused,
+        interrupted="finished results are kept, the same command continues",
+    )

@@ -1,13 +1,15 @@
 """Range of a robot on one battery charge, and the energy by cause.
 
-`homeward range rusti --grade 5.71 --duty 0.367` prints the estimate of Tiwari, Xiao and Chong (IROS 2018, Eq. 8) for
-their robot on their incline, moving 36.7 % of the time, with each part's share. ROBOT is a preset (`homeward robots`)
-or your own TOML file. If it has effects that the paper omits, the compiled model drives until the battery is empty
-instead. `--plot range.png` shows range and shares over the speed.
+`homeward range rusti --grade 5.71 --duty 0.367` prints the estimate of Tiwari, Xiao and Chong (IROS
+2018, Eq. 8) for their robot on their incline, moving 36.7 % of the time, with each part's share.
+ROBOT is a preset (`homeward robots`) or your own TOML file. If it has effects that the paper omits,
+the compiled model drives until the battery is empty instead. `--plot range.png` shows range and
+shares over the speed.
 
-With `--route track.gpx` it prints the energy that the route consumes there and back with a 90 % interval, and the
-probability of getting there and back; `--plot fan.png` shows the energy left on the way, and the point of no return.
-With `--docks bay=1200 hut=40,-12` it compares the ways from the end of the route to other homes and docks, too.
+With `--route track.gpx` it prints the energy that the route consumes there and back with a 90 %
+interval, and the probability of getting there and back; `--plot fan.png` shows the energy left on
+the way, and the point of no return. With `--docks bay=1200 hut=40,-12` it compares the ways from
+the end of the route to other homes and docks, too.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ from homeward.files import write_whole
 from homeward.physics import d_max, optimal_speed
 
 _PLACES = 160.0
-"""Places per d_max, over which slopes of a route are averaged. Chosen: hills of 1 % of a charge are resolved."""
+"""Places per d_max, over which slopes of a route are averaged. Chosen: hills of 1 % of a charge are
+resolved."""
 
 
 @dataclass(frozen=True)
@@ -44,21 +47,24 @@ class Args:
     grade: float = 0.0
     """Slope, degrees, uphill above 0."""
     duty: float = 1.0
-    """Duty cycle: share of the time spent moving, above 0 and at most 1. Standing consumes power too."""
+    """Duty cycle: share of the time spent moving, above 0 and at most 1. Standing consumes power
+    too."""
     speed_mps: float | None = None
     """Speed while moving, m/s; by default the one with the longest range."""
     sensing_hz: float = 0.0
     """Sensing rate, Hz."""
     route: str | None = None
-    """Track (.gpx, .fit, .csv) or profile to drive there and back instead, with the uncertainty of robot and wind."""
+    """Track (.gpx, .fit, .csv) or profile to drive there and back instead, with the uncertainty of
+    robot and wind."""
     docks: tuple[str, ...] = ()
-    """With --route: other homes and charging docks, NAME=METRES from its start along the route, or NAME=EAST,NORTH in
-    metres from its start. The one with the best margin at the end of the route is advised."""
+    """With --route: other homes and charging docks, NAME=METRES from its start along the route, or
+    NAME=EAST,NORTH in metres from its start. The one with the best margin at the end of the route
+    is advised."""
     risk: float = thresholds.RISK
     """Accepted risk of not getting home, for the point of no return with --route."""
     plot: Path | None = None
-    """Plot to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed; with --route the energy
-    left on the way there and back."""
+    """Plot to write (.png, .svg or .pdf): range, and energy per metre by part, over the speed; with
+    --route the energy left on the way there and back."""
 
 
 class RangeError(ValueError):
@@ -94,7 +100,9 @@ def main(args: Args) -> None:
     slope = _slope(args.grade)
     console = cli.Terminal()
     console.print(
-        Text.assemble((f"{cli.printable(robot.name)}: {far}", "bold"), f" on one charge, in {lasts}"),
+        Text.assemble(
+            (f"{cli.printable(robot.name)}: {far}", "bold"), f" on one charge, in {lasts}"
+        ),
         f"at {speed_mps:.2f} m/s ({speed_note}), {slope}, moving {mission.duty:.1%} of the time, "
         f"sensing at {mission.sensing_hz:g} Hz",
         sep="\n",
@@ -130,13 +138,20 @@ def _on_route(args: Args, name: str, mission: Mission) -> None:
     from homeward.watch import route_forecast
 
     if args.grade != 0.0 or args.duty != 1.0 or args.sensing_hz != 0.0:
-        raise RangeError("--grade, --duty and --sensing-hz are not allowed with --route: slopes are those of the route")
+        raise RangeError(
+            "--grade, --duty and --sensing-hz are not allowed with --route: slopes are those of the route"
+        )
     route = load_route(name, float(d_max(mission.robot)) / _PLACES)
-    forecast = route_forecast.forecast_along(mission.robot, route, args.speed_mps, args.risk, docks_of(args.docks))
+    forecast = route_forecast.forecast_along(
+        mission.robot, route, args.speed_mps, args.risk, docks_of(args.docks)
+    )
     console = cli.Terminal()
     route_forecast.show(console, mission.robot, name, route.length_m, forecast)
     if args.plot is not None:
-        write_whole(args.plot, route_forecast.picture(mission.robot, route.length_m, forecast, args.plot.suffix))
+        write_whole(
+            args.plot,
+            route_forecast.picture(mission.robot, route.length_m, forecast, args.plot.suffix),
+        )
         console.print(f"Written to {args.plot}")
 
 
@@ -145,7 +160,13 @@ def _mission(args: Args) -> Mission:
     for name, value, allowed, low, high in (
         ("--grade", args.grade, "degrees between -45 and 45", -45.0, 45.0),
         ("--duty", args.duty, "a share of the time, 0.001 to 1", 1e-3, 1.0),
-        ("--sensing-hz", args.sensing_hz, f"0 to {robot.max_sensing_hz:g} Hz", 0.0, robot.max_sensing_hz),
+        (
+            "--sensing-hz",
+            args.sensing_hz,
+            f"0 to {robot.max_sensing_hz:g} Hz",
+            0.0,
+            robot.max_sensing_hz,
+        ),
         ("--speed-mps", args.speed_mps, "0.001 to 100 m/s", 1e-3, 100.0),
     ):
         if value is not None and not low <= value <= high:

@@ -11,8 +11,8 @@ from homeward import Robot
 from homeward.physics import d_max, model, replay
 
 _CYCLES = 100
-"""Cycles of driving and standing in the mission of a robot with effects. Chosen: a cycle then takes 1 % of the
-battery."""
+"""Cycles of driving and standing in the mission of a robot with effects. Chosen: a cycle then takes
+1 % of the battery."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class Mission:
         return {name: part for name, part in parts.items() if part != 0.0}
 
     def _parts_of_the_paper(self, speed_mps: float) -> dict[str, float]:
-        """The terms of Eq. 7; where the slope drives the robot without power, forces consume nothing."""
+        """The terms of Eq. 7; where the slope drives the robot without power, forces consume
+        nothing."""
         robot = self.robot
         per_m = 1.0 / (speed_mps * self.duty)
         per_n = 0.0
@@ -57,8 +58,8 @@ class Mission:
         """The energy by cause of a mission as long as the range, in many drives and stops."""
         lasts_s = min(self.range_m(speed_mps), 1e9) / (speed_mps * self.duty)
         cycle_s = lasts_s / _CYCLES
-        # Each cycle drives and stands; the stop is split in two, because the last sample holds as long as the one
-        # before.
+        # Each cycle drives and stands; the stop is split in two, because the last sample holds as
+        # long as the one before.
         phases = [0.0]
         if self.duty < 1.0:
             phases += [self.duty, 0.5 + 0.5 * self.duty]

@@ -75,7 +75,9 @@ def range_picture(mission: Mission, speed_mps: float, suffix: str) -> bytes:
     return buffer.getvalue()
 
 
-def _stack(axis: Axes, speeds: NDArray[np.float64], parts: NDArray[np.float64], names: Sequence[str]) -> None:
+def _stack(
+    axis: Axes, speeds: NDArray[np.float64], parts: NDArray[np.float64], names: Sequence[str]
+) -> None:
     """Stack the parts that are not zero everywhere, shape (parts, speeds), each in its colour.
 
     Args:

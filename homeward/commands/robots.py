@@ -1,10 +1,11 @@
 """List the shipped robots, or print the file of one.
 
-`homeward robots` lists key figures of all presets. `homeward robots husky > mine.toml` prints a robot file with the
-source of every number. Change what differs, and give its path wherever a robot is expected.
+`homeward robots` lists key figures of all presets. `homeward robots husky > mine.toml` prints a
+robot file with the source of every number. Change what differs, and give its path wherever a robot
+is expected.
 
-`homeward robots --from-urdf robot.urdf > mine.toml` begins a robot file with what a URDF says (mass, track,
-wheels), and names what is left to be filled in.
+`homeward robots --from-urdf robot.urdf > mine.toml` begins a robot file with what a URDF says
+(mass, track, wheels), and names what is left to be filled in.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ class Args:
     """Robot."""
 
     robot: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[ROBOT]")] = None
-    """Preset name or path of a robot file to print; by default a table of all presets is printed."""
+    """Preset name or path of a robot file to print; by default a table of all presets is
+    printed."""
 
     from_urdf: Path | None = None
     """URDF to begin a robot file from, which is printed; xacro is to be expanded first."""
@@ -55,10 +57,20 @@ def main(args: Args) -> None:
         print(_text_of(args.robot), end="")
         return
     table = Table(
-        box=box.SIMPLE_HEAD, caption="range: on the flat at the optimal speed, nothing sensed", padding=(0, 2, 0, 0)
+        box=box.SIMPLE_HEAD,
+        caption="range: on the flat at the optimal speed, nothing sensed",
+        padding=(0, 2, 0, 0),
     )
     table.add_column("robot", no_wrap=True)
-    for heading in ("mass\nkg", "battery\nkJ", "speed\nm/s", "drive\n%", "idle\nW", "range\nkm", "lasts\nh"):
+    for heading in (
+        "mass\nkg",
+        "battery\nkJ",
+        "speed\nm/s",
+        "drive\n%",
+        "idle\nW",
+        "range\nkm",
+        "lasts\nh",
+    ):
         table.add_column(heading, justify="right", no_wrap=True)
     for name in preset_names():
         table.add_row(name, *_figures(load_robot(name)))

@@ -1,9 +1,10 @@
 """List routes, or measure and draw one.
 
-`homeward routes` lists the shipped routes. `homeward routes track.gpx --robot husky` reads a route of your own (a GPX
-or FIT track, or a CSV file, as for `--route` of the environments), and prints its length, its slopes and the share of
-that robot's battery that it consumes. `homeward routes generated` prints statistics of the routes that the environments
-draw. `--plot route.png` draws the profile.
+`homeward routes` lists the shipped routes. `homeward routes track.gpx --robot husky` reads a route
+of your own (a GPX or FIT track, or a CSV file, as for `--route` of the environments), and prints
+its length, its slopes and the share of that robot's battery that it consumes.
+`homeward routes generated` prints statistics of the routes that the environments draw.
+`--plot route.png` draws the profile.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from homeward.envs.state import MAX_PLACES
 from homeward.files import write_whole
 from homeward.physics import d_max, optimal_speed
 
-_FINEST_M = 0.01  # requested place length; chosen: so short that each route is cut as finely as possible
+# requested place length; chosen: so short that each route is cut as finely as possible
+_FINEST_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -35,10 +37,11 @@ class Args:
     """Route."""
 
     route: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[ROUTE]")] = None
-    """Name of a shipped route, or path of a .gpx, .fit or .csv file; by default a table of the shipped ones is
-    printed."""
+    """Name of a shipped route, or path of a .gpx, .fit or .csv file; by default a table of the
+    shipped ones is printed."""
     robot: str = "rusti_computer"
-    """Robot that drives it: preset name or TOML file. The length of generated routes depends on it."""
+    """Robot that drives it: preset name or TOML file. The length of generated routes depends on
+    it."""
     draws: int = 200
     """Number of generated routes to measure."""
     seed: int = 0
@@ -51,7 +54,8 @@ def main(args: Args) -> None:
     """Print the table, or measure and draw one route.
 
     Raises:
-        RouteError, RobotError, OptionError: The route or robot does not exist, or an argument is invalid.
+        RouteError, RobotError, OptionError: The route or robot does not exist, or an argument is
+        invalid.
         OSError: The picture cannot be written.
     """
     console = cli.Terminal()
@@ -61,7 +65,9 @@ def main(args: Args) -> None:
     if args.plot is not None and args.plot.suffix not in (".png", ".svg", ".pdf"):
         raise OptionError(f"--plot {args.plot}: give a file that ends in .png, .svg or .pdf")
     if args.draws < 1 or args.seed < 0:
-        raise OptionError(f"--draws {args.draws} --seed {args.seed}: give at least 1 draw and a seed of 0 or more")
+        raise OptionError(
+            f"--draws {args.draws} --seed {args.seed}: give at least 1 draw and a seed of 0 or more"
+        )
     robot = load_robot(args.robot)
     if args.route in (GENERATED, HIDDEN_WIND):
         routes = generated_routes(robot, args.route, args.draws, args.seed)
@@ -105,7 +111,8 @@ def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.flo
                 ("mean interest", ""): route.interest.mean(),
                 ("air temperature", "°C"): route.temperature_c,
                 ("wind", "m/s"): route.wind_mps,
-                (f"energy there, {robot.name} at {speed_mps:.2f} m/s", "% of a charge"): 100.0 * charge_out,
+                (f"energy there, {robot.name} at {speed_mps:.2f} m/s", "% of a charge"): 100.0
+                * charge_out,
                 ("energy back, without wind", "% of a charge"): 100.0 * charge_back,
             }
         )
@@ -123,7 +130,9 @@ def generated_routes(robot: Robot, kind: str, count: int, seed: int) -> list[Rou
     """
     from homeward.envs.vector import HomewardVectorEnv  # only now: it compiles
 
-    env = HomewardVectorEnv(count, mission="OutAndBack", robot=robot, route=kind, difficulty="uncertain")
+    env = HomewardVectorEnv(
+        count, mission="OutAndBack", robot=robot, route=kind, difficulty="uncertain"
+    )
     env.reset(seed=seed)
     shared = env.batch.known.shared[0]
     drawn = env.batch.routes["places"][:, : int(shared["places"])]
@@ -147,9 +156,17 @@ def _table() -> Table:
     for heading in ("route", "length", "grade", "what it is"):
         table.add_column(heading, no_wrap=heading == "route")
     table.add_row(
-        GENERATED, "as suits\nthe robot", "varied", "hills, rough patches, hot spots and weather, anew each time"
+        GENERATED,
+        "as suits\nthe robot",
+        "varied",
+        "hills, rough patches, hot spots and weather, anew each time",
     )
-    table.add_row(HIDDEN_WIND, "", "", "the same, with a wind that helps on the way out and hurts on the way home")
+    table.add_row(
+        HIDDEN_WIND,
+        "",
+        "",
+        "the same, with a wind that helps on the way out and hurts on the way home",
+    )
     for name in route_names():
         if name not in (GENERATED, HIDDEN_WIND):
             route = load_route(name, _FINEST_M)

@@ -1,13 +1,15 @@
 """Train over seeds and settings, several runs at once, on this machine or on a Ray cluster.
 
-`homeward sweep --seeds 0 1 2 --vary learning_rate=1e-3,3e-4 --jobs 2 --out runs/sweep` trains six policies, each in a
-folder of its own, SETTINGS/seed_N. All options of `homeward train` are accepted and apply to every run. The same
-command again continues interrupted runs. It prints a table of the settings and draws their learning curves, sweep.png.
-`homeward evaluate --agents LABEL:ppo=FOLDER` takes a folder of seeds.
+`homeward sweep --seeds 0 1 2 --vary learning_rate=1e-3,3e-4 --jobs 2 --out runs/sweep` trains six
+policies, each in a folder of its own, SETTINGS/seed_N. All options of `homeward train` are accepted
+and apply to every run. The same command again continues interrupted runs. It prints a table of the
+settings and draws their learning curves, sweep.png. `homeward evaluate --agents LABEL:ppo=FOLDER`
+takes a folder of seeds.
 
-`homeward sweep --optuna 20 --vary learning_rate=1e-4..1e-2 clip=0.1..0.3 --out runs/search` searches instead: each
-trial trains all seeds, in trial_N/seed_M, and its score is that of the best points of their learning curves. trials.csv
-holds the table, study.journal the study for optuna-dashboard.
+`homeward sweep --optuna 20 --vary learning_rate=1e-4..1e-2 clip=0.1..0.3 --out runs/search`
+searches instead: each trial trains all seeds, in trial_N/seed_M, and its score is that of the best
+points of their learning curves. trials.csv holds the table, study.journal the study for
+optuna-dashboard.
 """
 
 from __future__ import annotations
@@ -60,11 +62,12 @@ class Args:
     seeds: tuple[int, ...] = (0, 1, 2)
     """Training seeds."""
     vary: tuple[str, ...] = ()
-    """Settings to try, each NAME=VALUE,VALUE: all combinations are trained with every seed. With --optuna also ranges,
-    NAME=LOW..HIGH, on a logarithmic scale where HIGH is ten times LOW or more."""
+    """Settings to try, each NAME=VALUE,VALUE: all combinations are trained with every seed. With
+    --optuna also ranges, NAME=LOW..HIGH, on a logarithmic scale where HIGH is ten times LOW or
+    more."""
     optuna: int | None = None
-    """Number of trials of a search instead of all combinations. An interrupted run restarts from its beginning, so that
-    the search continues after a kill as an uninterrupted one would."""
+    """Number of trials of a search instead of all combinations. An interrupted run restarts from
+    its beginning, so that the search continues after a kill as an uninterrupted one would."""
     jobs: int = 1
     """Processes on this machine."""
     cluster: str | None = None
@@ -112,14 +115,18 @@ def curves_of(folders: Mapping[str, Path]) -> dict[str, list[list[Point]]]:
         settings, _, _ = name.rpartition("/")
         points = read_curve(folder)
         if not points:
-            raise TrainingError(f"{folder} has no learning curve any more: delete the folder to train it anew")
+            raise TrainingError(
+                f"{folder} has no learning curve any more: delete the folder to train it anew"
+            )
         curves.setdefault(settings or _ONLY, []).append(points)
     return curves
 
 
 def _compared(curves: Mapping[str, list[list[Point]]]) -> Table:
     """One row for each settings: means over seeds, and the range of the kept policies' scores."""
-    table = Table(title=f"{EPISODES} missions of the learning curves, means over seeds", box=box.SIMPLE_HEAD)
+    table = Table(
+        title=f"{EPISODES} missions of the learning curves, means over seeds", box=box.SIMPLE_HEAD
+    )
     table.add_column("settings", overflow="fold")
     for heading in ("seeds", "kept", "lowest to highest", "stranded", "last"):
         table.add_column(heading, justify="right")
@@ -150,7 +157,8 @@ def runs_of(args: Args) -> dict[str, train.Args]:
     """Runs to train, by the name of their folder.
 
     Raises:
-        TrainingError: A setting does not exist or cannot take a value, or a value or seed is given twice.
+        TrainingError: A setting does not exist or cannot take a value, or a value or seed is given
+            twice.
     """
     base = _base(args)
     runs = dict[str, train.Args]()
@@ -158,13 +166,17 @@ def runs_of(args: Args) -> dict[str, train.Args]:
     for request in args.vary:
         setting, values = _choices(request)
         if isinstance(values, SearchRange):
-            raise TrainingError(f"--vary {request}: a range is searched with --optuna N; without it give single values")
+            raise TrainingError(
+                f"--vary {request}: a range is searched with --optuna N; without it give single values"
+            )
         choices.append([(setting, value) for value in values])
     for settings in itertools.product(*choices):
         name = "_".join(f"{key}={value}" for key, value in settings)
         for run, run_args in _seeds_of(base, args.seeds, name, dict(settings)).items():
             if run in runs:
-                raise TrainingError(f"--vary {' '.join(args.vary)}: gives {run} twice; give each value once")
+                raise TrainingError(
+                    f"--vary {' '.join(args.vary)}: gives {run} twice; give each value once"
+                )
             runs[run] = run_args
     return runs
 
@@ -172,7 +184,9 @@ def runs_of(args: Args) -> dict[str, train.Args]:
 def _base(args: Args) -> train.Args:
     """Options that all runs have in common."""
     if len(set(args.seeds)) < max(len(args.seeds), 1):
-        raise TrainingError(f"seeds {' '.join(map(str, args.seeds)) or 'none'}: give each seed once, and at least one")
+        raise TrainingError(
+            f"seeds {' '.join(map(str, args.seeds)) or 'none'}: give each seed once, and at least one"
+        )
     for seed in args.seeds:
         check_seed(seed)
     base = args.train
@@ -193,7 +207,9 @@ def _seeds_of(
     runs = {}
     for seed in seeds:
         run = "/".join(part for part in (name, f"seed_{seed}") if part)
-        runs[run] = dataclasses.replace(base, ppo=ppo, seed=seed, out=base.out.resolve() / run, resume=True)
+        runs[run] = dataclasses.replace(
+            base, ppo=ppo, seed=seed, out=base.out.resolve() / run, resume=True
+        )
     return runs
 
 
@@ -202,18 +218,24 @@ def _choices(request: str) -> tuple[str, SearchRange | tuple[Any, ...]]:
     name, _, values = request.partition("=")
     defaults = dataclasses.asdict(PPOSettings()) | PPOSettings().by_start
     if name not in defaults:
-        raise TrainingError(f"--vary {request}: there is no setting {name!r}; choose from {', '.join(defaults)}")
+        raise TrainingError(
+            f"--vary {request}: there is no setting {name!r}; choose from {', '.join(defaults)}"
+        )
     kind = type(defaults[name])
     low, dots, high = values.partition("..")
     if dots and (kind is str or name in _BATCHES):
-        raise SearchError(f"--vary {request}: is not searched between ends; give values, as {name}={defaults[name]}")
+        raise SearchError(
+            f"--vary {request}: is not searched between ends; give values, as {name}={defaults[name]}"
+        )
     texts = values.split(",")
     if dots:
         texts = [low, high]
     try:
         parsed = [kind(text) for text in texts]
     except ValueError:
-        raise TrainingError(f"--vary {request}: give {kind.__name__} values, as {name}={defaults[name]}") from None
+        raise TrainingError(
+            f"--vary {request}: give {kind.__name__} values, as {name}={defaults[name]}"
+        ) from None
     if not dots:
         return name, tuple(parsed)
     try:
@@ -236,23 +258,32 @@ def _search(args: Args, trials: int) -> dict[str, Path]:
     def objective(number: int, settings: dict[str, Any]) -> float:
         runs = _seeds_of(base, args.seeds, f"trial_{number}", settings)
         _say_too_few(runs, said)
-        scores = run_tasks(train_and_score, runs, jobs=args.jobs, cluster=args.cluster, title=f"trial {number}")
+        scores = run_tasks(
+            train_and_score, runs, jobs=args.jobs, cluster=args.cluster, title=f"trial {number}"
+        )
         folders.update((name, run_args.out) for name, run_args in runs.items())
         return statistics.fmean(scores.values())
 
     def keep(done: list[Trial]) -> None:
         _write_trials(base.out / TRIALS, done)
         newest = done[-1]
-        console.print(f"trial {newest.number}, score {newest.score:.4g}: {_flags(newest)}", soft_wrap=True)
+        console.print(
+            f"trial {newest.number}, score {newest.score:.4g}: {_flags(newest)}", soft_wrap=True
+        )
 
     done = search(space, trials, objective, base.out / STUDY, keep)
     ended = [trial for trial in done if not math.isnan(trial.score)]
     ranked = sorted(ended, key=lambda trial: -trial.score)
     if not ranked:
-        raise TrainingError("no trial ended with weights that are finite numbers: search smaller learning rates")
+        raise TrainingError(
+            "no trial ended with weights that are finite numbers: search smaller learning rates"
+        )
     best_trial = ranked[0]
     cli.Terminal().show(_table(ranked[:_SHOWN]))
-    console.print(f"best: {_flags(best_trial)}, in {args.train.out / f'trial_{best_trial.number}'}", soft_wrap=True)
+    console.print(
+        f"best: {_flags(best_trial)}, in {args.train.out / f'trial_{best_trial.number}'}",
+        soft_wrap=True,
+    )
     return folders
 
 
@@ -261,7 +292,9 @@ def _space(args: Args, base: train.Args, trials: int) -> dict[str, SearchRange |
     if trials < 1:
         raise TrainingError(f"optuna = {trials} is not allowed; give at least 1")
     if not args.vary:
-        raise TrainingError("--optuna searches what --vary names: give NAME=LOW..HIGH, as learning_rate=1e-4..1e-2")
+        raise TrainingError(
+            "--optuna searches what --vary names: give NAME=LOW..HIGH, as learning_rate=1e-4..1e-2"
+        )
     space = dict(map(_choices, args.vary))
     if len(space) < len(args.vary):
         raise TrainingError(f"--vary {' '.join(args.vary)}: names a setting twice; give each once")
@@ -311,13 +344,16 @@ def train_quietly(args: train.Args) -> Path:
         TrainingError: The run is invalid, or its folder is not visible from here.
     """
     if not any((folder / MARK).is_file() for folder in args.out.parents):
-        raise TrainingError(f"{args.out} is not visible from this node: give an --out that all nodes share")
+        raise TrainingError(
+            f"{args.out} is not visible from this node: give an --out that all nodes share"
+        )
     with contextlib.redirect_stderr(io.StringIO()):
         return train.main(args)
 
 
 def train_and_score(args: train.Args) -> float:
-    """Train one run without output; the best score of its learning curve, or NaN if the weights diverged.
+    """Train one run without output; the best score of its learning curve, or NaN if the weights
+    diverged.
 
     Raises:
         TrainingError: As `train_quietly`.
@@ -331,5 +367,13 @@ def train_and_score(args: train.Args) -> float:
 
 def run() -> int:
     """Run from the command line, see `homeward.cli.run`."""
-    refused = (TrainingError, SearchError, OptionError, RobotError, RouteError, TaskError, ClusterError)
+    refused = (
+        TrainingError,
+        SearchError,
+        OptionError,
+        RobotError,
+        RouteError,
+        TaskError,
+        ClusterError,
+    )
     return cli.run(main, Args, __doc__, refused, interrupted="the same command continues")

@@ -24,8 +24,19 @@ def sweep_png(curves: Mapping[str, Sequence[Sequence[Point]]], env_id: str, miss
         label: str | None = settings
         for points in seeds:
             millions = [point.steps / 1e6 for point in points]
-            above.plot(millions, [point.score for point in points], color=colour, label=label, linewidth=1.2)
-            below.plot(millions, [100.0 * point.stranded_rate for point in points], color=colour, linewidth=1.2)
+            above.plot(
+                millions,
+                [point.score for point in points],
+                color=colour,
+                label=label,
+                linewidth=1.2,
+            )
+            below.plot(
+                millions,
+                [100.0 * point.stranded_rate for point in points],
+                color=colour,
+                linewidth=1.2,
+            )
             label = None  # one entry of the legend for all seeds
     above.legend(**LEGEND)
     figure.suptitle(f"{env_id}: a line for each training seed, on {EPISODES} missions", fontsize=11)

@@ -1,20 +1,24 @@
-"""Replay recordings of a robot as if live, and compare the companion's predictions with measurements.
+"""Replay recordings of a robot as if live, and compare the companion's predictions with
+measurements.
 
-`homeward watch RUN... --robot corrected.toml` replays each recording to a companion (docs/on_the_robot.md), which
-predicts at each moment what the rest of the drive will consume. It prints, by the way left, how often the 90 % interval
-contained the measured energy, and the error of the mean. DIR/watch.html shows this, DIR/watch.csv contains every
-moment. RUN is a table or a ROS bag (read without ROS), with battery power, or voltage and current. From motor currents
-alone the charge is predicted, with the corrected.toml of such recordings. A terminal shows the drive meanwhile.
+`homeward watch RUN... --robot corrected.toml` replays each recording to a companion
+(docs/on_the_robot.md), which predicts at each moment what the rest of the drive will consume. It
+prints, by the way left, how often the 90 % interval contained the measured energy, and the error of
+the mean. DIR/watch.html shows this, DIR/watch.csv contains every moment. RUN is a table or a ROS
+bag (read without ROS), with battery power, or voltage and current. From motor currents alone the
+charge is predicted, with the corrected.toml of such recordings. A terminal shows the drive
+meanwhile.
 
-`homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and advises live. It
-subscribes to battery state, odometry and IMU, by the mappings for bags, and publishes whether the robot can reach home,
-whether it must turn now, and the energy of the way home.
+`homeward watch --ros2 --robot corrected.toml` joins the ROS 2 network of a robot, without ROS, and
+advises live. It subscribes to battery state, odometry and IMU, by the mappings for bags, and
+publishes whether the robot can reach home, whether it must turn now, and the energy of the way
+home.
 
-`homeward watch --mavlink udpin:127.0.0.1:14550 --robot corrected.toml` does the same for a vehicle with an autopilot
-(ArduPilot, PX4): it sends texts (STATUSTEXT) and numbers (NAMED_VALUE_FLOAT).
+`homeward watch --mavlink udpin:127.0.0.1:14550 --robot corrected.toml` does the same for a vehicle
+with an autopilot (ArduPilot, PX4): it sends texts (STATUSTEXT) and numbers (NAMED_VALUE_FLOAT).
 
-With `--foxglove` the advice on a live robot is shown in Foxglove too, and `--mcap FILE` writes the same to a file, of
-a replay as well.
+With `--foxglove` the advice on a live robot is shown in Foxglove too, and `--mcap FILE` writes the
+same to a file, of a replay as well.
 """
 
 from __future__ import annotations
@@ -43,7 +47,8 @@ from homeward.logs.plausible import within_top_speed
 from homeward.physics import Robot, RobotError, load_robot
 from homeward.watch.live import LiveView
 
-if TYPE_CHECKING:  # the replay needs the diagnosis, with its libraries; a robot as it drives does not
+# the replay needs the diagnosis, with its libraries; a robot as it drives does not
+if TYPE_CHECKING:
     from homeward.watch.coverage import Row
     from homeward.watch.foxglove.stream import Stream
     from homeward.watch.online.link import Output
@@ -55,19 +60,20 @@ class Args:
     """Recordings or network, robot and output."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Recordings (.csv, .csv.gz, .tsv, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder of a ROS 2 bag), one
-    run each; none for a live robot (--ros2, --mavlink, --stdin)."""
+    """Recordings (.csv, .csv.gz, .tsv, .txt, .parquet, .bag, .mcap, .db3, .ulg, .bin or the folder
+    of a ROS 2 bag), one run each; none for a live robot (--ros2, --mavlink, --stdin)."""
     robot: str
     """Robot: preset name or TOML file, such as the corrected.toml of a diagnosis."""
     columns: str | None = None
-    """Mapping of columns or, for bags, of topics, for recordings with other names: shipped name or TOML file."""
+    """Mapping of columns or, for bags, of topics, for recordings with other names: shipped name or
+    TOML file."""
     soc: float | None = None
     """State of charge at the start, 0 to 1; by default as recorded, or full."""
     cutoff_v: float | None = None
     """Voltage at which the battery is cut off, V."""
     capacity_j: float | None = None
-    """Energy that this battery gave when it was last discharged from full to the cut-off, J; by default unknown, as of
-    ageing batteries."""
+    """Energy that this battery gave when it was last discharged from full to the cut-off, J; by
+    default unknown, as of ageing batteries."""
     cruise_mps: float | None = None
     """Speed on the way home, m/s; by default that at which its ground was driven on the way out."""
     risk: float = thresholds.RISK
@@ -83,26 +89,30 @@ class Args:
     domain: int | None = None
     """With --ros2: number of its domain; by default ROS_DOMAIN_ID, or 0."""
     namespace: str = ""
-    """With --ros2 or --stdin: subscribe only to topics below this, such as /robot1, and publish the advice below it."""
+    """With --ros2 or --stdin: subscribe only to topics below this, such as /robot1, and publish the
+    advice below it."""
     home: tuple[float, float] | None = None
-    """With --ros2 or --stdin: home in the frame of the odometry, m; by default the first position received."""
+    """With --ros2 or --stdin: home in the frame of the odometry, m; by default the first position
+    received."""
     docks: tuple[str, ...] = ()
-    """With --ros2 or --stdin: other homes and charging docks, NAME=EAST,NORTH in the frame of the odometry, m. The one
-    with the best margin is advised."""
+    """With --ros2 or --stdin: other homes and charging docks, NAME=EAST,NORTH in the frame of the
+    odometry, m. The one with the best margin is advised."""
     mavlink: str | None = None
-    """Advise a vehicle on MAVLink instead of replaying: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or a serial
-    port; needs the extra logs."""
+    """Advise a vehicle on MAVLink instead of replaying: udpin:HOST:PORT, udpout:HOST:PORT,
+    tcp:HOST:PORT or a serial port; needs the extra logs."""
     stdin: bool = False
-    """Read a robot's messages as JSON lines, and write the advice so, as the node of ROS 2 in ros2/ does; needs the
-    extra logs."""
+    """Read a robot's messages as JSON lines, and write the advice so, as the node of ROS 2 in ros2/
+    does; needs the extra logs."""
     foxglove: bool = False
     """Of a live robot: stream the advice to Foxglove too; needs the extra foxglove."""
     foxglove_address: str = "127.0.0.1:8765"
-    """With --foxglove: HOST:PORT of its server. By default only this computer reaches it; there is no password."""
+    """With --foxglove: HOST:PORT of its server. By default only this computer reaches it; there is
+    no password."""
     mcap: Path | None = None
     """Write the advice to this MCAP file, for Foxglove; needs the extra foxglove."""
     state: Path | None = None
-    """Of a live robot: file of the state: read if it exists, and written every minute and at the end."""
+    """Of a live robot: file of the state: read if it exists, and written every minute and at the
+    end."""
 
 
 def main(args: Args) -> list[Watched]:
@@ -115,7 +125,9 @@ def main(args: Args) -> list[Watched]:
     live = _live_option(args)
     if live is None:
         if not args.runs:
-            raise RecordingError("no recording is given; name at least one file, or --ros2, --mavlink or --stdin")
+            raise RecordingError(
+                "no recording is given; name at least one file, or --ros2, --mavlink or --stdin"
+            )
         return _replay(args)
     if args.runs:
         raise RecordingError(f"{live} accepts no recordings: it receives a robot's messages")
@@ -141,9 +153,13 @@ def _live_option(args: Args) -> str | None:
     if not live and args.state is not None:
         raise CompanionError("--state is for a live robot: --ros2, --mavlink or --stdin")
     if not live and args.foxglove:
-        raise CompanionError("--foxglove is for a live robot; --mcap FILE writes the advice of a replay for Foxglove")
+        raise CompanionError(
+            "--foxglove is for a live robot; --mcap FILE writes the advice of a replay for Foxglove"
+        )
     if args.namespace and not args.namespace.startswith("/"):
-        raise CompanionError(f"--namespace {args.namespace!r} is not allowed; give one with a leading slash")
+        raise CompanionError(
+            f"--namespace {args.namespace!r} is not allowed; give one with a leading slash"
+        )
     if not live:
         return None
     return live[0]
@@ -174,7 +190,9 @@ def _replay(args: Args) -> list[Watched]:
     read = [read_recording(path, args.columns) for path in args.runs]
     recordings = [within_top_speed(recording, robot.max_speed_mps) for recording in read]
     check_writable(args.out)
-    notes = [(Path(recording.name).name, note) for recording in recordings for note in recording.notes]
+    notes = [
+        (Path(recording.name).name, note) for recording in recordings for note in recording.notes
+    ]
     for name, note in notes:
         cli.remark(name, note)
     console = cli.Terminal()
@@ -194,23 +212,30 @@ def _replay(args: Args) -> list[Watched]:
         console.print(Padding(lacking, (0, 0, 0, 2)), style="dim", soft_wrap=True)
     for text in runs[0].rests_on:
         console.print(Padding(text, (0, 0, 0, 2)), style="dim")
-    texts = {"watch.html": watch_html(runs, robot, notes=notes), "watch.csv": moments_of(runs).to_csv(index=False)}
+    texts = {
+        "watch.html": watch_html(runs, robot, notes=notes),
+        "watch.csv": moments_of(runs).to_csv(index=False),
+    }
     page = write_files(args.out, texts)[0]
     console.print(f"Page: {page}", soft_wrap=True)
     return runs
 
 
 Show = Callable[[str, Advice, float, float], None]
-"""What shows an advice: name of the recording, advice, time since its start, s, and its duration, s."""
+"""What shows an advice: name of the recording, advice, time since its start, s, and its duration,
+s."""
 
 
 @contextlib.contextmanager
 def _shown(args: Args, robot: Robot, console: cli.Terminal) -> Iterator[Show | None]:
-    """What shows the advice of a replay: in a terminal and for Foxglove, as asked for; None for neither."""
+    """What shows the advice of a replay: in a terminal and for Foxglove, as asked for; None for
+    neither."""
     with contextlib.ExitStack() as stack:
         views: list[Show] = []
         if console.is_terminal and not args.quiet:
-            views.append(stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show)
+            views.append(
+                stack.enter_context(LiveView(console, robot.usable_energy_j, args.speed)).show
+            )
         for stream in stack.enter_context(_streamed(args, robot)):
             views.append(stream.replay(robot.usable_energy_j))
 
@@ -249,7 +274,8 @@ def _streamed(args: Args, robot: Robot) -> Iterator[list[Stream]]:
         yield []
         return
     try:
-        from homeward.watch.foxglove.stream import LAYOUT, Stream, address_of  # only now: it needs a further package
+        # only now: it needs a further package
+        from homeward.watch.foxglove.stream import LAYOUT, Stream, address_of
     except ModuleNotFoundError:
         option = "--foxglove" if args.foxglove else "--mcap"
         advice = installed.advice("foxglove", "foxglove-sdk")
@@ -259,7 +285,9 @@ def _streamed(args: Args, robot: Robot) -> Iterator[list[Stream]]:
         address = address_of(args.foxglove_address)
     with contextlib.closing(Stream(robot.name, address, args.mcap)) as stream:
         if stream.url is not None:
-            cli.remark("Foxglove", f"open a connection to {stream.url}, and import the layout {LAYOUT}")
+            cli.remark(
+                "Foxglove", f"open a connection to {stream.url}, and import the layout {LAYOUT}"
+            )
         yield [stream]
 
 
@@ -270,7 +298,9 @@ def _join(args: Args, robot: Robot, outputs: Sequence[Output]) -> None:
         from homeward.watch.online.session import Session  # only now: they need further packages
         from homeward.watch.ros2.network import Network
     except ModuleNotFoundError as error:
-        raise CompanionError(f"--ros2 needs {error.name}: {installed.advice('ros2', 'cyclonedds rosbags')}") from None
+        raise CompanionError(
+            f"--ros2 needs {error.name}: {installed.advice('ros2', 'cyclonedds rosbags')}"
+        ) from None
     network = Network(domain, args.namespace.rstrip("/"))
     Session(
         robot, network, f"{robot.name} on domain {domain}", args.columns, args.home, args.state, outputs,
@@ -284,7 +314,9 @@ def _advise_vehicle(args: Args, address: str, robot: Robot, outputs: Sequence[Ou
         from homeward.watch.mavlink.vehicle import Vehicle  # only now: they need further packages
         from homeward.watch.online.session import Session
     except ModuleNotFoundError as error:
-        raise CompanionError(f"--mavlink needs {error.name}: {installed.advice('logs', 'pymavlink rosbags')}") from None
+        raise CompanionError(
+            f"--mavlink needs {error.name}: {installed.advice('logs', 'pymavlink rosbags')}"
+        ) from None
     vehicle = Vehicle(address)
     met = vehicle.meet(lambda text: cli.remark(address, text))
     for text in met.said():
@@ -301,7 +333,9 @@ def _advise_by_lines(args: Args, robot: Robot, outputs: Sequence[Output]) -> Non
         from homeward.watch.online.lines import Lines  # only now: they need further packages
         from homeward.watch.online.session import Session
     except ModuleNotFoundError as error:
-        raise CompanionError(f"--stdin needs {error.name}: {installed.advice('logs', 'rosbags')}") from None
+        raise CompanionError(
+            f"--stdin needs {error.name}: {installed.advice('logs', 'rosbags')}"
+        ) from None
     lines = Lines(sys.stdin.fileno(), sys.stdout.fileno(), args.namespace.rstrip("/"))
     Session(
         robot, lines, f"{robot.name} by standard input", args.columns, args.home, args.state, outputs,

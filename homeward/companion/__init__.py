@@ -1,4 +1,5 @@
-"""On the robot: estimates of the energy left and of the way home with their uncertainty, and when to turn."""
+"""On the robot: estimates of the energy left and of the way home with their uncertainty, and when
+to turn."""
 
 from homeward.companion.advice import Action, Advice, HomeOption, UncertainValue
 from homeward.companion.companion import Companion

@@ -1,4 +1,5 @@
-"""What the companion returns: estimates with their uncertainty, and the readings and assumptions behind them."""
+"""What the companion returns: estimates with their uncertainty, and the readings and assumptions
+behind them."""
 
 from __future__ import annotations
 
@@ -93,28 +94,32 @@ class HomeOption(NamedTuple):
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice at a moment of a drive. Energies are in J as the robot's own power meter would measure them.
+    """Advice at a moment of a drive. Energies are in J as the robot's own power meter would measure
+    them.
 
-    With docks, "home" is the home or dock that is advised: of those that are reachable at the accepted risk, the one
-    with the largest margin at that risk; if none is, the one with the highest probability of getting there.
+    With docks, "home" is the home or dock that is advised: of those that are reachable at the
+    accepted risk, the one with the largest margin at that risk; if none is, the one with the
+    highest probability of getting there.
 
     Attributes:
         time_s: Time of the reading, s since the first one.
         way_home_m: Length of the way home that the robot would take, m.
-        energy_left_j: Energy in the battery, down to the cut-off voltage if one was given: from 0 to what a full
-            battery holds by the robot's file.
-        energy_home_j: Energy that the way home consumes, turning now, at the speed that `rests_on` names; at least 0.
+        energy_left_j: Energy in the battery, down to the cut-off voltage if one was given: from 0
+            to what a full battery holds by the robot's file.
+        energy_home_j: Energy that the way home consumes, turning now, at the speed that `rests_on`
+            names; at least 0.
         margin_j: Energy left less that of the way home; negative if it is not enough.
         chance_home: Probability of getting home when turning now.
         risk: Accepted probability of not getting home, used for the next three.
         turn_in_m: How far the robot may drive on before it must turn, m; 0 if it must turn now.
         turn_in_s: The time that this takes at its present pace, s.
-        turn_now: Whether it must turn now. It stays true, whatever the estimates become, until the robot is home,
-            within `Companion(arrived_m=...)`, or another battery, charge or home is told.
-        chance_there_and_back: Probability of getting to the end of the route and home, to no dock; None without a
-            route.
-        looks_back: Whether an excitation step now, driving towards home for a moment, would distinguish wind from
-            rolling resistance.
+        turn_now: Whether it must turn now. It stays true, whatever the estimates become, until the
+            robot is home, within `Companion(arrived_m=...)`, or another battery, charge or home is
+            told.
+        chance_there_and_back: Probability of getting to the end of the route and home, to no dock;
+            None without a route.
+        looks_back: Whether an excitation step now, driving towards home for a moment, would
+            distinguish wind from rolling resistance.
         rests_on: Readings and assumptions behind the advice, a sentence each.
         warnings: Present faults of the readings, a sentence each.
         action: Command of the policy; None without a policy and once its mission is over.

@@ -1,13 +1,14 @@
 """The battery: a grid of possible ones, each weighed by how well it predicts what is read.
 
-A possible battery has a capacity and a state of charge at the start. The energy drawn, which the power integrates to,
-gives its charge at any time. Three witnesses weigh it:
+A possible battery has a capacity and a state of charge at the start. The energy drawn, which the
+power integrates to, gives its charge at any time. Three witnesses weigh it:
 
 * The robot drives: a battery that would be empty is out.
-* The voltage: the open-circuit voltage at its charge, less the resistance times the current, of which one half acts at
-  once and the other slowly (Thevenin's circuit with one pair of resistance and capacity; Plett, Journal of Power
-  Sources 134, 2004). Both, and by how much these cells are above their curve, are estimated for each possible battery
-  by a Kalman filter. What the voltage under load keeps below the cut-off is not counted, within the errors of all.
+* The voltage: the open-circuit voltage at its charge, less the resistance times the current, of
+  which one half acts at once and the other slowly (Thevenin's circuit with one pair of resistance
+  and capacity; Plett, Journal of Power Sources 134, 2004). Both, and by how much these cells are
+  above their curve, are estimated for each possible battery by a Kalman filter. What the voltage
+  under load keeps below the cut-off is not counted, within the errors of all.
 * The gauge, as far as it is believed (`homeward.companion.gauge`).
 
 Energies are as metered, over the energy of a full battery by the robot's file.
@@ -32,15 +33,19 @@ from homeward.physics.cells import MOST_COLD_TIMES, Cells, any_cell, cold_resist
 Floats = NDArray[np.float64]
 
 CAPACITIES, STARTS = 61, 25
-"""Points of the grid along either axis. Chosen: neighbours differ by less than what readings tell apart."""
-_PARTS = np.array([0.0, 1e-4, 1e-3, 5e-3, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 1.0])
-"""Ends of the shares of probability in which the energy left is told; chosen: fine where risks are."""
+"""Points of the grid along either axis. Chosen: neighbours differ by less than what readings tell
+apart."""
+_PARTS = np.array(
+    [0.0, 1e-4, 1e-3, 5e-3, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 1.0]
+)
+"""Ends of the shares of probability in which the energy left is told; chosen: fine where risks
+are."""
 PARTS = len(_PARTS) - 1
 _SAG_ENDS = np.array([-np.inf, -1.0, 0.0, 1.0, 2.0, 2.5, 3.09, np.inf])
 _SAG_WEIGHTS = np.diff(ndtr(_SAG_ENDS))
 _SAGS = -np.diff(np.exp(-0.5 * _SAG_ENDS**2)) / math.sqrt(2.0 * math.pi) / _SAG_WEIGHTS
-"""Deviations of the voltage under load for which the end is asked, the means of these parts of a normal distribution,
-and their probabilities. Chosen: the last has the default risk."""
+"""Deviations of the voltage under load for which the end is asked, the means of these parts of a
+normal distribution, and their probabilities. Chosen: the last has the default risk."""
 _OFFSET, _FAST, _SLOW = range(3)
 _S_PER_H = 3600.0
 _FACTOR_STEPS = 41
@@ -68,7 +73,8 @@ class Conditions(NamedTuple):
         temperature_c: Of the air, C; NaN: not read.
         rate_per_h: Mean rate of the discharge.
         gain_sd: Relative standard deviation of the energy drawn, as of the meter.
-        modelled_sd: The same, if no power is read and the model takes the meter's place; 0 otherwise.
+        modelled_sd: The same, if no power is read and the model takes the meter's place; 0
+            otherwise.
         metered_share: Share of the energy out of the cells that the meter measures.
         models_cold: Whether the robot's own model counts what the cold takes from the battery.
     """
@@ -82,7 +88,8 @@ class Conditions(NamedTuple):
 
     @property
     def cells_c(self) -> float:
-        """Temperature by which the cells give less, C: what the robot's own model counts does not count twice."""
+        """Temperature by which the cells give less, C: what the robot's own model counts does not
+        count twice."""
         if self.models_cold:
             return math.nan
         return self.temperature_c
@@ -116,16 +123,17 @@ class BatteryBelief:
     Args:
         cells: The robot's cells.
         prior: Prior of the estimator: the capacity, and the errors of the gauge.
-        capacity_is_fitted: Whether the capacity was measured, so that it is normally distributed; otherwise it is
-            within a range.
+        capacity_is_fitted: Whether the capacity was measured, so that it is normally distributed;
+            otherwise it is within a range.
         cutoff_v: Voltage under load at which the battery is cut off, V, if it is known.
 
     Attributes:
         trust: What is believed of the gauge.
-        totals: Energy from the start until empty or cut off, by parts of the probability, shape (PARTS,), rising.
+        totals: Energy from the start until empty or cut off, by parts of the probability, shape
+            (PARTS,), rising.
         weights: Probability of each part, shape (PARTS,).
-        fails: Probability that the voltage under load falls to the cut-off within as long as the robot drove, full or
-            not.
+        fails: Probability that the voltage under load falls to the cut-off within as long as the
+            robot drove, full or not.
     """
 
     SAVED: ClassVar = (
@@ -134,7 +142,9 @@ class BatteryBelief:
         "_most", "_drawn", "_cold", "_most_cold", "_used", "fails",
     )  # fmt: skip
 
-    def __init__(self, cells: Cells, prior: Prior, capacity_is_fitted: bool, cutoff_v: float | None) -> None:
+    def __init__(
+        self, cells: Cells, prior: Prior, capacity_is_fitted: bool, cutoff_v: float | None
+    ) -> None:
         self._cells = cells
         self._prior = prior
         self._capacity_is_fitted = capacity_is_fitted
@@ -172,7 +182,9 @@ class BatteryBelief:
         self._volts = np.zeros((CAPACITIES * STARTS, 3))
         self._volts[:, _FAST] = self._cold * thresholds.RESISTANCE
         self._volts[:, _SLOW] = self._cold * thresholds.RESISTANCE
-        self._volts_covariance = np.diag([self._curve_variance, self._resistance_variance, self._resistance_variance])
+        self._volts_covariance = np.diag(
+            [self._curve_variance, self._resistance_variance, self._resistance_variance]
+        )
         gauge = start.charge
         if start.told:  # nothing was shown yet
             gauge = math.nan
@@ -191,9 +203,10 @@ class BatteryBelief:
     def recharge(self, charge: float) -> None:
         """Go on with the same battery at another charge, which somebody tells.
 
-        What is believed of its capacity, its resistance and the gauge's gain stays; a gauge that has jumped is believed
-        again, one with a course of its own is not. The charge is as uncertain as any
-        that is told, and the error of the open-circuit curve is that of another charge.
+        What is believed of its capacity, its resistance and the gauge's gain stays; a gauge that
+        has jumped is believed again, one with a course of its own is not. The charge is as
+        uncertain as any that is told, and the error of the open-circuit curve is that of another
+        charge.
         """
         moved = abs(charge - self.charge)
         charges, charge_weight = _starts(Start(charge))
@@ -205,7 +218,8 @@ class BatteryBelief:
         within = by_capacity / by_capacity.sum(axis=1, keepdims=True)
 
         def merged(values: Floats) -> tuple[Floats, Floats]:
-            """Mean over the former starts of each capacity, and the deviations from it, shape (n, ...)."""
+            """Mean over the former starts of each capacity, and the deviations from it, shape (n,
+            ...)."""
             of_starts = values.reshape(CAPACITIES, STARTS, -1)
             mean = np.einsum("cs,csa->ca", within, of_starts)
             apart = (of_starts - mean[:, None]).reshape(values.shape)
@@ -234,12 +248,15 @@ class BatteryBelief:
         self._tell()
 
     def _fade_curve(self, moved: float) -> Floats:
-        """Fade what is known of the curve over a change of the charge; returns the covariance then."""
+        """Fade what is known of the curve over a change of the charge; returns the covariance
+        then."""
         stays, covariance = self._predicted(moved)
         self._volts[:, _OFFSET] *= stays
         return covariance
 
-    def _capacities(self, derating: tuple[float, float], conditions: Conditions) -> tuple[Floats, Floats]:
+    def _capacities(
+        self, derating: tuple[float, float], conditions: Conditions
+    ) -> tuple[Floats, Floats]:
         """Capacities and their probabilities: the product of what is uncertain about them."""
         prior = self._prior
         shares = (np.arange(_FACTOR_STEPS) + 0.5) / _FACTOR_STEPS
@@ -252,22 +269,29 @@ class BatteryBelief:
         steps = shares[:: _FACTOR_STEPS // 8]
         derated = derating[0] + (derating[1] - derating[0]) * shares
         # What is lost in the resistance is not metered at the terminals.
-        half_ohms = thresholds.RESISTANCE + math.sqrt(3.0) * thresholds.RESISTANCE_SD * (2.0 * steps - 1.0)
+        half_ohms = thresholds.RESISTANCE + math.sqrt(3.0) * thresholds.RESISTANCE_SD * (
+            2.0 * steps - 1.0
+        )
         ohms = 2.0 * cold_resistance(conditions.cells_c) * half_ohms
         sag = 1.0 - self._cells.beyond_label_per_h(conditions.rate_per_h) * ohms
         metered = np.maximum(1.0 + conditions.gain_sd * ndtri(steps), 0.1)
         modelled = 1.0 + math.sqrt(3.0) * conditions.modelled_sd * (2.0 * steps - 1.0)
         factors = [self._aged, derated, np.maximum(sag, 0.1), metered, np.maximum(modelled, 0.1)]
         # What is certain counts once.
-        product = conditions.metered_share * np.asarray(reduce(np.multiply.outer, map(np.unique, factors))).ravel()
+        product = (
+            conditions.metered_share
+            * np.asarray(reduce(np.multiply.outer, map(np.unique, factors))).ravel()
+        )
         counts, edges = np.histogram(product, CAPACITIES)
         return 0.5 * (edges[1:] + edges[:-1]), counts / counts.sum()
 
     def _counted(self, derating: tuple[float, float]) -> tuple[Floats, Floats]:
-        """Fall of a counter over the fall of the charge that can be drawn, by battery: mean and standard deviation.
+        """Fall of a counter over the fall of the charge that can be drawn, by battery: mean and
+        standard deviation.
 
-        A counter has learned the charge of a warm battery that is drawn slowly. Whether it knows the cold and the rate
-        is unknown, so that the ratio is between what these leave of the capacity and 1.
+        A counter has learned the charge of a warm battery that is drawn slowly. Whether it knows
+        the cold and the rate is unknown, so that the ratio is between what these leave of the
+        capacity and 1.
         """
         oldest, newest = self._aged[[0, -1]]
         # A capacity that is low for its age is so by the cold or the rate.
@@ -329,14 +353,19 @@ class BatteryBelief:
         variance = float(jacobian @ covariance @ jacobian) + noise**2
         # Relative densities: that of an outlier is the same over the whole range of voltages.
         inlier = (1.0 - thresholds.VOLTAGE_OUTLIERS) * np.exp(-0.5 * innovation**2 / variance)
-        outlier = thresholds.VOLTAGE_OUTLIERS * math.sqrt(2.0 * math.pi * variance) / thresholds.VOLTAGE_RANGE
+        outlier = (
+            thresholds.VOLTAGE_OUTLIERS
+            * math.sqrt(2.0 * math.pi * variance)
+            / thresholds.VOLTAGE_RANGE
+        )
         gain = covariance @ jacobian / variance
         self._volts += (innovation * inlier / (inlier + outlier))[:, None] * gain
         self._volts_covariance = covariance - np.outer(gain, gain) * variance
         if not math.isfinite(self._cutoff_v):
             # Nobody said where it is cut off: not there, for it drives.
             self._cutoff = min(self._cutoff, read.voltage_v / cells.mean_v)
-        if not cells.has_curve:  # the voltage of cells of unknown chemistry does not tell their charge
+        # the voltage of cells of unknown chemistry does not tell their charge
+        if not cells.has_curve:
             return np.ones_like(self._charge)
         return np.asarray(inlier + outlier)
 
@@ -352,9 +381,11 @@ class BatteryBelief:
         return rate + (rate_before - rate) * mean_lag
 
     def _predicted(self, moved: float) -> tuple[float, Floats]:
-        """What stays of the curve's error when a share of the charge was drawn, and the covariance of the voltage then.
+        """What stays of the curve's error when a share of the charge was drawn, and the covariance
+        of the voltage then.
 
-        The error of the curve is another one some tenths of the charge further on, the resistance a little.
+        The error of the curve is another one some tenths of the charge further on, the resistance a
+        little.
         """
         stays = math.exp(-moved / thresholds.CURVE_ERROR_LASTS)
         fade = np.diag([stays, 1.0, 1.0])
@@ -377,7 +408,9 @@ class BatteryBelief:
         if self._used > 0.0 and self._time_s > 0.0:
             drawn_per_s = self._used / self._time_s
         is_cut_off = np.isfinite(lasts_s)
-        until_cut_off = np.where(is_cut_off, self._used + drawn_per_s * np.where(is_cut_off, lasts_s, 0.0), math.inf)
+        until_cut_off = np.where(
+            is_cut_off, self._used + drawn_per_s * np.where(is_cut_off, lasts_s, 0.0), math.inf
+        )
         totals = np.minimum(np.maximum(until_empty * self._capacity, self._used), until_cut_off)
         totals = np.minimum(totals, self._most).ravel()
         weights = (sag_weights[:, None] * self.trust.weights).ravel()
@@ -393,18 +426,21 @@ class BatteryBelief:
         self.totals = np.diff(moment_at_end) / self.weights
 
     def _under_load(self) -> tuple[Floats, Floats, Floats]:
-        """How a battery ends under the largest load so far, by deviation of its voltage and battery.
+        """How a battery ends under the largest load so far, by deviation of its voltage and
+        battery.
 
         Returns:
-            Share of the energy that stays in it below the cut-off, shape (deviations, n); time until its slow half
-            takes the voltage to the cut-off although it is not empty, s, infinite if that does not happen, of the same
-            shape; and the probability of each deviation.
+            Share of the energy that stays in it below the cut-off, shape (deviations, n); time
+            until its slow half takes the voltage to the cut-off although it is not empty, s,
+            infinite if that does not happen, of the same shape; and the probability of each
+            deviation.
         """
         cells = self._cells
         count = len(self._charge)
         knows_voltage = self._volts_covariance[_FAST, _FAST] < self._resistance_variance
         self.fails = 0.0
-        if not (cells.has_curve or knows_voltage):  # neither its curve nor its resistance: it ends when it is empty
+        # neither its curve nor its resistance: it ends when it is empty
+        if not (cells.has_curve or knows_voltage):
             return np.zeros((1, count)), np.full((1, count), math.inf), np.ones(1)
         at_rest = self._at_rest()
         if not cells.has_curve:
@@ -413,9 +449,12 @@ class BatteryBelief:
         needs_now = self._needs(self._slow_rate)
         needs_settled = self._needs(max(self._most_slow_rate, self._slow_rate))
         rise = needs_settled - needs_now
-        # Share of its rise that the need has made when it reaches the voltage at rest; without a rise all or nothing.
+        # Share of its rise that the need has made when it reaches the voltage at rest; without a
+        # rise all or nothing.
         without_rise = np.where(at_rest > needs_now, 1.0, 0.0)
-        share = np.where(rise > 0.0, (at_rest - needs_now) / np.maximum(rise, _LEAST_RISE), without_rise)
+        share = np.where(
+            rise > 0.0, (at_rest - needs_now) / np.maximum(rise, _LEAST_RISE), without_rise
+        )
         with np.errstate(divide="ignore"):  # it settles without reaching it
             lasts_s = -thresholds.POLARISES_S * np.log(1.0 - np.clip(share, 0.0, 1.0))
         self.fails = float(_SAG_WEIGHTS @ (lasts_s < self._time_s) @ self.trust.weights)
@@ -427,7 +466,8 @@ class BatteryBelief:
         return np.asarray(unusable), lasts_s, _SAG_WEIGHTS
 
     def _needs(self, slow_rate: float) -> Floats:
-        """Open-circuit voltage at which the battery is cut off, by deviation and battery, shape (deviations, n).
+        """Open-circuit voltage at which the battery is cut off, by deviation and battery, shape
+        (deviations, n).
 
         It is asked for after the way home, which takes as much as the way out took.
 
@@ -446,7 +486,9 @@ class BatteryBelief:
         curve_sd = math.sqrt(covariance[_OFFSET, _OFFSET])
         # Cut-offs and resistances have limits, which the tails of a normal distribution have not.
         half_cutoff_range = math.sqrt(3.0) * self._cutoff_sd
-        half_ohms = self._most_cold * (thresholds.RESISTANCE + math.sqrt(1.5) * thresholds.RESISTANCE_SD)
+        half_ohms = self._most_cold * (
+            thresholds.RESISTANCE + math.sqrt(1.5) * thresholds.RESISTANCE_SD
+        )
         most_sags = np.maximum(sags, -half_ohms * float(jacobian[_FAST:].sum()))
         beyond_sags = np.minimum(
             _SAGS * math.hypot(voltage_sd, self._cutoff_sd), half_cutoff_range + _SAGS * voltage_sd
@@ -462,7 +504,8 @@ class BatteryBelief:
 
     @property
     def resistance(self) -> float:
-        """Sag of the voltage at a rate of one charge an hour, over the mean open-circuit voltage."""
+        """Sag of the voltage at a rate of one charge an hour, over the mean open-circuit
+        voltage."""
         return float(self.trust.weights @ (self._volts[:, _FAST] + self._volts[:, _SLOW]))
 
     @property
@@ -491,7 +534,9 @@ def _starts(start: Start) -> tuple[Floats, Floats]:
     if start.told:
         # Chargers end, and cells lose, some per cent; nobody tells more than full.
         charge = np.linspace(
-            max(start.charge - 4.0 * thresholds.TOLD_SD, 0.005), min(start.charge + thresholds.TOLD_SD, 1.0), STARTS
+            max(start.charge - 4.0 * thresholds.TOLD_SD, 0.005),
+            min(start.charge + thresholds.TOLD_SD, 1.0),
+            STARTS,
         )
         weight = np.exp(-0.5 * ((charge - start.charge) / thresholds.TOLD_SD) ** 2)
         return charge, weight / weight.sum()
@@ -501,5 +546,7 @@ def _starts(start: Start) -> tuple[Floats, Floats]:
     width = np.gradient(charge)
     full = np.exp(-0.5 * ((1.0 - charge) / thresholds.TOLD_SD) ** 2) * width
     any_charge = width / width.sum()
-    weight = thresholds.STARTS_FULL * full / full.sum() + (1.0 - thresholds.STARTS_FULL) * any_charge
+    weight = (
+        thresholds.STARTS_FULL * full / full.sum() + (1.0 - thresholds.STARTS_FULL) * any_charge
+    )
     return charge, weight / weight.sum()

@@ -17,8 +17,14 @@ from homeward.companion.readings import CompanionError, Position, as_float, chec
 
 def check_number(name: str, value: Any, low: float, high: float) -> None:
     """Check that a value is a number within bounds."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not low <= as_float(value) <= high:
-        raise CompanionError(f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]")
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, numbers.Real)
+        or not low <= as_float(value) <= high
+    ):
+        raise CompanionError(
+            f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]"
+        )
 
 
 def check_numbers(given: Mapping[str, tuple[Any, float, float]]) -> None:
@@ -38,13 +44,17 @@ def check_route(route: Any, most_m: float) -> None:
     if route is None:
         return
     if not all(hasattr(route, name) for name in ("place_m", "grade_rad", "heading_rad")):
-        raise CompanionError(f"route = {route!r} is not a route; give what homeward.envs.routes.load_route returns")
+        raise CompanionError(
+            f"route = {route!r} is not a route; give what homeward.envs.routes.load_route returns"
+        )
     try:
         grades = np.asarray(route.grade_rad, dtype=np.float64)
         headings = np.asarray(route.heading_rad, dtype=np.float64)
         length_m = as_float(route.place_m) * len(grades)
     except (TypeError, ValueError):
-        raise CompanionError("the places of the route are no numbers; give what load_route returns") from None
+        raise CompanionError(
+            "the places of the route are no numbers; give what load_route returns"
+        ) from None
     if not 0.0 < length_m <= most_m:
         raise CompanionError(
             f"the route is {length_m:.4g} m long; the robot can drive {most_m:.4g} m at most, "
@@ -61,7 +71,9 @@ def check_route(route: Any, most_m: float) -> None:
             f"the route has slopes up to {steepest_rad:.3g} rad; up to {shared.STEEPEST_RAD:g} are allowed"
         )
     if not largest_heading_rad <= shared.MOST_HEADING_RAD:
-        raise CompanionError(f"the route has headings up to {largest_heading_rad:.3g}; give radians")
+        raise CompanionError(
+            f"the route has headings up to {largest_heading_rad:.3g}; give radians"
+        )
 
 
 def check_home(home: Any) -> None:
@@ -70,7 +82,9 @@ def check_home(home: Any) -> None:
         return
     place = checked_position("home", home)
     if not isinstance(place, tuple) or not math.hypot(*place) <= thresholds.EARTH_M:
-        raise CompanionError(f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'")
+        raise CompanionError(
+            f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'"
+        )
 
 
 def docks_of(texts: Sequence[str]) -> dict[str, Position]:
@@ -87,7 +101,9 @@ def docks_of(texts: Sequence[str]) -> dict[str, Position]:
         except ValueError:
             numbers_m = []
         if not all(map(math.isfinite, numbers_m)) or len(numbers_m) not in (1, 2):
-            raise CompanionError(f"--docks {text!r} is not allowed; give NAME=EAST,NORTH or NAME=METRES")
+            raise CompanionError(
+                f"--docks {text!r} is not allowed; give NAME=EAST,NORTH or NAME=METRES"
+            )
         if name in docks:
             raise CompanionError(f"--docks names {name!r} twice; give each dock another name")
         if len(numbers_m) == 1:
@@ -98,7 +114,9 @@ def docks_of(texts: Sequence[str]) -> dict[str, Position]:
     return docks
 
 
-def checked_docks(docks: Any, home: Any, route_m: float | None, most_m: float) -> dict[str, Position]:
+def checked_docks(
+    docks: Any, home: Any, route_m: float | None, most_m: float
+) -> dict[str, Position]:
     """Docks by their names, each a place that the robot can come to.
 
     Args:
@@ -110,13 +128,21 @@ def checked_docks(docks: Any, home: Any, route_m: float | None, most_m: float) -
     if docks is None:
         return {}
     if not isinstance(docks, Mapping):
-        raise CompanionError(f"docks = {docks!r} is not allowed; give places by name, such as {{'bay': (40.0, -12.0)}}")
-    return {name: _checked_dock(name, place, home, route_m, most_m) for name, place in docks.items()}
+        raise CompanionError(
+            f"docks = {docks!r} is not allowed; give places by name, such as {{'bay': (40.0, -12.0)}}"
+        )
+    return {
+        name: _checked_dock(name, place, home, route_m, most_m) for name, place in docks.items()
+    }
 
 
-def _checked_dock(name: Any, place: Any, home: Any, route_m: float | None, most_m: float) -> Position:
+def _checked_dock(
+    name: Any, place: Any, home: Any, route_m: float | None, most_m: float
+) -> Position:
     if not isinstance(name, str) or not name.strip() or name == HOME:
-        raise CompanionError(f"a dock named {name!r} is not allowed; give it another name than '', and than {HOME!r}")
+        raise CompanionError(
+            f"a dock named {name!r} is not allowed; give it another name than '', and than {HOME!r}"
+        )
     dock = checked_position(f"dock {name!r}", place)
     takes_metres = home is None or route_m is not None
     takes_coordinates = home is not None
@@ -137,14 +163,19 @@ def _checked_dock(name: Any, place: Any, home: Any, route_m: float | None, most_
             allowed.append(f"metres from home along the way, 0 to {farthest_m:.4g}")
         if takes_coordinates:
             allowed.append(f"(east, north) in the frame of home, within {most_m:.4g} m of it")
-        raise CompanionError(f"dock {name!r} = {place!r} is not allowed; give {' or '.join(allowed)}")
+        raise CompanionError(
+            f"dock {name!r} = {place!r} is not allowed; give {' or '.join(allowed)}"
+        )
     assert dock is not None
     return dock
 
 
 def check_wind(forecast_mps: Any) -> None:
-    """Check that a forecast of the wind, if given, is `(east, north)` and of a plausible strength."""
+    """Check that a forecast of the wind, if given, is `(east, north)` and of a plausible
+    strength."""
     if forecast_mps is not None:
         wind = checked_position("forecast_mps", forecast_mps)
         if not isinstance(wind, tuple) or math.hypot(*wind) > shared.MOST_WIND_MPS:
-            raise CompanionError(f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s")
+            raise CompanionError(
+                f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s"
+            )

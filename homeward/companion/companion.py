@@ -1,6 +1,7 @@
 """The companion: from a robot's readings to advice on its way home.
 
-Readings in SI units go to `homeward.estimation`, the estimator that the planner and the shield use too.
+Readings in SI units go to `homeward.estimation`, the estimator that the planner and the shield use
+too.
 """
 
 from __future__ import annotations
@@ -18,13 +19,26 @@ from homeward import thresholds as shared
 from homeward.companion import thresholds
 from homeward.companion.advice import HOME, Action, Advice, UncertainValue
 from homeward.companion.battery import Start
-from homeward.companion.checks import check_home, check_number, check_numbers, check_route, check_wind, checked_docks
+from homeward.companion.checks import (
+    check_home,
+    check_number,
+    check_numbers,
+    check_route,
+    check_wind,
+    checked_docks,
+)
 from homeward.companion.gauge import FOLLOWS, OWN
 from homeward.companion.home_estimator import HomeEstimator, Outcome, WayHome, best_first
 from homeward.companion.limits import limits_of
 from homeward.companion.policy import OnboardPolicy
 from homeward.companion.prior_knowledge import PriorKnowledge, known_of
-from homeward.companion.readings import CompanionError, Position, Reading, Readings, checked_position
+from homeward.companion.readings import (
+    CompanionError,
+    Position,
+    Reading,
+    Readings,
+    checked_position,
+)
 from homeward.companion.saved import DAMAGE, check_sealed, digest, put_values, sealed, values_of
 from homeward.companion.turn_advice import when_to_turn
 from homeward.companion.way import RouteLike, Step, Way, along_and_off, along_route
@@ -36,12 +50,12 @@ from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
 
 WINDOWS = 200.0
-"""Number of updates of the estimator while the battery lasts at cruise, as of decisions in the environments
-(`homeward.envs.options`)."""
+"""Number of updates of the estimator while the battery lasts at cruise, as of decisions in the
+environments (`homeward.envs.options`)."""
 _LONGEST_PLACES = 160.0
 _PLACES = 128
-"""Places per d_max, and how many are kept: the way home of a robot that can come home is shorter than 0.8 d_max.
-Chosen: a place is then 0.6 % of d_max."""
+"""Places per d_max, and how many are kept: the way home of a robot that can come home is shorter
+than 0.8 d_max. Chosen: a place is then 0.6 % of d_max."""
 _CRUMBS = 8.0
 """Points of the trail per place. Chosen: a bend is cut by an eighth of a place at most."""
 
@@ -49,33 +63,38 @@ _CRUMBS = 8.0
 class Companion:
     """Estimates the energy left and the way home with their uncertainty, and says when to turn.
 
-    Readings may arrive at any times. They are averaged over windows, and the estimator is updated 200 times while the
-    battery lasts. In between, every update predicts from the last one. Kernels compile at construction.
+    Readings may arrive at any times. They are averaged over windows, and the estimator is updated
+    200 times while the battery lasts. In between, every update predicts from the last one. Kernels
+    compile at construction.
 
     Args:
-        robot: Preset name, path of a robot file, or a `Robot`. The file's table `[uncertainty]` is used if it has one,
-            otherwise generic ranges.
-        home: `(east, north)` in metres in the frame of the positions, `"here"` for the place of the first reading, or
-            None if positions are metres from home along the way.
-        route: The route, such as `homeward.envs.routes.load_route` returns. It starts at home, with coordinates
-            relative to home, and its slopes and directions are known.
+        robot: Preset name, path of a robot file, or a `Robot`. The file's table `[uncertainty]` is
+            used if it has one, otherwise generic ranges.
+        home: `(east, north)` in metres in the frame of the positions, `"here"` for the place of the
+            first reading, or None if positions are metres from home along the way.
+        route: The route, such as `homeward.envs.routes.load_route` returns. It starts at home, with
+            coordinates relative to home, and its slopes and directions are known.
         risk: Accepted probability of not getting home, within (0, 0.5].
         soc: State of charge at the start, 0 to 1; by default that of the first reading, or 1.
-        forecast_mps: Forecast of the wind: components towards where it comes from, east and north; None: unknown.
+        forecast_mps: Forecast of the wind: components towards where it comes from, east and north;
+            None: unknown.
         cutoff_v: Voltage at which the battery is cut off.
-        capacity_j: Energy that this battery gave when it was last discharged from full to the cut-off, warm and in some
-            hours, J; by default within the range of ageing batteries. What cold and rate take is allowed for beside it.
-        cruise_mps: Speed on the way home; by default that at which its ground was driven on the way out, and until then
-            the speed with the longest range.
+        capacity_j: Energy that this battery gave when it was last discharged from full to the
+            cut-off, warm and in some hours, J; by default within the range of ageing batteries.
+            What cold and rate take is allowed for beside it.
+        cruise_mps: Speed on the way home; by default that at which its ground was driven on the way
+            out, and until then the speed with the longest range.
         window_s: Time over which readings are averaged.
         place_m: Length over which the ground is taken as uniform.
         reaction_s: Time from the advice to turn until the robot has turned; by default a window.
         arrived_m: Length of the way home below which the robot is at home, and `turn_now` ends.
         prior: Prior of the estimator, instead of the one that follows from the robot's file.
-        policy: A policy for `Advice.action`, such as `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")`.
-        docks: Other homes and charging docks by name: `(east, north)` in metres in the frame of `home`, or metres from
-            home along the way if there is a route or no `home`. The way to one leads along the trail or the route as
-            far as that helps, then straight on, times 1.3.
+        policy: A policy for `Advice.action`, such as
+            `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")`.
+        docks: Other homes and charging docks by name: `(east, north)` in metres in the frame of
+            `home`, or metres from home along the way if there is a route or no `home`. The way to
+            one leads along the trail or the route as far as that helps, then straight on, times
+            1.3.
 
     Raises:
         RobotError: The robot does not exist, or its file is invalid.
@@ -118,7 +137,9 @@ class Companion:
         self.robot = load_robot(robot)
         range_m = float(d_max(self.robot))
         if not math.isfinite(range_m):
-            raise CompanionError(f"robot {self.robot.name!r} never runs empty on level ground; check its effects")
+            raise CompanionError(
+                f"robot {self.robot.name!r} never runs empty on level ground; check its effects"
+            )
         self._range_m = range_m
         full_j = self.robot.usable_energy_j
         most_v = thresholds.MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)
@@ -253,7 +274,8 @@ class Companion:
             interest: Interest of the ground here, a weight; only for the policy.
 
         Raises:
-            CompanionError: A value is not a number, home was not set, or the position cannot be determined.
+            CompanionError: A value is not a number, home was not set, or the position cannot be
+                determined.
         """
         given = {
             "speed_mps": speed_mps,
@@ -280,14 +302,19 @@ class Companion:
         """Process the readings of a moment that are new."""
         self._charge_first(reading)
         if math.isnan(reading.speed_mps) and reading.position is None:
-            reading = reading._replace(speed_mps=self._estimator.speed_mps)  # it drives on as before
+            # it drives on as before
+            reading = reading._replace(speed_mps=self._estimator.speed_mps)
         step = self._way.follow(reading)
         self._note(reading, step)
         self._ask_policy(reading, step)
         modelled_w, drive_w, steady_w = self._estimator.model(reading, step)
         self._window.add(reading, step, modelled_w, drive_w, steady_w)
         # The first voltage under load says at once whether the battery holds it.
-        is_first = self._estimator.windows == 0 and self._window.time_s > 0.0 and math.isfinite(reading.voltage_v)
+        is_first = (
+            self._estimator.windows == 0
+            and self._window.time_s > 0.0
+            and math.isfinite(reading.voltage_v)
+        )
         if is_first or self._window.time_s >= self._window_s * (1.0 - 1e-6):
             self._flush()
 
@@ -314,9 +341,10 @@ class Companion:
     def charged(self, soc: float) -> None:
         """Tell the companion that the battery was charged on the way, and that the mission goes on.
 
-        The energy left becomes that of this charge, with its uncertainty. The way and all estimates stay: of the robot,
-        the ground, the wind, and what this battery holds. The time from the reading before this call to the next one
-        passed at the charger. A policy begins another mission, because it knows a single charge.
+        The energy left becomes that of this charge, with its uncertainty. The way and all estimates
+        stay: of the robot, the ground, the wind, and what this battery holds. The time from the
+        reading before this call to the next one passed at the charger. A policy begins another
+        mission, because it knows a single charge.
 
         Args:
             soc: State of charge now, 0 to 1.
@@ -357,7 +385,8 @@ class Companion:
         self._begin_charge()
 
     def move_home(self, home: Position) -> None:
-        """Tell the companion that home has moved: back along the trail as far as that helps, then straight on.
+        """Tell the companion that home has moved: back along the trail as far as that helps, then
+        straight on.
 
         Args:
             home: `(east, north)` in metres, or metres along the way from where home was.
@@ -377,7 +406,8 @@ class Companion:
         self._other_way_m = None
 
     def take_home(self, route: RouteLike | None) -> None:
-        """Tell the companion to go home by another way than the way out; None: by the way out again.
+        """Tell the companion to go home by another way than the way out; None: by the way out
+        again.
 
         Args:
             route: From here home, such as `homeward.envs.routes.load_route` returns.
@@ -398,16 +428,19 @@ class Companion:
 
         Args:
             ways: Its stretches, `homeward.estimation.WAY_DTYPE`, shape (m,).
-            other_j: Energy by the robot's own model for all but steady driving on it, J: standing, turning.
+            other_j: Energy by the robot's own model for all but steady driving on it, J: standing,
+                turning.
         """
         return self._estimator.ahead(ways, other_j)
 
     def after(self, ways: NDArray[np.void]) -> UncertainValue:
-        """Energy left after a way from here, see `ahead`, if only standing and steady driving consume energy, J."""
+        """Energy left after a way from here, see `ahead`, if only standing and steady driving
+        consume energy, J."""
         return self._estimator.after(ways).margin
 
     def arrives(self, ways: NDArray[np.void]) -> Outcome:
-        """What a way from here consumes and leaves, and the probability of its end; as of `after`."""
+        """What a way from here consumes and leaves, and the probability of its end; as of
+        `after`."""
         return self._estimator.after(ways)
 
     @property
@@ -424,8 +457,8 @@ class Companion:
             self._window = Window()
 
     def _check_charge(self, window: Window) -> None:
-        """Say which reading is not believed. A lower one after a stop is accepted, as of another battery: that is
-        safe."""
+        """Say which reading is not believed. A lower one after a stop is accepted, as of another
+        battery: that is safe."""
         believed = self._estimator.gauge.believed
         differs = window.soc - self._estimator.charge
         # Nobody changes a battery while the robot drives; while it is off, readings are missing.
@@ -458,7 +491,8 @@ class Companion:
         self._mismatched = 0
 
     def _check_speed(self, window: Window) -> None:
-        """Warn if the robot stands by its speed and drives by its power; which is wrong cannot be known."""
+        """Warn if the robot stands by its speed and drives by its power; which is wrong cannot be
+        known."""
         stands = window.stood_s >= window.time_s and window.power_w > self._estimator.driving_w
         if not stands:
             self._stands = 0
@@ -473,7 +507,8 @@ class Companion:
         self._readings.say(text, kind)
 
     def _charge_first(self, reading: Reading) -> None:
-        """Begin with the battery as it is told, or as the first readings show it, which may come one by one."""
+        """Begin with the battery as it is told, or as the first readings show it, which may come
+        one by one."""
         estimator = self._estimator
         start = estimator.battery.start
         begins = estimator.windows == 0 and estimator.see_temperature(reading.temperature_c)
@@ -515,8 +550,8 @@ class Companion:
         return self._estimator.way_home(float(ways["way_m"].sum()), unsure_m, ways)
 
     def way_to(self, place: Position, from_m: float | None = None) -> NDArray[np.void]:
-        """The way to a place, `homeward.estimation.WAY_DTYPE`: along the trail or the route as far as that helps, then
-        straight on, times 1.3.
+        """The way to a place, `homeward.estimation.WAY_DTYPE`: along the trail or the route as far
+        as that helps, then straight on, times 1.3.
 
         Args:
             place: `(east, north)` in metres, or metres from home along the way.
@@ -527,7 +562,9 @@ class Companion:
             here_m = from_m
         leave_m, leg_m = self._way.beyond(place, from_m)
         leg_m, speed_mps = thresholds.DETOUR * leg_m, self._estimator.home_mps
-        return along_and_off(self._estimator.places, self.vehicle, here_m, leave_m, leg_m, speed_mps)
+        return along_and_off(
+            self._estimator.places, self.vehicle, here_m, leave_m, leg_m, speed_mps
+        )
 
     def _advise(self) -> Advice:
         estimator = self._estimator
@@ -553,8 +590,11 @@ class Companion:
             reaction_s=self._reaction_s,
         )
         self._turned |= turn.is_due
-        # A way from dead reckoning has a relative error: a robot that may be elsewhere has not arrived.
-        self._turned &= home.way_m + thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
+        # A way from dead reckoning has a relative error: a robot that may be elsewhere has not
+        # arrived.
+        self._turned &= (
+            home.way_m + thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
+        )
         chance_there = None
         if self._way.route_m is not None and ways[HOME].ways is None:
             onwards_m = max(self._way.route_m - ways[HOME].way_m, 0.0)
@@ -581,7 +621,9 @@ class Companion:
             turn_now=self._turned,
             chance_there_and_back=chance_there,
             looks_back=advises_to_look_back,
-            rests_on=rests_on(self._has, estimator.known, self._what_home(advised), of_battery, estimator.of_pace),
+            rests_on=rests_on(
+                self._has, estimator.known, self._what_home(advised), of_battery, estimator.of_pace
+            ),
             warnings=(*self._readings.warnings(), *self._off_route()),
             action=action,
             home=advised,
@@ -589,7 +631,8 @@ class Companion:
         )
 
     def _check_rise(self, left_j: float) -> None:
-        """Say if the energy left rises by more than was recovered: what is read shows a fuller battery."""
+        """Say if the energy left rises by more than was recovered: what is read shows a fuller
+        battery."""
         used_j = self._estimator.used_j
         recovered_j = max(self._used_j - used_j, 0.0)
         rises_j = left_j - self._left_j - recovered_j
@@ -598,7 +641,9 @@ class Companion:
         if rises_j > thresholds.LEAST_RISE * self.vehicle.full_j:
             kind = "the energy left rises"
             share = rises_j / self.vehicle.full_j
-            self._readings.say(f"{kind} by {share:.1%} of the battery: what is read shows a fuller one", kind)
+            self._readings.say(
+                f"{kind} by {share:.1%} of the battery: what is read shows a fuller one", kind
+            )
 
     def _check_cutoff(self) -> None:
         """Say if the battery may be cut off under load, however full it is."""
@@ -649,21 +694,27 @@ class Companion:
         return sealed(state)
 
     def restore(self, state: dict[str, Any], other_way: RouteLike | None = None) -> None:
-        """Continue from `state`, in a companion with the same arguments; if that is refused, it is as before.
+        """Continue from `state`, in a companion with the same arguments; if that is refused, it is
+        as before.
 
         Args:
             state: Value of `state`.
             other_way: The argument of `take_home`, if it was called.
 
         Raises:
-            CompanionError: The state is damaged, of another version, or of a companion with other arguments.
+            CompanionError: The state is damaged, of another version, or of a companion with other
+                arguments.
         """
         check_route(other_way, self._limits.way_m)
         check_sealed(state)
         if state["robot"] != self.robot.name:
-            raise CompanionError(f"the state is of robot {state['robot']!r}, not of {self.robot.name!r}")
+            raise CompanionError(
+                f"the state is of robot {state['robot']!r}, not of {self.robot.name!r}"
+            )
         if state["made_for"] != self._made_for:
-            raise CompanionError("the state is of another robot file, version or route, or of other arguments")
+            raise CompanionError(
+                "the state is of another robot file, version or route, or of other arguments"
+            )
         before = self.state()
         other_way_before = self._other_way
         try:
@@ -675,7 +726,9 @@ class Companion:
     def _put(self, state: dict[str, Any], other_way: RouteLike | None) -> None:
         put_values(self, state["companion"])
         if other_way is None and self._other_way_m is not None:
-            raise CompanionError("the state is of a robot that takes another way home; pass it as other_way=")
+            raise CompanionError(
+                "the state is of a robot that takes another way home; pass it as other_way="
+            )
         self._other_way = other_way
         if other_way is not None and self._other_way_m is None:
             self._other_way_m = 0.0

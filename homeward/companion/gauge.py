@@ -1,12 +1,15 @@
-"""Whether the state-of-charge reading is believed: three explanations of it, weighed by how well they predict it.
+"""Whether the state-of-charge reading is believed: three explanations of it, weighed by how well
+they predict it.
 
 * It follows the charge, within the errors of the prior.
 * It did, until it jumped, was reset or stayed: since then it says nothing.
-* It has a course of its own, as a percentage has that is a map of the voltage: it never said anything.
+* It has a course of its own, as a percentage has that is a map of the voltage: it never said
+  anything.
 
-The first predicts a reading from the charge of each possible battery, the others from the reading before. The
-probability of an explanation and a battery together follows by the forward algorithm of hidden Markov models (Rabiner,
-Proceedings of the IEEE 77, 1989): a battery that was likely before the gauge jumped remains so after it.
+The first predicts a reading from the charge of each possible battery, the others from the reading
+before. The probability of an explanation and a battery together follows by the forward algorithm of
+hidden Markov models (Rabiner, Proceedings of the IEEE 77, 1989): a battery that was likely before
+the gauge jumped remains so after it.
 """
 
 from __future__ import annotations
@@ -39,9 +42,10 @@ _TRANSITIONS = np.array(
 class GaugeTrust:
     """Probabilities of explanations and possible batteries.
 
-    A gauge that follows the charge has two errors of its own, estimated for each battery by a Kalman filter: an offset
-    that wanders, and a gain. A gauge that rounds says most when its reading changes: then the charge is between the
-    two. While it does not change it says only that the charge is within the coarsest step that gauges have.
+    A gauge that follows the charge has two errors of its own, estimated for each battery by a
+    Kalman filter: an offset that wanders, and a gain. A gauge that rounds says most when its
+    reading changes: then the charge is between the two. While it does not change it says only that
+    the charge is within the coarsest step that gauges have.
 
     Args:
         weights: Probabilities of the batteries, shape (n,).
@@ -61,7 +65,13 @@ class GaugeTrust:
     )  # fmt: skip
 
     def __init__(
-        self, weights: Floats, prior: Prior, start: Floats, gain: Floats, gain_sd: Floats, rate_per_h: float
+        self,
+        weights: Floats,
+        prior: Prior,
+        start: Floats,
+        gain: Floats,
+        gain_sd: Floats,
+        rate_per_h: float,
     ) -> None:
         self._prior = prior
         self._noise_variance = prior.soc_sd**2
@@ -73,11 +83,14 @@ class GaugeTrust:
         self._gain = gain.copy()
         gain_variance = gain_sd**2 + thresholds.COUNTER_GAIN_SD**2
         # Of offset and gain: variance of the first, covariance, variance of the second.
-        self._covariance = np.stack([np.full_like(weights, self._offset_variance), 0.0 * weights, gain_variance])
+        self._covariance = np.stack(
+            [np.full_like(weights, self._offset_variance), 0.0 * weights, gain_variance]
+        )
         self._drawn = np.zeros_like(weights)
         self._last = math.nan
         self._fallen = 0.0
-        self._wanders = thresholds.GAUGE_WANDERS**2  # variance of the change from reading to reading, beyond the fall
+        # variance of the change from reading to reading, beyond the fall
+        self._wanders = thresholds.GAUGE_WANDERS**2
 
     def recharge(self, joint: Floats, start: Floats, gain: Floats, gain_variance: Floats) -> None:
         """Go on after a charge: explanations and gain stay known, the offset is another one.
@@ -94,13 +107,16 @@ class GaugeTrust:
         zeros = np.zeros_like(start)
         self._offset = zeros
         self._drawn = zeros
-        self._covariance = np.stack([np.full_like(start, self._offset_variance), zeros, gain_variance])
+        self._covariance = np.stack(
+            [np.full_like(start, self._offset_variance), zeros, gain_variance]
+        )
         self._last = math.nan
         self._fallen = 0.0
 
     @property
     def gain(self) -> tuple[Floats, Floats]:
-        """Fall of the reading over that of the charge, by battery, and its variance, each of shape (n,)."""
+        """Fall of the reading over that of the charge, by battery, and its variance, each of shape
+        (n,)."""
         return self._gain, np.asarray(self._covariance[2])
 
     @property
@@ -173,18 +189,21 @@ class GaugeTrust:
         self._covariance = np.stack([stays * stays * of_offset + renewed, stays * of_both, of_gain])
 
     def _weigh_change(self, reading: float, drawn: Floats, variance: Floats) -> Floats:
-        """Likelihood of a reading that changed, by explanation and battery; the errors of the gauge are updated."""
+        """Likelihood of a reading that changed, by explanation and battery; the errors of the gauge
+        are updated."""
         change = reading - self._last
         weights = self.weights
         expected = self._expected(drawn)
         between = (expected - weights @ expected) ** 2
         mixture_variance = float(weights @ (self._total_variance(drawn, variance) + between))
         innovation = change + self._fallen
-        # A reading that only rounds is as near to the one before as to the expected one: that is no evidence.
+        # A reading that only rounds is as near to the one before as to the expected one: that is no
+        # evidence.
         change_variance = max(self._wanders, mixture_variance)
         by_explanation = np.empty_like(self.joint)
         by_explanation[JUMPED:] = _likelihood(np.array(innovation), np.array(change_variance))
-        # One that rounds passed an edge: it changes by no more than was drawn since the last one, and never against it.
+        # One that rounds passed an edge: it changes by no more than was drawn since the last one,
+        # and never against it.
         step = 0.0
         if change * self._fallen < 0.0:
             step = min(abs(change), abs(self._fallen))

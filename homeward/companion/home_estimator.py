@@ -1,4 +1,5 @@
-"""The companion's use of the estimator: windows of readings, and the energy that the way home consumes and leaves."""
+"""The companion's use of the estimator: windows of readings, and the energy that the way home
+consumes and leaves."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ _PACE = 0.2
 """Weight of the last window in the present pace. Chosen: some five windows count."""
 _ONE = np.ones(1, np.bool_)
 _OWN_POWER = (GAIN, ROLLING, WEIGHT)
-"""States of the robot's own consumption, which are exact where the model takes the place of the meter."""
+"""States of the robot's own consumption, which are exact where the model takes the place of the
+meter."""
 
 
 class WayHome(NamedTuple):
@@ -47,7 +49,8 @@ class WayHome(NamedTuple):
     Attributes:
         way_m: Its length, m.
         cost_j: Its energy by the robot's own model, with that of turning round, J.
-        unsure_j: Standard deviation of that by the errors of the positions and of the time of turning, J.
+        unsure_j: Standard deviation of that by the errors of the positions and of the time of
+            turning, J.
         ways: Its stretches if it is not the way out, `WAY_DTYPE`; otherwise None.
     """
 
@@ -81,8 +84,8 @@ class Outcome(NamedTuple):
 
     @property
     def preference(self) -> tuple[bool, float]:
-        """Homes are preferred by this: first those that are reachable, by the margin at the accepted risk; of the
-        others the one with the highest probability."""
+        """Homes are preferred by this: first those that are reachable, by the margin at the
+        accepted risk; of the others the one with the highest probability."""
         if self.reachable:
             return True, self.low_j
         return False, self.chance_home
@@ -112,17 +115,19 @@ class HomeEstimator:
         known: Its prior.
         places: Number of places that are kept.
         place_m: Length of a place, m.
-        cruise_mps: Speed of the robot's own model, and on the way home until the robot has driven, m/s.
+        cruise_mps: Speed of the robot's own model, and on the way home until the robot has driven,
+            m/s.
         keeps_cruise: Whether it is the speed on the way home in any case.
         risk: Accepted probability of not getting home.
         route: The route, if there is one.
-        forecast_mps: Forecast of the wind: components towards where it comes from, east and north, if there is one.
+        forecast_mps: Forecast of the wind: components towards where it comes from, east and north,
+            if there is one.
         cutoff_v: Voltage at which the battery is cut off, if it is known.
 
     Attributes:
         battery: What is believed of the battery.
-        has_power: Whether power was ever read; None before the first window. If not, the model takes its place, and
-            what the battery holds is as uncertain as the model.
+        has_power: Whether power was ever read; None before the first window. If not, the model
+            takes its place, and what the battery holds is as uncertain as the model.
         vehicle: Parameters of the robot's own model in the form that the estimator takes.
         windows: Number of windows processed.
         home_mps: Speed on the way home: that at which its ground was driven, if none was told.
@@ -165,13 +170,16 @@ class HomeEstimator:
         self._temperature_c = math.nan
         self._estimator = Estimator(self.vehicle, known.prior, places, 1)
         self._cells = cells_of(robot)
-        self._rate_per_h = 3600.0 * self._modelled_w(robot, self.vehicle.cruise_mps) / self.vehicle.full_j
+        self._rate_per_h = (
+            3600.0 * self._modelled_w(robot, self.vehicle.cruise_mps) / self.vehicle.full_j
+        )
         self.battery = BatteryBelief(self._cells, known.prior, known.capacity_is_fitted, cutoff_v)
         self.begin()
         self._compile()
 
     def _modelled_w(self, robot: Robot, speed_mps: float) -> float:
-        """Power by the model of a robot with a full battery at a steady speed on level ground, W."""
+        """Power by the model of a robot with a full battery at a steady speed on level ground,
+        W."""
         state = plain(full_charge(robot))
         state["step_s"] = 1.0
         power_w, _, _ = modelled_power(
@@ -190,14 +198,16 @@ class HomeEstimator:
 
     @property
     def _air_c(self) -> float:
-        """Temperature of the air for the robot's own model, C: that at which it was measured, if none was read."""
+        """Temperature of the air for the robot's own model, C: that at which it was measured, if
+        none was read."""
         if math.isfinite(self._temperature_c):
             return self._temperature_c
         return thresholds.MODEL_C
 
     @property
     def _models_cold(self) -> bool:
-        """Whether the robot's own model counts what the battery loses in the cold, so that its cells do not, too."""
+        """Whether the robot's own model counts what the battery loses in the cold, so that its
+        cells do not, too."""
         return cold_battery.EFFECT.id in self._robot.active_effects
 
     @property
@@ -248,8 +258,8 @@ class HomeEstimator:
         self._estimator.begin(_ONE, east_mps, north_mps)
         covariance = self._estimator.state["hypotheses"]["covariance"]
         covariance[..., WEIGHT, WEIGHT] += self.known.weight_sd**2
-        # A power at rest that is not the file's is consumed by the robot: it says nothing of the meter, so that it does
-        # not change what the battery holds as metered.
+        # A power at rest that is not the file's is consumed by the robot: it says nothing of the
+        # meter, so that it does not change what the battery holds as metered.
         covariance[..., GAIN, GAIN] += self.known.idle_sd**2
         self._extra = np.zeros(self._places)
         self.windows = 0
@@ -309,9 +319,13 @@ class HomeEstimator:
 
     @property
     def driving_w(self) -> float:
-        """Power half way between standing and driving at cruise on level ground, by the robot's own model."""
+        """Power half way between standing and driving at cruise on level ground, by the robot's own
+        model."""
         cruise_mps = self.vehicle.cruise_mps
-        return self.vehicle.idle_w + thresholds.DRIVES * modelled_driving(self.vehicle, 0.0, cruise_mps) * cruise_mps
+        return (
+            self.vehicle.idle_w
+            + thresholds.DRIVES * modelled_driving(self.vehicle, 0.0, cruise_mps) * cruise_mps
+        )
 
     def recharge(self, soc: float) -> None:
         """Go on with the same battery at another charge, 0 to 1."""
@@ -351,10 +365,10 @@ class HomeEstimator:
         if self._keeps_cruise:
             return f"{speed} (given)"
         if not self._paces.any():
-            return (
-                f"{speed}, the speed with the longest range, until the robot has driven; give cruise_mps= if it differs"
-            )
-        return f"{speed}, as it was driven on the way out; give cruise_mps= if it differs"
+            speed = f"{speed}, the speed with the longest range, until the robot has driven"
+        else:
+            speed = f"{speed}, as it was driven on the way out"
+        return f"{speed}; give cruise_mps= if it differs"
 
     @property
     def of_cells(self) -> str:
@@ -372,7 +386,8 @@ class HomeEstimator:
         return f"{self._cells.words}, {air}, at {self._rate_per_h:.2g} charges an hour: {share} of the label"
 
     def see_temperature(self, temperature_c: float) -> bool:
-        """Note the temperature of the air at the start, on which the capacity depends, C; whether it is news."""
+        """Note the temperature of the air at the start, on which the capacity depends, C; whether
+        it is news."""
         if math.isfinite(self._temperature_c) or not math.isfinite(temperature_c):
             return False
         self._temperature_c = temperature_c
@@ -392,7 +407,9 @@ class HomeEstimator:
             covariance = self._estimator.state["hypotheses"]["covariance"]
             prior = self.known.prior
             gain_sd = math.hypot(prior.gain_sd, self.known.idle_sd)
-            for state, sd in zip(_OWN_POWER, (gain_sd, prior.rolling_sd, prior.mass_sd), strict=True):
+            for state, sd in zip(
+                _OWN_POWER, (gain_sd, prior.rolling_sd, prior.mass_sd), strict=True
+            ):
                 covariance[..., state, state] += sd**2
             self.begin_battery(Start(self.battery.charge, told=False))
 
@@ -437,7 +454,8 @@ class HomeEstimator:
 
     @contextmanager
     def with_open(self, window: Window, position_m: float) -> Iterator[None]:
-        """Temporarily include a window that is not over yet, also one without length, of the first reading."""
+        """Temporarily include a window that is not over yet, also one without length, of the first
+        reading."""
         before = self._estimator.state.copy()
         try:
             if window.time_s > 0.0:
@@ -487,7 +505,8 @@ class HomeEstimator:
             self._note_pace(window, place, share)
 
     def _note_pace(self, window: Window, place: int, share: float) -> None:
-        """Note how fast a place was driven, of which a window covers a share, and so how fast it is home from here."""
+        """Note how fast a place was driven, of which a window covers a share, and so how fast it is
+        home from here."""
         if self._keeps_cruise:
             return
         # Without a speed reading, stops count as slow driving.
@@ -518,16 +537,16 @@ class HomeEstimator:
         reading["position_m"] = reached_m
         reading["power_w"] = window.power_w
         reading["soc"] = np.nan  # `battery` takes it
-        # A single slope may be of the other direction of travel, if the robot has just turned: if it is used for the
-        # whole way, 60 missions of benchmarks/on_the_robot/companion.py turn home at 82 % of the shield's distance,
-        # not at 96 %.
+        # A single slope may be of the other direction of travel, if the robot has just turned: if
+        # it is used for the whole way, 60 missions of benchmarks/on_the_robot/companion.py turn
+        # home at 82 % of the shield's distance, not at 96 %.
         reading["modelled_j"] = np.nan
         if window.slopes > 1 and math.isfinite(window.sine):
             reading["modelled_j"] = window.modelled_j
         reading["other_j"] = window.other_j - self.vehicle.idle_w * window.time_s
         reading["speed_mps"] = window.speed_mps
-        # Without a direction: straight out, so that a wind that helped on the way out is against the robot on the way
-        # home.
+        # Without a direction: straight out, so that a wind that helped on the way out is against
+        # the robot on the way home.
         reading["east"] = 1.0
         reading["north"] = 0.0
         east, north = window.direction
@@ -543,7 +562,9 @@ class HomeEstimator:
             changes["slope_noise"] = thresholds.NO_SLOPE_SD
         if math.isnan(window.sine) or self._route is not None:
             changes["slope_offset"] = 0.0  # a route's slopes are known, whatever the sensor reads
-        changes["power_noise"] = math.hypot(prior.power_noise * window.of_the_mean, window.power_noise)
+        changes["power_noise"] = math.hypot(
+            prior.power_noise * window.of_the_mean, window.power_noise
+        )
         self._estimator.prior = prior._replace(**changes)
         self._estimator.update(readings, _ONE)
         self._estimator.prior = self.known.prior
@@ -554,9 +575,13 @@ class HomeEstimator:
         """Slope that the route has, 0 without one."""
         if self._route is None:
             return 0.0
-        return math.sin(self._route.grade_rad[place_of(self.vehicle, position_m, self._route.grade_rad)])
+        return math.sin(
+            self._route.grade_rad[place_of(self.vehicle, position_m, self._route.grade_rad)]
+        )
 
-    def way_home(self, way_m: float, unsure_m: float, ways: NDArray[np.void] | None = None) -> WayHome:
+    def way_home(
+        self, way_m: float, unsure_m: float, ways: NDArray[np.void] | None = None
+    ) -> WayHome:
         """The way home and its energy by the robot's own model, with that of turning round.
 
         Args:
@@ -581,21 +606,28 @@ class HomeEstimator:
         return self._outcome(self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m))
 
     def _outcome(self, margin: Margin) -> Outcome:
-        """What a plan leaves, with what is believed of the battery: `margin` is that of a battery known to hold 1."""
+        """What a plan leaves, with what is believed of the battery: `margin` is that of a battery
+        known to hold 1."""
         battery = self.battery
         full_j = self.vehicle.full_j
         total = margin.total[0]
         beyond_j = full_j * (battery.total - 1.0)
         total_sd_j = full_j * battery.total_sd
         left = UncertainValue(
-            mean=float(total["left_j"]) + beyond_j, sd=math.hypot(float(total["left_sd_j"]), total_sd_j)
+            mean=float(total["left_j"]) + beyond_j,
+            sd=math.hypot(float(total["left_sd_j"]), total_sd_j),
         )
         after_plan = UncertainValue(
-            mean=float(total["margin_j"]) + beyond_j, sd=math.hypot(float(total["margin_sd_j"]), total_sd_j)
+            mean=float(total["margin_j"]) + beyond_j,
+            sd=math.hypot(float(total["margin_sd_j"]), total_sd_j),
         )
-        mixture = np.stack((margin.weight[0], margin.mean_j[0], margin.sd_j[0], margin.skewness[0]), axis=-1)
+        mixture = np.stack(
+            (margin.weight[0], margin.mean_j[0], margin.sd_j[0], margin.skewness[0]), axis=-1
+        )
         totals_j = full_j * (battery.totals - 1.0)
-        low_j = quantile_of_sum(mixture, totals_j, battery.weights, self._risk, self._student_quantile)
+        low_j = quantile_of_sum(
+            mixture, totals_j, battery.weights, self._risk, self._student_quantile
+        )
         chance_stranded = float(chance_below(mixture, totals_j, battery.weights, 0.0, 0.0))
         return Outcome(
             left=left.within(0.0, full_j),
@@ -606,20 +638,25 @@ class HomeEstimator:
         )
 
     def _cost(self, total: np.void) -> UncertainValue:
-        """Energy of a plan. Without power, the model's scale is unknown; in the margin it cancels."""
+        """Energy of a plan. Without power, the model's scale is unknown; in the margin it
+        cancels."""
         cost_j = float(total["cost_j"])
         sd_j = math.hypot(float(total["cost_sd_j"]), self._modelled_sd * cost_j)
         return UncertainValue(cost_j, sd_j)
 
     @property
     def _modelled_sd(self) -> float:
-        """Relative standard deviation of the model's energy where it takes the place of the meter, otherwise 0."""
+        """Relative standard deviation of the model's energy where it takes the place of the meter,
+        otherwise 0."""
         if self.has_power is not False:
             return 0.0
         prior = self.known.prior
         idle_share = self._idle_share
-        # Rolling resistance and payload act on what driving consumes, and not on what the robot consumes at rest.
-        driving_sd = (1.0 - idle_share) * math.hypot(prior.rolling_sd / prior.rolling, prior.mass_sd / prior.mass)
+        # Rolling resistance and payload act on what driving consumes, and not on what the robot
+        # consumes at rest.
+        driving_sd = (1.0 - idle_share) * math.hypot(
+            prior.rolling_sd / prior.rolling, prior.mass_sd / prior.mass
+        )
         beyond_meter_sd = math.sqrt(max(prior.gain_sd**2 - self.known.meter_sd**2, 0.0))
         return math.hypot(driving_sd, idle_share * self.known.idle_sd, beyond_meter_sd)
 
@@ -628,13 +665,17 @@ class HomeEstimator:
 
         Args:
             ways: Its stretches, `homeward.estimation.WAY_DTYPE`, shape (m,).
-            other_j: Energy by the robot's own model for all but steady driving on it, J: standing, turning.
+            other_j: Energy by the robot's own model for all but steady driving on it, J: standing,
+                turning.
         """
         return self._over(ways, self._at_cruise_j(ways) + other_j).cost
 
     def after(self, ways: NDArray[np.void]) -> Outcome:
-        """What a way from here leaves, see `ahead`, if only standing and steady driving consume energy."""
-        return self._over(ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum())))
+        """What a way from here leaves, see `ahead`, if only standing and steady driving consume
+        energy."""
+        return self._over(
+            ways, self._at_cruise_j(ways) + self._standing_j(float(ways["way_m"].sum()))
+        )
 
     def _over(self, ways: NDArray[np.void], cost_j: float) -> Outcome:
         """What a way from here consumes and leaves, given its energy by the robot's own model."""
@@ -658,7 +699,9 @@ class HomeEstimator:
         plan["knows_ahead"] = float(self._route is not None)
         return plans
 
-    def _margin(self, plan: NDArray[np.void], ways: NDArray[np.void] | None, way_m: float) -> Margin:
+    def _margin(
+        self, plan: NDArray[np.void], ways: NDArray[np.void] | None, way_m: float
+    ) -> Margin:
         """Energy that a plan leaves."""
         if ways is None:
             ways = NO_WAYS
@@ -671,7 +714,9 @@ class HomeEstimator:
         """Energy of steady driving over a way, by the robot's own model."""
         total_j = 0.0
         for stretch in ways:
-            j_per_m = modelled_driving(self.vehicle, float(stretch["sine"]), self.vehicle.cruise_mps)
+            j_per_m = modelled_driving(
+                self.vehicle, float(stretch["sine"]), self.vehicle.cruise_mps
+            )
             total_j += j_per_m * float(stretch["way_m"])
         return total_j
 

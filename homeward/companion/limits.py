@@ -1,4 +1,5 @@
-"""What a robot cannot exceed, whatever its instruments say: way, time, speed and power, from its file."""
+"""What a robot cannot exceed, whatever its instruments say: way, time, speed and power, from its
+file."""
 
 from __future__ import annotations
 

@@ -30,9 +30,11 @@ class OnboardPolicy(Protocol):
         temperature_c: float,
         interest: float,
     ) -> tuple[float, float, str] | None:
-        """Process the readings of a moment, NaN where an instrument was not read, and return the command.
+        """Process the readings of a moment, NaN where an instrument was not read, and return the
+        command.
 
-        That is a speed (m/s), a sensing rate (Hz) and `stop`, `go` or `return`; None if the mission is over.
+        That is a speed (m/s), a sensing rate (Hz) and `stop`, `go` or `return`; None if the mission
+        is over.
         """
 
     def state(self) -> dict[str, Any]:

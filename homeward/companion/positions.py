@@ -1,10 +1,11 @@
 """Positions filtered by dead reckoning, so that their noise does not become a longer trail.
 
-What corrects the place corrects the trail behind it too, as far as both share their error (`Correction`).
+What corrects the place corrects the trail behind it too, as far as both share their error
+(`Correction`).
 
-Two numbers are learned from the differences between the change of the positions and that by speed and heading. Their
-variance is twice that of a position, as noise of one reading is in two differences. Their mean is the error of dead
-reckoning, as noise cancels in it.
+Two numbers are learned from the differences between the change of the positions and that by speed
+and heading. Their variance is twice that of a position, as noise of one reading is in two
+differences. Their mean is the error of dead reckoning, as noise cancels in it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ _FEWEST = 2  # differences that have a mean and a deviation
 
 
 class Correction(NamedTuple):
-    """What a position changes, for a fixed-point smoother of earlier places (Anderson & Moore, 1979, chapter 7).
+    """What a position changes, for a fixed-point smoother of earlier places (Anderson & Moore,
+    1979, chapter 7).
 
     Attributes:
         moved: By how much the place was corrected, east and north, m.
@@ -62,7 +64,8 @@ class PositionFilter:
 
         Args:
             moved: The change.
-            error: Its relative standard deviation; 1 where it is a guess, from which no noise is learned.
+            error: Its relative standard deviation; 1 where it is a guess, from which no noise is
+                learned.
         """
         self.place = self.place + moved
         self._reckoned = self._reckoned + moved
@@ -74,7 +77,8 @@ class PositionFilter:
 
         Args:
             position: As read.
-            reckons: Whether dead reckoning covers the time since the last one; if not, the position is taken as it is.
+            reckons: Whether dead reckoning covers the time since the last one; if not, the position
+                is taken as it is.
         """
         before = self.place
         shared = 0.0
@@ -99,7 +103,11 @@ class PositionFilter:
         self._mean = self._mean + weight * (difference - self._mean)
         self._square += weight * (float(difference @ difference) - self._square)
         # What a few differences said of the noise is also what the place was thought to be within.
-        if math.isfinite(self._variance) and self.noise_variance > noise_before > 0.0 and self._counted == self._count:
+        if (
+            math.isfinite(self._variance)
+            and self.noise_variance > noise_before > 0.0
+            and self._counted == self._count
+        ):
             self._variance *= self.noise_variance / noise_before
 
     @property
@@ -111,7 +119,8 @@ class PositionFilter:
     def noise_variance(self) -> float:
         """Variance of the noise of a position along an axis, m^2."""
         if self._count < _FEWEST:
-            return self._square / (2.0 * _AXES)  # a single difference has no mean: all of it may be noise
+            # a single difference has no mean: all of it may be noise
+            return self._square / (2.0 * _AXES)
         about_mean = max(self._square - float(self._mean @ self._mean), 0.0)
         variance = about_mean * self._counted / (self._counted - 1.0)  # Bessel's correction
         return variance / (2.0 * _AXES)
@@ -125,10 +134,11 @@ class PositionFilter:
 
     @property
     def _doubt(self) -> float:
-        """Squared standard deviations, of both axes, that noise exceeds with the probability `POSITION_DOUBT`.
+        """Squared standard deviations, of both axes, that noise exceeds with the probability
+        `POSITION_DOUBT`.
 
-        The deviation is known from a few differences: twice the quantile of an F distribution with two degrees of
-        freedom, which a chi-squared one becomes with many.
+        The deviation is known from a few differences: twice the quantile of an F distribution with
+        two degrees of freedom, which a chi-squared one becomes with many.
         """
         freedom = _AXES * max(self._counted - 1.0, 1.0)
         return float(freedom * (thresholds.POSITION_DOUBT ** (-_AXES / freedom) - 1.0))
@@ -146,7 +156,8 @@ class PositionFilter:
         variance_before = self.variance
         innovation = position - self.place
         predicted = variance_before + reckoning_variance + self._drift**2
-        # An innovation beyond the noise is a jump of the positions, or dead reckoning that went wrong: it is followed.
+        # An innovation beyond the noise is a jump of the positions, or dead reckoning that went
+        # wrong: it is followed.
         predicted = max(predicted, float(innovation @ innovation) / doubt - noise_variance)
         gain = predicted / max(predicted + noise_variance, _LEAST_VARIANCE_M2)
         self.place = self.place + gain * innovation

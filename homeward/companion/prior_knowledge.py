@@ -24,8 +24,9 @@ _GENERIC = Prior(
     model_knows_slopes=0.0,
     model_error=thresholds.OMITTED,
 )
-"""The ranges of `uncertain` missions: capacity 0.8 to 1 of the file's, rolling resistance 0.8 to 1.3, payload up to a
-fifth of the mass, wind within 1.5 m/s. The errors of a gauge that counts are COUNTER_SD and those that follow it."""
+"""The ranges of `uncertain` missions: capacity 0.8 to 1 of the file's, rolling resistance 0.8 to
+1.3, payload up to a fifth of the mass, wind within 1.5 m/s. The errors of a gauge that counts are
+COUNTER_SD and those that follow it."""
 
 
 class PriorKnowledge(NamedTuple):
@@ -37,8 +38,10 @@ class PriorKnowledge(NamedTuple):
         uncertainty: The table of the robot's file, if it has one.
         weight_sd: Relative standard deviation of the energy of climbing, beyond that of the prior.
         idle_sd: Relative standard deviation of the power at rest, beyond that of the prior.
-        meter_sd: Relative standard deviation of the meter's gain alone, by which what the battery holds is read.
-        capacity_is_fitted: Whether the capacity was measured; otherwise it is within the range of ageing batteries.
+        meter_sd: Relative standard deviation of the meter's gain alone, by which what the battery
+            holds is read.
+        capacity_is_fitted: Whether the capacity was measured; otherwise it is within the range of
+            ageing batteries.
     """
 
     prior: Prior
@@ -53,7 +56,9 @@ class PriorKnowledge(NamedTuple):
         """The prior with the error that unexplained power makes over a way."""
         if self.uncertainty is None:
             return self.prior
-        error = math.hypot(self.prior.model_error, scale_of(self.uncertainty.unexplained_over(way_m)))
+        error = math.hypot(
+            self.prior.model_error, scale_of(self.uncertainty.unexplained_over(way_m))
+        )
         return self.prior._replace(model_error=error)
 
     def with_capacity(self, capacity: float) -> PriorKnowledge:
@@ -94,14 +99,20 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
         )
         return PriorKnowledge(prior, words=(generic, wind), idle_sd=thresholds.IDLE_SD)
     prior, weight_sd = _as_sure_as(uncertainty, prior, robot)
-    words: tuple[str, ...] = (f"uncertainty from the robot's file: {uncertainty.source or 'no source given'}", wind)
-    # A capacity that was fitted is one by the robot's own meter, so that it includes the meter's gain.
+    words: tuple[str, ...] = (
+        f"uncertainty from the robot's file: {uncertainty.source or 'no source given'}",
+        wind,
+    )
+    # A capacity that was fitted is one by the robot's own meter, so that it includes the meter's
+    # gain.
     capacity_is_fitted = "capacity" in uncertainty.fitted
     own_meter_sd = 0.0
     if not capacity_is_fitted:
         words = (*words, _OLD_CELLS)
         own_meter_sd = _GENERIC.gain_sd
-    meter_sd = math.hypot(own_meter_sd, dict(uncertainty.instruments).get("power_gain", 0.0) / 3.0**0.5)
+    meter_sd = math.hypot(
+        own_meter_sd, dict(uncertainty.instruments).get("power_gain", 0.0) / 3.0**0.5
+    )
     return PriorKnowledge(
         prior=prior,
         words=words,
@@ -113,7 +124,8 @@ def known_of(robot: Robot, has_forecast: bool) -> PriorKnowledge:
 
 
 def _as_measured(uncertainty: Uncertainty, prior: Prior, wind: str) -> PriorKnowledge:
-    """The generic prior with what a coast-down test and a scale measured; the rest stays as wide as it was."""
+    """The generic prior with what a coast-down test and a scale measured; the rest stays as wide as
+    it was."""
     rolling_variance = uncertainty.variance("rolling")
     mass_variance = uncertainty.variance("mass")
     weight_sd = 0.0
@@ -122,7 +134,9 @@ def _as_measured(uncertainty: Uncertainty, prior: Prior, wind: str) -> PriorKnow
         weight_sd = prior.mass_sd
         if mass_variance is not None:
             weight_sd = math.sqrt(mass_variance)
-        prior = prior._replace(rolling=1.0, rolling_sd=math.sqrt(rolling_variance), mass=1.0, mass_sd=0.0)
+        prior = prior._replace(
+            rolling=1.0, rolling_sd=math.sqrt(rolling_variance), mass=1.0, mass_sd=0.0
+        )
     elif mass_variance is not None:
         prior = prior._replace(mass=1.0, mass_sd=math.sqrt(mass_variance))
     idle_variance = uncertainty.variance("idle_power")
@@ -146,10 +160,11 @@ def _as_measured(uncertainty: Uncertainty, prior: Prior, wind: str) -> PriorKnow
 
 
 def _as_sure_as(uncertainty: Uncertainty, prior: Prior, robot: Robot) -> tuple[Prior, float]:
-    """The generic prior changed by a file's table, and the relative standard deviation of the energy of climbing.
+    """The generic prior changed by a file's table, and the relative standard deviation of the
+    energy of climbing.
 
-    The file was fitted with the robot's own meter, so it includes the meter's gain. Parameters that were held fixed
-    agree with the recordings as they are.
+    The file was fitted with the robot's own meter, so it includes the meter's gain. Parameters that
+    were held fixed agree with the recordings as they are.
     """
     rolling_share = _rolling_share(robot)
     mass_variance = uncertainty.variance("mass")
@@ -175,7 +190,8 @@ def _as_sure_as(uncertainty: Uncertainty, prior: Prior, robot: Robot) -> tuple[P
         model_error=thresholds.LEAST_MODEL_ERROR,
     )
     if "drag" in uncertainty.fitted:
-        # Power that grows with the square of the speed need not be air drag: the wind acts at most on the frontal area.
+        # Power that grows with the square of the speed need not be air drag: the wind acts at most
+        # on the frontal area.
         most_drag_ns2_per_m2 = thresholds.MOST_AIR * robot.mass_kg ** (2.0 / 3.0)
         wind_share = min(most_drag_ns2_per_m2 / max(robot.drag_ns2_per_m2, 1e-9), 1.0)
         prior = prior._replace(
@@ -188,7 +204,9 @@ def _as_sure_as(uncertainty: Uncertainty, prior: Prior, robot: Robot) -> tuple[P
         prior = prior._replace(capacity=1.0, capacity_sd=capacity_sd)
     instruments = dict(uncertainty.instruments)
     if "power_gain" in instruments:
-        prior = prior._replace(gain_sd=math.hypot(prior.gain_sd, instruments["power_gain"] / 3.0**0.5))
+        prior = prior._replace(
+            gain_sd=math.hypot(prior.gain_sd, instruments["power_gain"] / 3.0**0.5)
+        )
     prior = prior._replace(
         power_noise=instruments.get("power_noise", prior.power_noise),
         soc_step=instruments.get("soc_step", prior.soc_step),

@@ -1,4 +1,5 @@
-"""Checks of readings: missing, late, repeated and impossible readings are left out with a warning."""
+"""Checks of readings: missing, late, repeated and impossible readings are left out with a
+warning."""
 
 from __future__ import annotations
 
@@ -63,11 +64,14 @@ class _Held:
         self.at_s = now_s
 
     def now(self, now_s: float, dt_s: float) -> float:
-        """The value for the time since the last reading, NaN if it is too old or held for too long."""
+        """The value for the time since the last reading, NaN if it is too old or held for too
+        long."""
         typical_s = dt_s
         if math.isfinite(self.every_s):
             typical_s = self.every_s
-        allowed_s = max(thresholds.HELD_INTERVALS * typical_s, thresholds.LEAST_HOLD_S) * (1.0 + 1e-9)
+        allowed_s = max(thresholds.HELD_INTERVALS * typical_s, thresholds.LEAST_HOLD_S) * (
+            1.0 + 1e-9
+        )
         if now_s - self.at_s <= allowed_s and dt_s <= allowed_s:
             return self.value
         return math.nan
@@ -91,7 +95,9 @@ class Readings:
         "_place", "_place_at_s", "_jumps", "_anchor", "_driven_m", "_said", "_charges",
     )  # fmt: skip
 
-    def __init__(self, limits: Limits, is_possible: Callable[[Position], bool], noise_m: Callable[[], float]) -> None:
+    def __init__(
+        self, limits: Limits, is_possible: Callable[[Position], bool], noise_m: Callable[[], float]
+    ) -> None:
         self._limits = limits
         self._is_possible = is_possible
         self._noise_m = noise_m
@@ -121,7 +127,8 @@ class Readings:
             given: Values by name, None where an instrument was not read.
 
         Raises:
-            CompanionError: A value is not a number, or neither position nor speed was read in the first minute.
+            CompanionError: A value is not a number, or neither position nor speed was read in the
+                first minute.
         """
         position = checked_position("position", given["position"])
         read = {name: _number(name, value) for name, value in given.items() if name != "position"}
@@ -139,20 +146,30 @@ class Readings:
         if dt_s > thresholds.GAP_INTERVALS * typical_s and dt_s > thresholds.LEAST_HOLD_S:
             self.say(f"no reading for {dt_s:.0f} s")
 
-        speed_mps = self._within_either_way("speed_mps", read["speed_mps"], self._limits.speed_mps, "km/h?")
+        speed_mps = self._within_either_way(
+            "speed_mps", read["speed_mps"], self._limits.speed_mps, "km/h?"
+        )
         voltage_v = self._within(
             "voltage_v", read["voltage_v"], thresholds.LEAST_VOLTAGE_V, shared.MOST_VOLTAGE_V, "mV?"
         )
-        current_a = self._within_either_way("current_a", read["current_a"], shared.MOST_CURRENT_A, "mA?")
+        current_a = self._within_either_way(
+            "current_a", read["current_a"], shared.MOST_CURRENT_A, "mA?"
+        )
         power_w = read["power_w"]
         if not math.isfinite(power_w):
             power_w = voltage_v * current_a
         power_w = self._within_either_way("power_w", power_w, self._limits.power_w, "mW?")
-        soc = self._within("soc", read["soc"], -thresholds.SOC_SLACK, 1.0 + thresholds.SOC_SLACK, "per cent?")
+        soc = self._within(
+            "soc", read["soc"], -thresholds.SOC_SLACK, 1.0 + thresholds.SOC_SLACK, "per cent?"
+        )
         if math.isfinite(soc):
             soc = min(max(soc, 0.0), 1.0)
-        grade_rad = self._within_either_way("grade_rad", read["grade_rad"], shared.STEEPEST_RAD, "degrees?")
-        heading_rad = self._within_either_way("heading_rad", read["heading_rad"], shared.MOST_HEADING_RAD, "degrees?")
+        grade_rad = self._within_either_way(
+            "grade_rad", read["grade_rad"], shared.STEEPEST_RAD, "degrees?"
+        )
+        heading_rad = self._within_either_way(
+            "heading_rad", read["heading_rad"], shared.MOST_HEADING_RAD, "degrees?"
+        )
         self._power.see(power_w, self.clock_s)
         self._grade.see(grade_rad, self.clock_s)
         self._heading.see(heading_rad, self.clock_s)
@@ -163,7 +180,9 @@ class Readings:
             silent_s = max(self.clock_s - self._power.at_s, dt_s)
             self.say(f"no power for {silent_s:.0f} s: predicted by the model", "no power")
         self._check_motion(speed_mps, position, dt_s)
-        sensing_hz = self._within("sensing_hz", read["sensing_hz"], 0.0, shared.MOST_SENSING_HZ, "Hz")
+        sensing_hz = self._within(
+            "sensing_hz", read["sensing_hz"], 0.0, shared.MOST_SENSING_HZ, "Hz"
+        )
         if math.isnan(sensing_hz):  # what was not read is taken not to sense
             sensing_hz = 0.0
         temperature_c = self._within_either_way(
@@ -195,7 +214,8 @@ class Readings:
     def _end_charge(self, time_s: float) -> None:
         """Pass the time at the charger, in which no instrument was due."""
         passed_s = time_s - self._last_s
-        # Before the first reading (NaN), and where the clock was set meanwhile, the time is not known.
+        # Before the first reading (NaN), and where the clock was set meanwhile, the time is not
+        # known.
         charged_s = 0.0
         if 0.0 <= passed_s <= self._limits.gap_s:
             charged_s = passed_s
@@ -254,7 +274,8 @@ class Readings:
         if dt_s >= 0.0:
             self._leave_out("repeated readings")
             return None
-        # Readings that are earlier and rise among themselves are those of a clock that was set back.
+        # Readings that are earlier and rise among themselves are those of a clock that was set
+        # back.
         if time_s > self._ignored_s or self._back == 0:
             self._back += 1
         else:
@@ -266,19 +287,25 @@ class Readings:
         return self._clock_was_set("back", time_s, thresholds.LATE)
 
     def _drove_less(self, dt_s: float, speed_mps: float, position: Position | None) -> bool:
-        """Whether the position contradicts the speed over a gap: then it is the clock that moved on."""
+        """Whether the position contradicts the speed over a gap: then it is the clock that moved
+        on."""
         typical_s = self._clock.every_s
         if dt_s <= thresholds.GAP_INTERVALS * typical_s or position is None or self._place is None:
             return False
         if isinstance(position, float) != isinstance(self._place, float):
             return False
         driven_m = abs(speed_mps) * dt_s
-        return driven_m > thresholds.CLOCK_SET * (_apart_m(position, self._place) + 2.0 * shared.POSITION_M)
+        return driven_m > thresholds.CLOCK_SET * (
+            _apart_m(position, self._place) + 2.0 * shared.POSITION_M
+        )
 
     def _clock_was_set(self, way: str, time_s: float, readings: int) -> float:
         """Time since the last reading if the clock cannot say it: that of so many readings."""
         by_s = abs(time_s - self._last_s)
-        self.say(f"the clock was set {way} by {_size(by_s)} s: time continues as before", f"the clock was set {way}")
+        self.say(
+            f"the clock was set {way} by {_size(by_s)} s: time continues as before",
+            f"the clock was set {way}",
+        )
         self._last_s = time_s
         self._back = 0
         every_s = self._clock.every_s
@@ -294,7 +321,10 @@ class Readings:
         """The value if it is possible, otherwise NaN and a warning."""
         if math.isnan(value) or low <= value <= high:
             return value
-        self._leave_out(f"impossible {name}", f" (the last {value:.4g}; allowed {low:.4g} to {high:.4g}; {hint})")
+        self._leave_out(
+            f"impossible {name}",
+            f" (the last {value:.4g}; allowed {low:.4g} to {high:.4g}; {hint})",
+        )
         return math.nan
 
     def _leave_out(self, what: str, more: str = "") -> None:
@@ -304,23 +334,35 @@ class Readings:
     def _place_now(self, position: Position | None, driven_m: float) -> Position | None:
         """The position, None if there is none or the robot cannot have come there."""
         if position is None:
-            if self._place is not None and self.clock_s - self._place_at_s > thresholds.LEAST_HOLD_S:
+            if (
+                self._place is not None
+                and self.clock_s - self._place_at_s > thresholds.LEAST_HOLD_S
+            ):
                 away_s = self.clock_s - self._place_at_s
                 self.say(f"no position for {away_s:.0f} s: dead reckoning", "no position")
             return None
         if not self._is_possible(position):
-            self._leave_out("impossible position", f" (the last {_said(position)}: farther than the robot can drive)")
+            self._leave_out(
+                "impossible position",
+                f" (the last {_said(position)}: farther than the robot can drive)",
+            )
             return None
-        if self._place is not None and isinstance(position, float) == isinstance(self._place, float):
+        if self._place is not None and isinstance(position, float) == isinstance(
+            self._place, float
+        ):
             apart_m = _apart_m(position, self._place)
             error_m = max(2.0 * shared.POSITION_M, thresholds.NOISY * self._noise_m())
             most_m = self._limits.speed_mps * (self.clock_s - self._place_at_s) + error_m
             if apart_m > most_m and self._jumps < thresholds.JUMPS:
                 self._jumps += 1
-                self._leave_out("impossible position", f" (the last {apart_m:.0f} m away from the one before)")
+                self._leave_out(
+                    "impossible position", f" (the last {apart_m:.0f} m away from the one before)"
+                )
                 return None
             if apart_m > most_m:
-                self.say(f"{thresholds.JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump")
+                self.say(
+                    f"{thresholds.JUMPS + 1} positions in a row are {apart_m:.0f} m away: accepted as a jump"
+                )
         if self._stays(position, driven_m):
             return None
         self._place = position
@@ -329,17 +371,23 @@ class Readings:
         return position
 
     def _stays(self, position: Position, driven_m: float) -> bool:
-        """Whether positions stay while the speed is not 0: dead reckoning is then the safer of both."""
+        """Whether positions stay while the speed is not 0: dead reckoning is then the safer of
+        both."""
         self._driven_m += driven_m
         same_kind = isinstance(position, float) == isinstance(self._anchor, float)
-        if self._anchor is None or not same_kind or _apart_m(position, self._anchor) > thresholds.STILL_M:
+        if (
+            self._anchor is None
+            or not same_kind
+            or _apart_m(position, self._anchor) > thresholds.STILL_M
+        ):
             self._anchor = position
             self._driven_m = 0.0
         elif self._driven_m > thresholds.DRIVEN_M:
             still = f"the positions stay within {thresholds.STILL_M:g} m"
             driven = f"the speed integrates to {self._driven_m:.0f} m"
             self.say(
-                f"{still} while {driven}: degrees, or spinning wheels? Dead reckoning is used", "the positions stay"
+                f"{still} while {driven}: degrees, or spinning wheels? Dead reckoning is used",
+                "the positions stay",
             )
         return self._driven_m > thresholds.DRIVEN_M
 
@@ -348,7 +396,9 @@ def _number(name: str, value: Any) -> float:
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise CompanionError(f"{name} = {value!r} is not a number; give a number, or None if nothing was read")
+        raise CompanionError(
+            f"{name} = {value!r} is not a number; give a number, or None if nothing was read"
+        )
     number = as_float(value)
     if math.isinf(number):
         return math.nan
@@ -385,7 +435,8 @@ def _size(number: float) -> str:
     return f"{number:.3g}"
 
 
-_LONG = 1e9  # from which a number is written with an exponent; chosen: ten digits are read at a glance
+# from which a number is written with an exponent; chosen: ten digits are read at a glance
+_LONG = 1e9
 _PLACE = "metres from home along the way, or (east, north) in metres"
 _ALLOWED = {"home": "(east, north) in metres, or 'here'", "forecast_mps": "(east, north) in m/s"}
 
@@ -406,7 +457,9 @@ def checked_position(name: str, value: Any) -> Position | None:
     try:
         east_m, north_m = map(as_float, value)
     except (TypeError, ValueError):
-        raise CompanionError(f"{name} = {value!r} is not allowed; give {_ALLOWED.get(name, _PLACE)}") from None
+        raise CompanionError(
+            f"{name} = {value!r} is not allowed; give {_ALLOWED.get(name, _PLACE)}"
+        ) from None
     if not math.isfinite(east_m + north_m):
         return None
     return east_m, north_m

@@ -1,6 +1,8 @@
-"""The companion's state in a file: the values of its parts, exactly, and a seal by which damage is noticed.
+"""The companion's state in a file: the values of its parts, exactly, and a seal by which damage is
+noticed.
 
-Each part of the companion names in `SAVED` what it has learned; everything else follows from the arguments.
+Each part of the companion names in `SAVED` what it has learned; everything else follows from the
+arguments.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ def put_values(part: Any, values: dict[str, Any]) -> None:
     """Give a part its values; arrays have the type and the shape of the present ones.
 
     Raises:
-        ArithmeticError, AttributeError, LookupError, TypeError, ValueError, zlib.error: They are of another part.
+        ArithmeticError, AttributeError, LookupError, TypeError, ValueError, zlib.error: They are of
+        another part.
     """
     for name in part.SAVED:
         setattr(part, name, _decoded(values[name], getattr(part, name)))

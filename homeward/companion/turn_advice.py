@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 _TRIES = 5
-"""Guesses at the latest place to turn, after which it is known to some metres. Chosen: bounds the time."""
+"""Guesses at the latest place to turn, after which it is known to some metres. Chosen: bounds the
+time."""
 
 
 class Turn(NamedTuple):
@@ -15,7 +16,8 @@ class Turn(NamedTuple):
 
     Attributes:
         in_m: Way that it may still drive away from home, m.
-        in_s: Time until then, s: at its pace, or sooner, if what it draws standing uses the margin up.
+        in_s: Time until then, s: at its pace, or sooner, if what it draws standing uses the margin
+            up.
         is_due: Whether it must turn now, so that it has turned in time.
     """
 
@@ -25,7 +27,12 @@ class Turn(NamedTuple):
 
 
 def when_to_turn(
-    low_j: Callable[[float], float], now_j: float, most_m: float, pace_mps: float, draws_w: float, reaction_s: float
+    low_j: Callable[[float], float],
+    now_j: float,
+    most_m: float,
+    pace_mps: float,
+    draws_w: float,
+    reaction_s: float,
 ) -> Turn:
     """When to turn for the margin at the accepted risk not to fall below zero.
 
@@ -44,8 +51,8 @@ def when_to_turn(
 
 
 def latest(low_j: Callable[[float], float], now_j: float, most_m: float) -> float:
-    """How far it may drive on before it must turn, m: a root by the secant method, never beyond a distance known as
-    safe."""
+    """How far it may drive on before it must turn, m: a root by the secant method, never beyond a
+    distance known as safe."""
     if now_j <= 0.0:
         return 0.0
     safe_m = 0.0

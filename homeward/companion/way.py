@@ -1,4 +1,5 @@
-"""The robot's position on its way: along a route, along its recorded trail, or in metres from home."""
+"""The robot's position on its way: along a route, along its recorded trail, or in metres from
+home."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ Array = NDArray[np.float64]
 
 
 class RouteLike(Protocol):
-    """A route cut into places of equal length, such as `homeward.envs.routes.Route`; arrays of shape (places,)."""
+    """A route cut into places of equal length, such as `homeward.envs.routes.Route`; arrays of
+    shape (places,)."""
 
     @property
     def place_m(self) -> float:
@@ -48,13 +50,16 @@ _MOST_CRUMBS = 1024  # points of the trail; chosen: a saved state stays below 20
 class Way:
     """Tracks the robot by positions, and by speed and heading between them, and keeps the way home.
 
-    With `(east, north)` it records a trail of points. The way home is the shortest along the trail: where it passes
-    an earlier point, the loop in between is left out. With a route, the way home is back along the route.
+    With `(east, north)` it records a trail of points. The way home is the shortest along the trail:
+    where it passes an earlier point, the loop in between is left out. With a route, the way home is
+    back along the route.
 
     Args:
-        home: Coordinates of home, `"here"` for the place of the first reading, or None if positions are metres.
+        home: Coordinates of home, `"here"` for the place of the first reading, or None if positions
+            are metres.
         route: The route, if there is one.
-        crumb_m: Distance between points of the trail, and from the trail at which the robot may join it.
+        crumb_m: Distance between points of the trail, and from the trail at which the robot may
+            join it.
         most_m: Longest way home that is possible, m.
 
     Attributes:
@@ -67,7 +72,9 @@ class Way:
         "_crumbs", "_at_m", "_shares", "_count", "_told_metres", "_speed_mps",
     )  # fmt: skip
 
-    def __init__(self, home: Position | str | None, route: RouteLike | None, crumb_m: float, most_m: float) -> None:
+    def __init__(
+        self, home: Position | str | None, route: RouteLike | None, crumb_m: float, most_m: float
+    ) -> None:
         self.home = home
         self.crumb_m = crumb_m
         self._most_m = most_m
@@ -84,17 +91,22 @@ class Way:
         self._positions = PositionFilter(np.array(start, dtype=np.float64))
         self._crumbs = np.zeros((_MOST_CRUMBS, 2))
         self._at_m = np.zeros(_MOST_CRUMBS)
-        self._shares = np.zeros(_MOST_CRUMBS)  # of a correction of the place, by which each point is off, too
+        # of a correction of the place, by which each point is off, too
+        self._shares = np.zeros(_MOST_CRUMBS)
         self._count = 0
         self.route_m: float | None = None
         self._corners: Array | None = None
         self.ends_at_home = False
         if route is not None:
             self.route_m = float(route.place_m) * len(route.grade_rad)
-            along = route.place_m * np.stack((np.cos(route.heading_rad), np.sin(route.heading_rad)), axis=-1)
+            along = route.place_m * np.stack(
+                (np.cos(route.heading_rad), np.sin(route.heading_rad)), axis=-1
+            )
             self._corners = np.concatenate((np.zeros((1, 2)), np.cumsum(along, axis=0)))
             self._place_m = float(route.place_m)
-            self.ends_at_home = len(along) > 2 and float(np.hypot(*self._corners[-1])) <= self._place_m
+            self.ends_at_home = (
+                len(along) > 2 and float(np.hypot(*self._corners[-1])) <= self._place_m
+            )
         self.off_route_m = 0.0
         self._told_metres = False
 
@@ -118,7 +130,12 @@ class Way:
             way_m = 0.0  # nobody drives in no time: it starts there
             if reading.dt_s > 0.0:
                 way_m = abs(moved_m)
-            return Step(position_m=self.position_m, way_m=way_m, heading_rad=reading.heading_rad, reckoned_m=0.0)
+            return Step(
+                position_m=self.position_m,
+                way_m=way_m,
+                heading_rad=reading.heading_rad,
+                reckoned_m=0.0,
+            )
         heading = reading.heading_rad
         if reading.position is not None:
             moved = self._move_to(reading.position, driven_m, reading)
@@ -140,17 +157,21 @@ class Way:
             self.reckoned_m += way_m
         if not self._told_metres:
             self.position_m = self._way_home_m()
-        return Step(position_m=self.position_m, way_m=way_m, heading_rad=heading, reckoned_m=self.reckoned_m)
+        return Step(
+            position_m=self.position_m, way_m=way_m, heading_rad=heading, reckoned_m=self.reckoned_m
+        )
 
     def _move_to(self, position: tuple[float, float], driven_m: float, reading: Reading) -> Array:
-        """Move to a position, filtered by speed and heading where they are read; returns the change."""
+        """Move to a position, filtered by speed and heading where they are read; returns the
+        change."""
         read = np.array(position, dtype=np.float64)
         if self._count == 0:
             if self.home is None:
                 raise CompanionError(
                     "home was not set: give Companion(home=(east, north)), or home='here' for the robot's first place"
                 )
-            # A home that is the first position is as far off as that; one that is told is where it is.
+            # A home that is the first position is as far off as that; one that is told is where it
+            # is.
             if self.home == "here":
                 self._lay(read, 0.0)
                 self._shares[0] = 1.0
@@ -161,14 +182,16 @@ class Way:
             return np.zeros(2)
         before = self._xy
         heading = reading.heading_rad
-        # After a charge nobody has reckoned the way: the position is taken as it is, and nothing was driven.
+        # After a charge nobody has reckoned the way: the position is taken as it is, and nothing
+        # was driven.
         passed = reading.dt_s > 0.0
         reckons = passed and math.isfinite(driven_m) and math.isfinite(heading)
         guessed = passed and math.isfinite(self._speed_mps) and math.isfinite(self._heading_rad)
         if reckons:
             self._positions.reckon(_moved(math.copysign(driven_m, reading.speed_mps), heading))
         elif guessed:
-            # As before, within all of that: one reading that is missing does not make a noisy position exact.
+            # As before, within all of that: one reading that is missing does not make a noisy
+            # position exact.
             speed = reading.speed_mps
             if math.isnan(speed):
                 speed = self._speed_mps
@@ -224,7 +247,9 @@ class Way:
             sign = math.copysign(1.0, speed)
         if math.isfinite(heading):
             assert self._route is not None
-            ahead_rad = self._route.heading_rad[place_of(self._route, self.position_m, self._route.heading_rad)]
+            ahead_rad = self._route.heading_rad[
+                place_of(self._route, self.position_m, self._route.heading_rad)
+            ]
             sign = math.copysign(1.0, math.cos(heading - ahead_rad)) * sign
         self._sign = sign
         assert self.route_m is not None
@@ -246,7 +271,8 @@ class Way:
         return float(total_m[nearest])
 
     def _lay(self, place: Array, at_m: float) -> None:
-        if self._count == _MOST_CRUMBS:  # drop every second one: memory is bounded, the trail is not
+        # drop every second one: memory is bounded, the trail is not
+        if self._count == _MOST_CRUMBS:
             half = _MOST_CRUMBS // 2
             for values in (self._crumbs, self._at_m, self._shares):
                 values[:half] = values[::2].copy()
@@ -258,7 +284,8 @@ class Way:
         self._count += 1
 
     def _on_route_m(self) -> float:
-        """Distance along the route of its nearest point, near the robot's last position on it, m."""
+        """Distance along the route of its nearest point, near the robot's last position on it,
+        m."""
         assert self._corners is not None
         corners = self._corners + self._crumbs[0]
         starts = corners[:-1]
@@ -267,8 +294,11 @@ class Way:
         share = np.clip(((self._xy - starts) * along).sum(axis=1) / self._place_m**2, 0.0, 1.0)
         apart_m = np.hypot(*(starts + share[:, None] * along - self._xy).T)
         at_m = (np.arange(len(share)) + share) * self._place_m
-        # If a route crosses itself, points far along it count as further away, by the error of dead reckoning.
-        nearest = int(np.argmin(apart_m + thresholds.DEAD_RECKONING_ERROR * np.abs(at_m - self.position_m)))
+        # If a route crosses itself, points far along it count as further away, by the error of dead
+        # reckoning.
+        nearest = int(
+            np.argmin(apart_m + thresholds.DEAD_RECKONING_ERROR * np.abs(at_m - self.position_m))
+        )
         self.off_route_m = float(apart_m[nearest])
         return float(at_m[nearest] + self.off_route_m)
 
@@ -285,8 +315,8 @@ class Way:
         return math.sqrt(self._positions.noise_variance)
 
     def is_possible(self, position: Position) -> bool:
-        """Whether the robot can come to a position from home, on several charges; without a home, whether it is on
-        the earth."""
+        """Whether the robot can come to a position from home, on several charges; without a home,
+        whether it is on the earth."""
         if isinstance(position, float):
             home_m = 0.0
             if isinstance(self.moved_home, float):
@@ -307,9 +337,11 @@ class Way:
         return float(self._crumbs[0, 0]), float(self._crumbs[0, 1])
 
     def beyond(self, place: Position, from_m: float | None = None) -> tuple[float, float]:
-        """For a place off the way: at which metre of the trail or route to leave it, and the length of the leg then, m.
+        """For a place off the way: at which metre of the trail or route to leave it, and the length
+        of the leg then, m.
 
-        That is where the way is shortest, with the detour of the leg. A trail leads back only, a route ahead too.
+        That is where the way is shortest, with the detour of the leg. A trail leads back only, a
+        route ahead too.
 
         Args:
             place: The place.
@@ -327,7 +359,9 @@ class Way:
         shortest = int(np.argmin(self.position_m - at_m + thresholds.DETOUR * leg_m))
         return float(at_m[shortest]), float(leg_m[shortest])
 
-    def _beyond_route(self, place: tuple[float, float], from_m: float | None) -> tuple[float, float]:
+    def _beyond_route(
+        self, place: tuple[float, float], from_m: float | None
+    ) -> tuple[float, float]:
         assert self._corners is not None
         here_m = self.position_m
         if from_m is not None:
@@ -369,9 +403,15 @@ def along_route(route: RouteLike, driven_m: float, speed_mps: float) -> NDArray[
 
 
 def along_and_off(
-    places: NDArray[np.void], vehicle: Vehicle, here_m: float, leave_m: float, leg_m: float, speed_mps: float
+    places: NDArray[np.void],
+    vehicle: Vehicle,
+    here_m: float,
+    leave_m: float,
+    leg_m: float,
+    speed_mps: float,
 ) -> NDArray[np.void]:
-    """Along the way out to a given metre, back or ahead, and then a leg over unknown ground, `WAY_DTYPE`.
+    """Along the way out to a given metre, back or ahead, and then a leg over unknown ground,
+    `WAY_DTYPE`.
 
     Ahead of a trail the ground is unknown too.
 

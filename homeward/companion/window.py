@@ -35,8 +35,11 @@ class Window:
         self._volt_s = self._amp_s = self._electric_s = 0.0
         self.SAVED = tuple(vars(self))
 
-    def add(self, reading: Reading, step: Step, modelled_w: float, drive_w: float, steady_w: float) -> None:
-        """Add a reading, with the model's mean powers since the last one: total, of the drive, of steady driving."""
+    def add(
+        self, reading: Reading, step: Step, modelled_w: float, drive_w: float, steady_w: float
+    ) -> None:
+        """Add a reading, with the model's mean powers since the last one: total, of the drive, of
+        steady driving."""
         dt_s = reading.dt_s
         way_m = step.way_m
         self.time_s += dt_s
@@ -111,7 +114,8 @@ class Window:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Mean direction of travel, east and north; shorter than 1 where it changed, NaN if none was read."""
+        """Mean direction of travel, east and north; shorter than 1 where it changed, NaN if none
+        was read."""
         return _mean(self._east_m, self._headed_m), _mean(self._north_m, self._headed_m)
 
     @property
@@ -120,8 +124,12 @@ class Window:
         return _mean(self._volt_s, self._electric_s), _mean(self._amp_s, self._electric_s)
 
     def straight(self, change_m: float) -> bool:
-        """Whether the way home changed by the distance driven: straight away from home, or back the same way."""
-        return abs(abs(change_m) - self.way_m) <= thresholds.STRAIGHT * max(self.way_m, abs(change_m)) + 1e-6
+        """Whether the way home changed by the distance driven: straight away from home, or back the
+        same way."""
+        return (
+            abs(abs(change_m) - self.way_m)
+            <= thresholds.STRAIGHT * max(self.way_m, abs(change_m)) + 1e-6
+        )
 
 
 def _mean(total: float, weight: float) -> float:

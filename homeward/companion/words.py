@@ -33,15 +33,25 @@ def rests_on(
         battery: What is assumed of it.
         pace: What is assumed of the speed on the way home.
     """
-    energy, way, *more = _said(tuple(sorted(name for name, there in has.items() if there)), known.words, home, battery)
+    energy, way, *more = _said(
+        tuple(sorted(name for name, there in has.items() if there)), known.words, home, battery
+    )
     return energy, way, pace, *more  # the pace changes as the robot drives, so it is not kept
 
 
 @cache
-def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, battery: tuple[str, ...]) -> tuple[str, ...]:
+def _said(
+    has: tuple[str, ...], words: tuple[str, ...], home: str, battery: tuple[str, ...]
+) -> tuple[str, ...]:
     energy = {
-        (True, True): "energy from the power meter, capacity of the battery from the state of charge",
-        (True, False): "energy from the power meter; no state of charge: the battery's capacity keeps its prior",
+        (
+            True,
+            True,
+        ): "energy from the power meter, capacity of the battery from the state of charge",
+        (
+            True,
+            False,
+        ): "energy from the power meter; no state of charge: the battery's capacity keeps its prior",
         (False, True): "no power: energy from the model and the state of charge",
         (False, False): "neither power nor state of charge: energy from the model alone",
     }[("power" in has, "soc" in has)]
@@ -50,13 +60,21 @@ def _said(has: tuple[str, ...], words: tuple[str, ...], home: str, battery: tupl
         sentences.append("positions filtered by speed and heading, which takes their noise away")
     if "grade" in has and home not in ("route", "loop"):
         tilt_deg = math.degrees(thresholds.SLOPE_OFFSET)
-        sentences.append(f"slopes from a sensor that is mounted within {tilt_deg:.1g} degrees, one standard deviation")
+        sentences.append(
+            f"slopes from a sensor that is mounted within {tilt_deg:.1g} degrees, one standard deviation"
+        )
     if "position" not in has:
-        sentences.append("no position: the robot started at home, and its way is reckoned from speed and heading")
+        sentences.append(
+            "no position: the robot started at home, and its way is reckoned from speed and heading"
+        )
     if "grade" not in has and home not in ("route", "loop"):
-        sentences.append(f"no slopes: the ground is assumed to be flat, within {100.0 * thresholds.NO_SLOPE_SD:g} %")
+        sentences.append(
+            f"no slopes: the ground is assumed to be flat, within {100.0 * thresholds.NO_SLOPE_SD:g} %"
+        )
     if "heading" not in has:
-        sentences.append("no heading: the way is assumed to be straight, so a tail wind becomes a head wind")
+        sentences.append(
+            "no heading: the way is assumed to be straight, so a tail wind becomes a head wind"
+        )
     sentences += words
     sentences += battery
     return tuple(sentences)

@@ -1,4 +1,5 @@
-"""Sim-to-real diagnosis: recordings in, verdict out. Uses the physics, never environments or agents."""
+"""Sim-to-real diagnosis: recordings in, verdict out. Uses the physics, never environments or
+agents."""
 
 from homeward.diagnosis.chain import analyse, diagnose
 from homeward.diagnosis.evidence import Analysis

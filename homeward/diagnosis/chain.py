@@ -1,4 +1,5 @@
-"""The chain from recordings to verdict: check, refit, test the residual, locate, name, validate, conclude."""
+"""The chain from recordings to verdict: check, refit, test the residual, locate, name, validate,
+conclude."""
 
 import dataclasses
 from collections.abc import Callable, Collection, Sequence
@@ -54,9 +55,18 @@ from homeward.physics import Robot, d_max, load_robot
 
 Progress = Callable[[str], None]
 
-_CLEAR_OF_TILT = float(norm.isf(thresholds.FALSE_ALARM_RATE / 2.0))  # standard errors of the tilt of a slope sensor
+# standard errors of the tilt of a slope sensor
+_CLEAR_OF_TILT = float(norm.isf(thresholds.FALSE_ALARM_RATE / 2.0))
 
-STAGES = ("reading", "checking", "refitting", "testing what remains", "locating", "naming", "proving")
+STAGES = (
+    "reading",
+    "checking",
+    "refitting",
+    "testing what remains",
+    "locating",
+    "naming",
+    "proving",
+)
 """Names that `progress` is called with, in order."""
 
 
@@ -89,9 +99,11 @@ def analyse(
     progress: Progress = lambda stage: None,
     without: Collection[str] = (),
 ) -> Analysis:
-    """As `diagnose`, with the evidence that the report shows; `progress` is called with the name of each stage.
+    """As `diagnose`, with the evidence that the report shows; `progress` is called with the name of
+    each stage.
 
-    Conditions of naming `without` which it runs refuse nothing: an experiment, for what a condition is worth.
+    Conditions of naming `without` which it runs refuse nothing: an experiment, for what a condition
+    is worth.
     """
     check_names(without)
     robot = load_robot(robot)
@@ -102,7 +114,9 @@ def analyse(
         usable, findings = usable_runs(recorded, robot)
     infos = _infos(recorded, {run.name for run in usable})
     if not usable:
-        untestable = Diagnosis(robot.name, infos, "not_testable", nothing_usable(findings), made_by=made_by(seed))
+        untestable = Diagnosis(
+            robot.name, infos, "not_testable", nothing_usable(findings), made_by=made_by(seed)
+        )
         return Analysis(untestable, robot, robot, tuple(findings), None)
     # All steps draw from one sequence: their order is part of the result, to the last digit.
     rng = np.random.default_rng(seed)
@@ -113,7 +127,9 @@ def analyse(
         choice = choose_file(robot, verdict, evidence, rng)
     if gauge is not None:
         gauge = dataclasses.replace(gauge, question=capacity_question(evidence.capacity, robot))
-        findings += [Finding(runs.signals[0].name, line) for line in (gauge.says, gauge.question) if line]
+        findings += [
+            Finding(runs.signals[0].name, line) for line in (gauge.says, gauge.question) if line
+        ]
     evidence, fit = _with_file(choice, evidence, fit, rng)
     missing = missing_physics(evidence)
     diagnosis = Diagnosis(
@@ -128,7 +144,9 @@ def analyse(
         together=evidence.naming.together,
         where=_where(evidence, missing),
         fit=fit,
-        what_this_log_can_show={effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE},
+        what_this_log_can_show={
+            effect: evidence.naming.absorbed.get(effect) for effect in CATALOGUE
+        },
         products=evidence.products,
         range=_range(robot, choice, evidence, rng),
         range_change_m=_range_change_m(robot, choice.robot, verdict, runs),
@@ -147,12 +165,17 @@ def _where(evidence: Evidence, missing: Sequence[MissingPhysics]) -> tuple[Place
     return tuple(place for effect in missing for place in effect.where)
 
 
-def _with_file(choice: FileChoice, evidence: Evidence, fit: Fit, rng: Generator) -> tuple[Evidence, Fit]:
-    """Evidence and fit with the arm of corrected.toml, where its prediction can be tested, and its joint covariance."""
+def _with_file(
+    choice: FileChoice, evidence: Evidence, fit: Fit, rng: Generator
+) -> tuple[Evidence, Fit]:
+    """Evidence and fit with the arm of corrected.toml, where its prediction can be tested, and its
+    joint covariance."""
     if choice.held_out is not None:
         arm = score(choice.held_out, evidence.runs, evidence.block, evidence.trip, rng)
         fit = dataclasses.replace(fit, arms={**fit.arms, "file": arm})
-        evidence = dataclasses.replace(evidence, predictions={**evidence.predictions, "file": choice.held_out})
+        evidence = dataclasses.replace(
+            evidence, predictions={**evidence.predictions, "file": choice.held_out}
+        )
     if choice.joint is not None:
         evidence = dataclasses.replace(evidence, joint=choice.joint)
     return evidence, fit
@@ -167,7 +190,8 @@ def _range(robot: Robot, choice: FileChoice, evidence: Evidence, rng: Generator)
 
 
 def _range_change_m(robot: Robot, corrected: Robot, verdict: Verdict, runs: Runs) -> float | None:
-    """Change of d_max by the correction; None of motor current, and of a fit that absorbs unknown physics."""
+    """Change of d_max by the correction; None of motor current, and of a fit that absorbs unknown
+    physics."""
     if runs.unit != "W" or verdict == "unknown_physics":
         return None
     return float(d_max(corrected) - d_max(robot))
@@ -186,7 +210,9 @@ def _read(
     for recording in recordings:
         if not isinstance(recording, Recording | str | Path):
             kind = type(recording).__name__
-            raise RecordingError(f"a recording is a path or what read_recording returns, not a {kind}")
+            raise RecordingError(
+                f"a recording is a path or what read_recording returns, not a {kind}"
+            )
     recorded = [
         recording if isinstance(recording, Recording) else read_recording(recording, columns)
         for recording in recordings
@@ -207,7 +233,8 @@ def _infos(recorded: Sequence[Recording], used: Collection[str]) -> tuple[Record
 def _gather(
     runs: Runs, robot: Robot, rng: Generator, progress: Progress, without: Collection[str]
 ) -> tuple[Evidence, Fit]:
-    """The evidence from the runs, and the held-out errors of each arm; no arm of corrected.toml yet."""
+    """The evidence from the runs, and the held-out errors of each arm; no arm of corrected.toml
+    yet."""
     progress("refitting")
     fitted = refit(runs, robot)
     blocks = independent_blocks(fitted, runs)
@@ -258,12 +285,15 @@ def _gather(
         products=products,
         joint=joint(model or plain, runs, block),
     )
-    arms = {name: score(values, runs, block, evidence.trip, rng) for name, values in predicted.items()}
+    arms = {
+        name: score(values, runs, block, evidence.trip, rng) for name, values in predicted.items()
+    }
     return evidence, Fit(runs.unit, held_out_by, len(np.unique(fold)), arms)
 
 
 def _estimated_freely(fitted: Refit, model: Corrected | None, runs: Runs) -> Fitted:
-    """The fit in which no group is held because an effect compensates for it: such a group is confounded with it."""
+    """The fit in which no group is held because an effect compensates for it: such a group is
+    confounded with it."""
     if model is None:
         return fitted
     compensated = model.groups.held & ~immaterial(fitted, runs)
@@ -278,7 +308,8 @@ def _fault_free(runs: Runs, corrected: Corrected | None) -> Runs:
 
 
 def _known(free_fit: Fitted, determined: Fitted, runs: Runs, block: Index) -> tuple[Estimate, ...]:
-    """Estimate of each group, fitted beside those that are held; held and confounded groups have none.
+    """Estimate of each group, fitted beside those that are held; held and confounded groups have
+    none.
 
     Args:
         free_fit: The fit before groups were held that are not identifiable.
@@ -290,11 +321,15 @@ def _known(free_fit: Fitted, determined: Fitted, runs: Runs, block: Index) -> tu
     of_free_fit = estimates(free_fit, runs, block)
     of_determined = estimates(determined, runs, block)
     held = determined.groups.held.tolist()
-    for number, (free_estimate, estimate) in enumerate(zip(of_free_fit, of_determined, strict=True)):
+    for number, (free_estimate, estimate) in enumerate(
+        zip(of_free_fit, of_determined, strict=True)
+    ):
         is_held = held[number]
         profiles = _profiles_over(determined, number)
         if is_held and free_estimate.status in ("fitted", "at bound"):
-            estimated.append(free_estimate.confounded(free_estimate.mixed_with or _effects(determined)))
+            estimated.append(
+                free_estimate.confounded(free_estimate.mixed_with or _effects(determined))
+            )
         elif is_held or free_estimate.status == "confounded":
             estimated.append(free_estimate)
         elif profiles:
@@ -319,44 +354,61 @@ def _profiles_over(model: Fitted, group: int) -> tuple[str, ...]:
 
 
 def _predictions(
-    fitted: Refit, corrected: Corrected | None, empirical: Empirical | None, runs: Runs, fold: Index, rng: Generator
+    fitted: Refit,
+    corrected: Corrected | None,
+    empirical: Empirical | None,
+    runs: Runs,
+    fold: Index,
+    rng: Generator,
 ) -> dict[str, Array]:
     """Held-out predictions of each arm, shape (windows,)."""
     problem = fitted.parameters
 
     def refit_with(columns: Array) -> Array:
-        return held_out(lambda training: with_columns(fitted, training, runs.observed, columns), fold)
+        return held_out(
+            lambda training: with_columns(fitted, training, runs.observed, columns), fold
+        )
 
     arms: dict[str, Array] = {}
     if problem.current_known:
         arms["nominal"] = problem.predict(runs, problem.start)
-    arms["refit"] = held_out(lambda training: fitted.fitted_to(training, runs.observed).replayed(runs), fold)
+    arms["refit"] = held_out(
+        lambda training: fitted.fitted_to(training, runs.observed).replayed(runs), fold
+    )
     # The placebo, the same columns at other times, says what such columns gain by chance.
     if corrected is not None:
-        arms["corrected"] = held_out(lambda training: corrected.refitted(training, runs).replayed(runs), fold)
+        arms["corrected"] = held_out(
+            lambda training: corrected.refitted(training, runs).replayed(runs), fold
+        )
         arms["placebo"] = refit_with(shifted_in_time(np.column_stack(corrected.contribution), rng))
     elif empirical is not None:
         arms["corrected"] = refit_with(empirical.columns)
         arms["placebo"] = refit_with(shifted_in_time(empirical.columns, rng))
-    # Trees see what the refit predicts and every channel: they bound what a model of these channels can gain.
-    arms["black_box"] = held_out(lambda training: black_box(runs, fitted.predicted, training, rng), fold)
+    # Trees see what the refit predicts and every channel: they bound what a model of these channels
+    # can gain.
+    arms["black_box"] = held_out(
+        lambda training: black_box(runs, fitted.predicted, training, rng), fold
+    )
     return arms
 
 
 def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
-    """The verdict by precedence, and the parameters whose interval excludes the robot file's value."""
+    """The verdict by precedence, and the parameters whose interval excludes the robot file's
+    value."""
     off = _parameters_off(evidence)
     if evidence.blocks < thresholds.FEWEST_BLOCKS:
         return "not_testable", ()  # too short: whatever is missing could not be significant
     if evidence.naming.named or evidence.channel_effects:
         return "missing_physics", off
     if evidence.location is not None:
-        return "unknown_physics", off  # the residual depends on a channel, and no known effect explains it
+        # the residual depends on a channel, and no known effect explains it
+        return "unknown_physics", off
     if all(estimate.fitted is None for estimate in evidence.estimates):
         return "not_testable", ()
     nominal = evidence.predictions.get("nominal")
     if nominal is None:
-        return "no_mismatch", ()  # the file gives no thrust per ampere: there is nothing to compare with currents
+        # the file gives no thrust per ampere: there is nothing to compare with currents
+        return "no_mismatch", ()
     if not _refit_is_better(nominal, evidence):
         of_battery = tuple(group for group in off if group.group == USABLE_ENERGY)
         if of_battery:
@@ -368,7 +420,8 @@ def _conclude(evidence: Evidence) -> tuple[Verdict, tuple[FittedGroup, ...]]:
 
 
 def _parameters_off(evidence: Evidence) -> tuple[FittedGroup, ...]:
-    """Groups whose interval excludes the robot file's value, and last the battery's usable energy, where it does."""
+    """Groups whose interval excludes the robot file's value, and last the battery's usable energy,
+    where it does."""
     excluded = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
     groups = [group for group in evidence.measured if group.group in excluded]
     capacity = evidence.capacity
@@ -387,10 +440,11 @@ def _parameters_off(evidence: Evidence) -> tuple[FittedGroup, ...]:
 
 
 def _refit_is_better(nominal: Array, evidence: Evidence) -> bool:
-    """Whether the refit predicts held-out windows better than the robot file, `nominal`, shape (windows,).
+    """Whether the refit predicts held-out windows better than the robot file, `nominal`, shape
+    (windows,).
 
-    The gain must be significant, and larger than the instruments' own errors and than that required of an effect: a
-    smaller one is no wrong parameter.
+    The gain must be significant, and larger than the instruments' own errors and than that required
+    of an effect: a smaller one is no wrong parameter.
     """
     observed = evidence.runs.observed
     refitted = evidence.predictions["refit"]

@@ -1,4 +1,5 @@
-"""The evidence behind a verdict, and the diagnosis with it, for the report, the terminal and other tools."""
+"""The evidence behind a verdict, and the diagnosis with it, for the report, the terminal and other
+tools."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,13 +28,15 @@ from homeward.physics import Robot
 class Evidence:
     """The evidence behind the verdict, for the report; arrays of shape (windows,).
 
-    There is no arm `nominal` where the robot file cannot predict what was recorded (motor current without a known
-    thrust per ampere), and none `corrected` where nothing was named and no formula was found.
+    There is no arm `nominal` where the robot file cannot predict what was recorded (motor current
+    without a known thrust per ampere), and none `corrected` where nothing was named and no formula
+    was found.
     """
 
     runs: Runs
     fitted: Refit
-    plain: Refit  # groups that are not identifiable held at the robot file's value, where the data allow that
+    # groups that are not identifiable held at the robot file's value, where the data allow that
+    plain: Refit
     block: Index
     fold: Index  # windows held out together have one number
     held_out_by: Literal["run", "block"]
@@ -43,10 +46,12 @@ class Evidence:
     location: Location | None
     naming: Naming
     corrected: Corrected | None  # the fitted model, where effects were named
-    empirical: Empirical | None  # the formula that the mismatch follows, where no effect explains it
+    # the formula that the mismatch follows, where no effect explains it
+    empirical: Empirical | None
     capacity: Capacity | None  # of the battery, where its state of charge was recorded
     channel_effects: tuple[ChannelEffect, ...]  # effects that other channels than power show
-    remaining: RemainingDependence | None  # the residual of the named effects, where it still depends on a channel
+    # the residual of the named effects, where it still depends on a channel
+    remaining: RemainingDependence | None
     products: tuple[Product, ...]  # identifiable although their factors are not
     joint: Joint  # covariance of everything that was fitted together
 
@@ -59,7 +64,10 @@ class Evidence:
     def range_accuracy_pct(self) -> dict[str, float | None]:
         """Accuracy of the range that each arm estimates for held-out trips, per cent."""
         trip = self.trip
-        return {arm: range_accuracy_pct(predicted, self.runs, trip) for arm, predicted in self.predictions.items()}
+        return {
+            arm: range_accuracy_pct(predicted, self.runs, trip)
+            for arm, predicted in self.predictions.items()
+        }
 
     @property
     def measured(self) -> tuple[FittedGroup, ...]:
@@ -68,7 +76,11 @@ class Evidence:
         for estimate in self.estimates:
             if estimate.fitted is not None and estimate.ci95 is not None:
                 group = estimate.group
-                measured.append(FittedGroup(group.symbol, estimate.assumed, estimate.fitted, estimate.ci95, group.unit))
+                measured.append(
+                    FittedGroup(
+                        group.symbol, estimate.assumed, estimate.fitted, estimate.ci95, group.unit
+                    )
+                )
         return tuple(measured)
 
     @property
@@ -76,7 +88,11 @@ class Evidence:
         """Symbols of the groups held at the robot file's values."""
         model = self.plain if self.corrected is None else self.corrected
         fit = model.groups
-        return tuple(group.symbol for group, is_held in zip(fit.parameters.groups, fit.held, strict=True) if is_held)
+        return tuple(
+            group.symbol
+            for group, is_held in zip(fit.parameters.groups, fit.held, strict=True)
+            if is_held
+        )
 
     @property
     def blocks(self) -> int:
@@ -85,13 +101,15 @@ class Evidence:
 
     @property
     def trip(self) -> Index:
-        """What counts as one trip: a run or, of fewer than three runs, a stretch; shape (windows,)."""
+        """What counts as one trip: a run or, of fewer than three runs, a stretch; shape
+        (windows,)."""
         fold, kind = cut_folds(self.runs, self.block)
         return self.runs.run if kind == "run" else fold
 
     @property
     def contributions(self) -> tuple[Array, ...]:
-        """Power or current that each named effect adds, in the order of the diagnosis, shape (windows,) each."""
+        """Power or current that each named effect adds, in the order of the diagnosis, shape
+        (windows,) each."""
         named = () if self.corrected is None else self.corrected.contribution
         shown_by_channels = [effect.contribution for effect in self.channel_effects]
         return (*named, *shown_by_channels)
@@ -113,7 +131,8 @@ class Analysis:
     evidence: Evidence | None  # None where no run can be used
 
     def per_sample(self, name: str) -> Array:
-        """Battery power that the corrected file predicts for the run of a path, W, shape (samples,), at its `time_s`.
+        """Battery power that the corrected file predicts for the run of a path, W, shape
+        (samples,), at its `time_s`.
 
         Raises:
             KeyError: No usable run has this name.

@@ -14,7 +14,9 @@ SCHEMA = 3
 READ = (2, 3)
 """Versions that are read: a file of another one is refused."""
 
-Verdict = Literal["no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"]
+Verdict = Literal[
+    "no_mismatch", "parameters_off", "missing_physics", "unknown_physics", "not_testable"
+]
 VERDICTS = get_args(Verdict)
 Combination = Literal["product", "ratio", "mean power"]
 Followed = Literal["charge", "voltage", "load"]
@@ -34,7 +36,8 @@ class RecordingInfo:
 class FittedGroup:
     """An identifiable group of parameters; `assumed` is None where the robot file has no value.
 
-    `confused_with` holds effects that explain the recordings as well, with the value that was assumed.
+    `confused_with` holds effects that explain the recordings as well, with the value that was
+    assumed.
     """
 
     group: str
@@ -56,7 +59,8 @@ class Value:
 
 @dataclass(frozen=True)
 class Product:
-    """The identifiable combination of confounded numbers: their product or ratio, or the mean power that they make."""
+    """The identifiable combination of confounded numbers: their product or ratio, or the mean power
+    that they make."""
 
     of: tuple[str, ...]
     value: Value
@@ -73,7 +77,8 @@ class Product:
 
 @dataclass(frozen=True)
 class Range:
-    """Range on one charge of a robot that drives on as recorded, and d_max at its best speed on level ground."""
+    """Range on one charge of a robot that drives on as recorded, and d_max at its best speed on
+    level ground."""
 
     recorded_m: float  # by the recorded energy per metre
     ci95: tuple[float, float]  # over runs
@@ -87,7 +92,8 @@ class Range:
 class Gauge:
     """What the recorded state of charge is worth, in words in `says`.
 
-    It follows the charge drawn, the recorded voltage or, as a map of a voltage that was not recorded does, the load.
+    It follows the charge drawn, the recorded voltage or, as a map of a voltage that was not
+    recorded does, the load.
     """
 
     follows: Followed
@@ -99,7 +105,8 @@ class Gauge:
 
 @dataclass(frozen=True)
 class Place:
-    """One stretch of one recording under the located condition, as `where` of diagnosis.json has it."""
+    """One stretch of one recording under the located condition, as `where` of diagnosis.json has
+    it."""
 
     recording: str
     start_s: float
@@ -112,7 +119,8 @@ class Place:
 class Proof:
     """Strength of the evidence for an effect."""
 
-    delta_bic: float | None  # against the model without it; None where two readings are compared and no model is
+    # against the model without it; None where two readings are compared and no model is
+    delta_bic: float | None
     held_out_gain: float | None  # share of the squared held-out error of the model without it
     p_value: float
 
@@ -142,7 +150,8 @@ class MissingPhysics:
     evidence: Proof
     confused_with: tuple[str, ...]
     to_tell_apart: str
-    conditions: tuple[Checked, ...] = ()  # under which it is named; none of one that another channel than power shows
+    # under which it is named; none of one that another channel than power shows
+    conditions: tuple[Checked, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -155,7 +164,8 @@ class NotNamed:
 
 @dataclass(frozen=True)
 class FileNumber:
-    """A fitted number of corrected.toml: proven to differ from the given file, or only fitted so that it predicts."""
+    """A fitted number of corrected.toml: proven to differ from the given file, or only fitted so
+    that it predicts."""
 
     name: str
     value: float
@@ -166,7 +176,8 @@ class FileNumber:
 
 @dataclass(frozen=True)
 class CorrectedFile:
-    """Content of corrected.toml and why: named effects, fitted parameters, a fit made to predict, or the given file."""
+    """Content of corrected.toml and why: named effects, fitted parameters, a fit made to predict,
+    or the given file."""
 
     holds: Literal["corrected", "refit", "predictive", "nominal"]
     why: str
@@ -177,7 +188,8 @@ class CorrectedFile:
 class Arm:
     """Held-out errors of one model; `energy_error_pct` is None where only current was recorded.
 
-    `energy_error_pct` is the mean over held-out trips of |predicted - recorded| trip energy over the recorded one.
+    `energy_error_pct` is the mean over held-out trips of |predicted - recorded| trip energy over
+    the recorded one.
     """
 
     rmse: float
@@ -203,7 +215,8 @@ class MadeBy:
     version: str  # of homeward
     seed: int
     thresholds: dict[str, Any]  # by package and name, such as diagnosis.FALSE_ALARM_RATE
-    own_effects: dict[str, str] = field(default_factory=dict)  # SHA-256 of the file of --effects, by its name
+    # SHA-256 of the file of --effects, by its name
+    own_effects: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -215,10 +228,12 @@ class Diagnosis:
     verdict: Verdict
     summary: str
     parameters: tuple[FittedGroup, ...] = ()
-    parameters_off: tuple[FittedGroup, ...] = ()  # those whose interval excludes what the robot file assumes
+    # those whose interval excludes what the robot file assumes
+    parameters_off: tuple[FittedGroup, ...] = ()
     missing_physics: tuple[MissingPhysics, ...] = ()
     not_named: tuple[NotNamed, ...] = ()
-    together: tuple[Checked, ...] = ()  # conditions that the effects met together, up to the first that they did not
+    # conditions that the effects met together, up to the first that they did not
+    together: tuple[Checked, ...] = ()
     where: tuple[Place, ...] = ()
     fit: Fit | None = None
     what_this_log_can_show: dict[str, float | None] = field(default_factory=dict)
@@ -248,7 +263,9 @@ class Diagnosis:
         try:
             data = json.loads(text)
             if data["schema"] not in READ or data["verdict"] not in VERDICTS:
-                raise ValueError(f"not a diagnosis of schema {SCHEMA}: {data['schema']!r}, {data['verdict']!r}")
+                raise ValueError(
+                    f"not a diagnosis of schema {SCHEMA}: {data['schema']!r}, {data['verdict']!r}"
+                )
             diagnosis: Diagnosis = _read(cls, data)
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"not a diagnosis of schema {SCHEMA}: {error!r}") from error
@@ -256,7 +273,8 @@ class Diagnosis:
 
 
 def _read(kind: Any, data: Any) -> Any:
-    """Data from JSON as the type that an annotation names: records, and tuples, mappings or options of them."""
+    """Data from JSON as the type that an annotation names: records, and tuples, mappings or options
+    of them."""
     if dataclasses.is_dataclass(kind):
         kinds = get_type_hints(kind)
         fields = {name: _read(kinds[name], value) for name, value in data.items()}

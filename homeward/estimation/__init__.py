@@ -1,4 +1,5 @@
-"""Online estimation: from readings to a distribution of the robot's parameters, the wind and the way home."""
+"""Online estimation: from readings to a distribution of the robot's parameters, the wind and the
+way home."""
 
 from homeward.estimation.drive import Vehicle, vehicle_of
 from homeward.estimation.estimator import Estimator, Margin, StateEstimate

@@ -1,4 +1,5 @@
-"""Energy of driving a metre: by the robot's own model and by a hypothesis about the robot and the wind."""
+"""Energy of driving a metre: by the robot's own model and by a hypothesis about the robot and the
+wind."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ LEAST_ROLLED = 1e-12
 LEAST_WAY_M = 1e-9
 """Least way, m. Chosen: above 0, because it divides."""
 _LEAST_VARIANCE = 1e-24
-"""Least variance of a stretch's energy, of a battery squared. Chosen: above 0, because its root divides."""
+"""Least variance of a stretch's energy, of a battery squared. Chosen: above 0, because its root
+divides."""
 
 
 class Vehicle(NamedTuple):
@@ -51,7 +53,8 @@ def vehicle_of(robot: Robot, place_m: float, cruise_mps: float | None = None) ->
     Args:
         robot: The robot of the file.
         place_m: Length of a place of the route, m.
-        cruise_mps: Speed at which the way home is predicted, m/s; by default that with the longest range.
+        cruise_mps: Speed at which the way home is predicted, m/s; by default that with the longest
+            range.
     """
     if cruise_mps is None:
         cruise_mps = float(optimal_speed(robot))
@@ -84,13 +87,16 @@ def climbing(vehicle: Any, sine: float) -> float:
 @inline
 def drag(vehicle: Any, speed_mps: float, headwind_mps: float) -> float:
     """Energy of air drag against the wind, J/m."""
-    drag_n = model.drag_force(vehicle, speed_mps) + model.wind_force(vehicle, speed_mps, headwind_mps)
+    drag_n = model.drag_force(vehicle, speed_mps) + model.wind_force(
+        vehicle, speed_mps, headwind_mps
+    )
     return float(drag_n * vehicle.per_efficiency)
 
 
 @inline
 def modelled_driving(vehicle: Any, sine: float, speed_mps: float) -> float:
-    """Energy of driving by the robot's own model, J/m: that of the place at cruise, with the drag of the actual speed.
+    """Energy of driving by the robot's own model, J/m: that of the place at cruise, with the drag
+    of the actual speed.
 
     Args:
         vehicle: `Vehicle`.
@@ -110,7 +116,8 @@ class Stretch(NamedTuple):
     east: float
     north: float
     speed_mps: float
-    rolled: float  # rolling energy there over the file's, relative to `ROLLED`; below 0: it is `ROLLING`
+    # rolling energy there over the file's, relative to `ROLLED`; below 0: it is `ROLLING`
+    rolled: float
     climb_share: float  # of the way from here home
     gust_share: float  # share of the present gusts that remains there
 
@@ -126,18 +133,21 @@ def predict(
     hessian: Any,
     stretch_jacobian: Any,
 ) -> tuple[float, float]:
-    """Energy of driving a stretch by a hypothesis, over the file's usable energy, and its variance beyond the states'.
+    """Energy of driving a stretch by a hypothesis, over the file's usable energy, and its variance
+    beyond the states'.
 
-    With the wind w = mean wind + `gust_share` gust, the speed of the air u = v + w h along the direction h, and the
-    file's rolling R, climbing C and drag c u |u| of the stretch (docs/estimation.md, the estimation problem):
+    With the wind w = mean wind + `gust_share` gust, the speed of the air u = v + w h along the
+    direction h, and the file's rolling R, climbing C and drag c u |u| of the stretch
+    (docs/estimation.md, the estimation problem):
 
         E = gain c u |u| + weight C + rolling R                        on new ground
-        E = gain c u |u| + weight C + rolled r R - climb s m           on ground that was driven on the way out
+        E = gain c u |u| + weight C + rolled r R - climb s m           on ground that was driven on
+        the way out
 
     where r is `stretch.rolled`, s is `stretch.climb_share` and m is `misread_climb`.
 
-    E is linear in all states but the wind, for which the first and second derivatives are returned. It is normally
-    distributed by the states, but never below 0: see `_censored`.
+    E is linear in all states but the wind, for which the first and second derivatives are returned.
+    It is normally distributed by the states, but never below 0: see `_censored`.
 
     Args:
         vehicle: `Vehicle`.
@@ -157,9 +167,15 @@ def predict(
     headwind_mps = model.headwind(east_mps, north_mps, stretch.east, stretch.north)
     air_mps = stretch.speed_mps + headwind_mps
     air_drag = drag(vehicle, stretch.speed_mps, headwind_mps) * shares_per_j_per_m
-    # Second derivative of the drag by the wind along the way: c u |u| has 2 c sign(u), and u times that as its first.
+    # Second derivative of the drag by the wind along the way: c u |u| has 2 c sign(u), and u times
+    # that as its first.
     air_curvature = (
-        2.0 * mean[GAIN] * vehicle.drag_ns2_per_m2 * vehicle.per_efficiency * shares_per_j_per_m * np.sign(air_mps)
+        2.0
+        * mean[GAIN]
+        * vehicle.drag_ns2_per_m2
+        * vehicle.per_efficiency
+        * shares_per_j_per_m
+        * np.sign(air_mps)
     )
 
     stretch_jacobian[OFFSET] = 0.0
@@ -199,7 +215,8 @@ def predict(
 
 @inline
 def _energy_variance(covariance: Any, jacobian: Any) -> float:
-    """Variance of an energy that is linear in the states of driving, J P J^T; each pair of states is visited once."""
+    """Variance of an energy that is linear in the states of driving, J P J^T; each pair of states
+    is visited once."""
     variance = 0.0
     for a in range(_DRIVING):
         half = 0.5 * jacobian[a] * covariance[a, a]
@@ -211,13 +228,14 @@ def _energy_variance(covariance: Any, jacobian: Any) -> float:
 
 @inline
 def _censored(mean: float, variance: float) -> tuple[float, float, float]:
-    """Moments of max(E, 0) for a normally distributed E (Tobin, Econometrica 26, 1958: censored at 0).
+    """Moments of max(E, 0) for a normally distributed E (Tobin, Econometrica 26, 1958: censored at
+    0).
 
     With z = mean / sd, the distribution function F and the density f of a standard normal variable:
 
         mean      mean F(z) + sd f(z)
-        slope     F(z), the derivative of that by the mean of E, and the probability that E is above 0
-        residual  variance of max(E, 0), less the F(z)^2 variance that the slope explains
+        slope     F(z), the derivative of that by the mean of E, and the probability that E is above
+        0 residual  variance of max(E, 0), less the F(z)^2 variance that the slope explains
 
     Returns:
         Mean, slope and residual variance.
@@ -235,5 +253,6 @@ def _censored(mean: float, variance: float) -> tuple[float, float, float]:
 
 @inline
 def misread_climb(prior: Any, mean: Any) -> float:
-    """Derivative of the energy by a climb that the slopes did not show; smaller if the modelled energy includes it."""
+    """Derivative of the energy by a climb that the slopes did not show; smaller if the modelled
+    energy includes it."""
     return float(mean[WEIGHT] - prior.model_knows_slopes * mean[GAIN])

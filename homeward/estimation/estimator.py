@@ -1,4 +1,5 @@
-"""Estimates for robots side by side: from readings to a distribution of the robot, the wind and the way home."""
+"""Estimates for robots side by side: from readings to a distribution of the robot, the wind and the
+way home."""
 
 from __future__ import annotations
 
@@ -11,7 +12,14 @@ from numpy.typing import NDArray
 from homeward.estimation.drive import Vehicle
 from homeward.estimation.filter import HYPOTHESIS_DTYPE, PLACE_DTYPE, ROBOT_DTYPE, update
 from homeward.estimation.margin import MARGIN_DTYPE, PLAN_DTYPE, WAY_DTYPE, compute_margins
-from homeward.estimation.prior import HYPOTHESES, PER_CAPACITY, SOC_ERROR, USED, Prior, first_hypotheses
+from homeward.estimation.prior import (
+    HYPOTHESES,
+    PER_CAPACITY,
+    SOC_ERROR,
+    USED,
+    Prior,
+    first_hypotheses,
+)
 from homeward.estimation.relocation import relocate
 
 NO_WAYS = np.zeros(0, WAY_DTYPE)
@@ -51,8 +59,8 @@ class StateEstimate(NamedTuple):
 class Estimator:
     """Estimates the parameters, the wind and the way home of robots online.
 
-    All returned energies are as metered: those that the robot's own power meter would show, without its offset. The
-    meter's gain therefore cancels between the energy left and that of the way home.
+    All returned energies are as metered: those that the robot's own power meter would show, without
+    its offset. The meter's gain therefore cancels between the energy left and that of the way home.
 
     Args:
         vehicle: The robot's own model.
@@ -61,7 +69,8 @@ class Estimator:
         count: Number of robots n.
 
     Attributes:
-        state: State of the estimator, one record for each robot, shape (n,): it can be copied and restored.
+        state: State of the estimator, one record for each robot, shape (n,): it can be copied and
+            restored.
     """
 
     def __init__(self, vehicle: Vehicle, prior: Prior, places: int, count: int) -> None:
@@ -80,17 +89,23 @@ class Estimator:
         self.begin(everyone, wind_east_mps=np.zeros(count), wind_north_mps=np.zeros(count))
 
     def begin(
-        self, mask: NDArray[np.bool_], wind_east_mps: NDArray[np.float64], wind_north_mps: NDArray[np.float64]
+        self,
+        mask: NDArray[np.bool_],
+        wind_east_mps: NDArray[np.float64],
+        wind_north_mps: NDArray[np.float64],
     ) -> None:
         """Begin new missions at home with a full battery.
 
         Args:
             mask: Which robots begin, shape (n,).
-            wind_east_mps: East component of the forecast wind, towards where it comes from, shape (n,).
+            wind_east_mps: East component of the forecast wind, towards where it comes from, shape
+                (n,).
             wind_north_mps: North component of the same.
         """
         forecast_mps = np.stack((wind_east_mps, wind_north_mps), axis=-1)[mask]
-        mean, covariance, probability = first_hypotheses(self.prior, self.vehicle.full_j, forecast_mps)
+        mean, covariance, probability = first_hypotheses(
+            self.prior, self.vehicle.full_j, forecast_mps
+        )
         new = np.zeros(len(forecast_mps), self.state.dtype)
         new["robot"]["soc"] = np.nan
         new["robot"]["soc_start"] = 1.0
@@ -125,10 +140,18 @@ class Estimator:
         """Move robots to another place on their way home: a short cut was found, or home has moved.
 
         Args:
-            position_m: New length of the way home, m, over ground already driven or, if longer, like that here.
+            position_m: New length of the way home, m, over ground already driven or, if longer,
+                like that here.
         """
         state = self.state
-        relocate(self.vehicle, state["robot"], state["hypotheses"], state["places"], state["rollings"], position_m)
+        relocate(
+            self.vehicle,
+            state["robot"],
+            state["hypotheses"],
+            state["places"],
+            state["rollings"],
+            position_m,
+        )
 
     def recharge(self, soc: float, soc_sd: float) -> None:
         """Replace the robots' batteries, or their charge: estimates of the old battery are dropped.
@@ -140,14 +163,19 @@ class Estimator:
         robot = self.state["robot"]
         mean = self.state["hypotheses"]["mean"]
         covariance = self.state["hypotheses"]["covariance"]
-        first_mean, first_covariance, _ = first_hypotheses(self.prior, self.vehicle.full_j, np.zeros((1, 2)))
+        first_mean, first_covariance, _ = first_hypotheses(
+            self.prior, self.vehicle.full_j, np.zeros((1, 2))
+        )
         per_capacity = first_mean[0, 0, PER_CAPACITY]
         for state in (USED, PER_CAPACITY, SOC_ERROR):
             covariance[..., state, :] = 0.0
             covariance[..., :, state] = 0.0
         mean[..., PER_CAPACITY] = per_capacity
-        covariance[..., PER_CAPACITY, PER_CAPACITY] = first_covariance[0, 0, PER_CAPACITY, PER_CAPACITY]
-        # The energy used is that of the new battery; what is not known of its charge is not known of that.
+        covariance[..., PER_CAPACITY, PER_CAPACITY] = first_covariance[
+            0, 0, PER_CAPACITY, PER_CAPACITY
+        ]
+        # The energy used is that of the new battery; what is not known of its charge is not known
+        # of that.
         mean[..., USED] = 0.0
         covariance[..., USED, USED] = (soc_sd / per_capacity) ** 2
         mean[..., SOC_ERROR] = 0.0
@@ -174,7 +202,9 @@ class Estimator:
         between = np.einsum("nk,nka,nkb->nab", weights, deviations, deviations)
         return StateEstimate(mean, within + between)
 
-    def plans(self, home_cost_j: NDArray[np.float64], home_mps: float | None = None) -> NDArray[np.void]:
+    def plans(
+        self, home_cost_j: NDArray[np.float64], home_mps: float | None = None
+    ) -> NDArray[np.void]:
         """Plans of heading home now, `PLAN_DTYPE`, shape (n,), which may be modified.
 
         Args:
@@ -190,13 +220,17 @@ class Estimator:
         plans["speed_mps"] = home_mps
         return plans
 
-    def margin(self, plans: NDArray[np.void], risk: float, ways: NDArray[np.void] = NO_WAYS) -> Margin:
+    def margin(
+        self, plans: NDArray[np.void], risk: float, ways: NDArray[np.void] = NO_WAYS
+    ) -> Margin:
         """Distribution of the energy that plans leave: energy left, less driving on and then home.
 
         Args:
             plans: `PLAN_DTYPE`, shape (n,).
-            risk: Probability that a margin is below its `margin_low_j`; with 0 that is NaN, which saves time.
-            ways: `WAY_DTYPE`, shape (m,): the way home of plans that do not go back along the way out.
+            risk: Probability that a margin is below its `margin_low_j`; with 0 that is NaN, which
+                saves time.
+            ways: `WAY_DTYPE`, shape (m,): the way home of plans that do not go back along the way
+                out.
         """
         state = self.state
         count = len(state)

@@ -1,4 +1,5 @@
-"""When to make an excitation step towards home, which distinguishes wind from rolling resistance."""
+"""When to make an excitation step towards home, which distinguishes wind from rolling
+resistance."""
 
 from __future__ import annotations
 
@@ -10,7 +11,11 @@ from homeward.estimation import thresholds
 
 
 def looks_back(
-    decisions: Any, position_m: Any, cruise_mps: float, decision_s: float, weather_changes: bool = True
+    decisions: Any,
+    position_m: Any,
+    cruise_mps: float,
+    decision_s: float,
+    weather_changes: bool = True,
 ) -> Any:
     """Whether the next decision should be an excitation step: towards home, and then out again.
 

@@ -1,9 +1,11 @@
-"""An extended Kalman filter for each of several hypotheses about the wind, weighted by their likelihood.
+"""An extended Kalman filter for each of several hypotheses about the wind, weighted by their
+likelihood.
 
-Energy is linear in all states but the wind, for which the second order is included. The rolling energy of the ground
-between home and here is a state of its own, `ROLLED`, as estimated on the way out; the way home crosses the same
-ground. Its covariance with the wind states how much of it may be due to wind. A power reading measures rolling and drag
-together: states with the same reading lie on a curve, and an update follows it (`hessian`), not its tangent.
+Energy is linear in all states but the wind, for which the second order is included. The rolling
+energy of the ground between home and here is a state of its own, `ROLLED`, as estimated on the way
+out; the way home crosses the same ground. Its covariance with the wind states how much of it may be
+due to wind. A power reading measures rolling and drag together: states with the same reading lie on
+a curve, and an update follows it (`hessian`), not its tangent.
 """
 
 from __future__ import annotations
@@ -24,7 +26,13 @@ from homeward.estimation.drive import (
     predict,
     rolling,
 )
-from homeward.estimation.kalman import add_energy_to_used, add_noise_along, follow_curve, kalman_update, propagate
+from homeward.estimation.kalman import (
+    add_energy_to_used,
+    add_noise_along,
+    follow_curve,
+    kalman_update,
+    propagate,
+)
 from homeward.estimation.prior import (
     CLIMB,
     EAST,
@@ -50,8 +58,10 @@ READING_DTYPE = np.dtype(
         ("position_m", np.float64),  # from home
         ("power_w", np.float64),  # mean since the last reading
         ("soc", np.float64),  # state of charge, 0 to 1
-        ("modelled_j", np.float64),  # by the robot's own model since the last reading; NaN: from the slopes noted
-        ("other_j", np.float64),  # if that is NaN, the model's energy beyond steady driving and standing
+        # by the robot's own model since the last reading; NaN: from the slopes noted
+        ("modelled_j", np.float64),
+        # if that is NaN, the model's energy beyond steady driving and standing
+        ("other_j", np.float64),
         ("speed_mps", np.float64),  # while it moved
         ("sine", np.float64),  # of the slope here, in the direction of the way out
         ("east", np.float64),  # direction of the way out here
@@ -61,35 +71,45 @@ READING_DTYPE = np.dtype(
 )
 """Readings of a robot; NaN where an instrument was not read."""
 ROBOT_DTYPE = np.dtype(
-    [(name, np.float64) for name in ("time_s", "position_m", "lag", "soc", "soc_since", "soc_taken", "soc_start")]
+    [
+        (name, np.float64)
+        for name in ("time_s", "position_m", "lag", "soc", "soc_since", "soc_taken", "soc_start")
+    ]
 )
-"""Time and place of the last reading; lag of the state of charge, as a share of the file's usable energy; the
-state of charge, the energy used when it last changed, when it was last used, and its value at the start."""
+"""Time and place of the last reading; lag of the state of charge, as a share of the file's usable
+energy; the state of charge, the energy used when it last changed, when it was last used, and its
+value at the start."""
 HYPOTHESIS_DTYPE = np.dtype(
     [
         ("mean", np.float64, (STATES,)),
         ("covariance", np.float64, (STATES, STATES)),
         ("log_weight", np.float64),
         ("gust_s", np.float64),  # correlation time of the gusts
-        ("rolled", np.float64),  # sum over the ground between home and here of rolling as it was met
-        # Second derivatives of that ground's drag by mean wind and gusts (east, both, north), and of the ground from
-        # which `ROLLING` was estimated, with its rolling by the file.
+        # sum over the ground between home and here of rolling as it was met
+        ("rolled", np.float64),
+        # Second derivatives of that ground's drag by mean wind and gusts (east, both, north), and
+        # of the ground from which `ROLLING` was estimated, with its rolling by the file.
         ("hessian", np.float64, (2, 3)),
         ("hessian_here", np.float64, (2, 3)),
         ("rolls_here", np.float64),
     ]
 )
-PLACE_DTYPE = np.dtype([(name, np.float64) for name in ("sine", "east", "north", "readings", "sine_driven")])
-"""Mean of the slope readings, direction of the way out, number of readings, and slope that was used for driving."""
+PLACE_DTYPE = np.dtype(
+    [(name, np.float64) for name in ("sine", "east", "north", "readings", "sine_driven")]
+)
+"""Mean of the slope readings, direction of the way out, number of readings, and slope that was used
+for driving."""
 
 
 class Workspace(NamedTuple):
-    """Arrays that an update writes and then reads: made once for all robots, as to allocate in a loop is slow."""
+    """Arrays that an update writes and then reads: made once for all robots, as to allocate in a
+    loop is slow."""
 
     jacobian: Any  # derivative of the energy since the last reading by each state, shape (STATES,)
     hessian: Any  # its second derivatives by the wind: east, both, north
     cross_covariance: Any  # covariance of the reading with the states, shape (STATES,)
-    ground_jump: Any  # derivative of each state by a change of the ground's rolling resistance, shape (STATES,)
+    # derivative of each state by a change of the ground's rolling resistance, shape (STATES,)
+    ground_jump: Any
     stretch_jacobian: Any  # derivative of the energy of a stretch by each state, shape (STATES,)
 
 
@@ -108,7 +128,8 @@ _LEAST_VARIANCE = 1e-18
 """Least variance of an energy, of a battery squared. Chosen: above 0, because its root divides."""
 _LEAST_STEP = 1e-9
 """Least step of a state of charge. Chosen: above 0, because it divides."""
-_UNKNOWN = math.nan  # whether the robot coasts: neither 1 nor 0, and no integer, as numba compiles once more for those
+# whether the robot coasts: neither 1 nor 0, and no integer, as numba compiles once more for those
+_UNKNOWN = math.nan
 
 
 @compiled
@@ -132,7 +153,8 @@ def update(
         robots: `ROBOT_DTYPE`, shape (n,).
         hypotheses: `HYPOTHESIS_DTYPE`, shape (n, hypotheses).
         places: `PLACE_DTYPE`, shape (n, places).
-        rollings: Rolling resistance over the file's where it was met, shape (n, hypotheses, places).
+        rollings: Rolling resistance over the file's where it was met, shape (n, hypotheses,
+            places).
     """
     work = Workspace(
         jacobian=np.zeros(STATES),
@@ -157,7 +179,16 @@ def update(
             k = (likeliest + offset) % count
             if hypotheses[i, k].log_weight > -np.inf:
                 coasts = _update_hypothesis(
-                    vehicle, prior, robot, reading, dt_s, hypotheses[i, k], places[i], rollings[i, k], work, coasts
+                    vehicle,
+                    prior,
+                    robot,
+                    reading,
+                    dt_s,
+                    hypotheses[i, k],
+                    places[i],
+                    rollings[i, k],
+                    work,
+                    coasts,
                 )
             if reading.charged_j > 0.0:  # not NaN
                 hypotheses[i, k].mean[USED] -= reading.charged_j / vehicle.full_j
@@ -170,7 +201,8 @@ def update(
 
 @inline
 def place_of(vehicle: Any, position_m: float, places: Any) -> int:
-    """Number of the place that a position is in; of one before the first place, or of none, the first."""
+    """Number of the place that a position is in; of one before the first place, or of none, the
+    first."""
     number = position_m / vehicle.place_m
     if not number > 0.0:  # also NaN
         return 0
@@ -210,7 +242,8 @@ def _likeliest(hypotheses: Any) -> int:
 
 @inline
 def _note_ground(vehicle: Any, robot: Any, reading: Any, places: Any) -> None:
-    """Store slope and direction here on the way out, also for the places that were passed without a reading."""
+    """Store slope and direction here on the way out, also for the places that were passed without a
+    reading."""
     homewards = reading.position_m < robot.position_m
     if homewards or not np.isfinite(reading.sine + reading.east + reading.north):
         return
@@ -255,8 +288,9 @@ def _update_hypothesis(
 ) -> float:
     """Predict a hypothesis to a reading, and update it with the power that was read.
 
-    A step of an extended Kalman filter that is of second order in the wind (Anderson and Moore, Optimal Filtering,
-    1979, chapter 8). With mean x and covariance P of the states, energies as shares of the file's usable energy:
+    A step of an extended Kalman filter that is of second order in the wind (Anderson and Moore,
+    Optimal Filtering, 1979, chapter 8). With mean x and covariance P of the states, energies as
+    shares of the file's usable energy:
 
         energy       E = E_driving(x) + tr(H W) / 2 + J_tilt x_tilt + E_other
         reading      z = power dt / full,  predicted as E + x_offset dt
@@ -264,10 +298,11 @@ def _update_hypothesis(
         covariances  c = P J^T + q_c of y with the states,  S = J P J^T + q_S of y itself
         states       x_used += E,  P = F P F^T + Q
 
-    J is the Jacobian of the reading, H the Hessian of E by the wind and W the covariance of the wind. F adds E to the
-    energy used, and the ground that was driven to that between home and here (`_add_ground`) or takes it away
-    (`_leave_ground`). Q, q_c and q_S are the noise of misread slopes, of what the model omits, and of uneven ground.
-    `_update_with_power` is the update by y, c and S.
+    J is the Jacobian of the reading, H the Hessian of E by the wind and W the covariance of the
+    wind. F adds E to the energy used, and the ground that was driven to that between home and here
+    (`_add_ground`) or takes it away (`_leave_ground`). Q, q_c and q_S are the noise of misread
+    slopes, of what the model omits, and of uneven ground. `_update_with_power` is the update by y,
+    c and S.
 
     Args:
         vehicle: `Vehicle`.
@@ -296,7 +331,8 @@ def _update_hypothesis(
     wind_covariance = covariance_of_wind(covariance, 1.0, 0.0)
     curvature_mean, curvature_variance, _ = quadratic_cumulants(work.hessian, wind_covariance)
     driving = way.driving + curvature_mean
-    # A sensor that is mounted at a tilt misreads all slopes of the way out alike; for the way home, CLIMB notes it.
+    # A sensor that is mounted at a tilt misreads all slopes of the way out alike; for the way home,
+    # CLIMB notes it.
     climb_weight = misread_climb(prior, mean)
     tilt_climb = 0.0
     if outwards and prior.slope_offset > 0.0:
@@ -333,7 +369,8 @@ def _update_hypothesis(
         covariance[USED, CLIMB] += climb_with_energy
         cross_covariance[CLIMB] += climb_with_energy
     else:
-        # The sum of rolling is known better than that of each place: what one consumed more, the others consumed less.
+        # The sum of rolling is known better than that of each place: what one consumed more, the
+        # others consumed less.
         uneven_variance = (thresholds.UNEVEN * prior.patch_sd * way.rolls) ** 2
         covariance[ROLLED, ROLLED] += uneven_variance
         covariance[USED, USED] += uneven_variance
@@ -372,7 +409,8 @@ def _update_hypothesis(
 
 @inline
 def _write_cross_covariance(covariance: Any, jacobian: Any, cross_covariance: Any) -> float:
-    """Write the covariance of a reading with the states, P J^T, and return its variance, J P J^T."""
+    """Write the covariance of a reading with the states, P J^T, and return its variance, J P
+    J^T."""
     variance = 0.0
     for a in range(STATES):
         total = 0.0
@@ -384,8 +422,11 @@ def _write_cross_covariance(covariance: Any, jacobian: Any, cross_covariance: An
 
 
 @inline
-def _add_ground(mean: Any, covariance: Any, cross_covariance: Any, rolls: float, tilt_climb: float) -> None:
-    """Add ground that was driven on the way out to that between home and here, as it rolls and climbs here."""
+def _add_ground(
+    mean: Any, covariance: Any, cross_covariance: Any, rolls: float, tilt_climb: float
+) -> None:
+    """Add ground that was driven on the way out to that between home and here, as it rolls and
+    climbs here."""
     propagate(covariance, ROLLED, 1.0, ROLLING, rolls)
     mean[ROLLED] += rolls * mean[ROLLING]
     cross_covariance[ROLLED] += rolls * cross_covariance[ROLLING]
@@ -395,7 +436,9 @@ def _add_ground(mean: Any, covariance: Any, cross_covariance: Any, rolls: float,
 
 
 @inline
-def _leave_ground(mean: Any, covariance: Any, cross_covariance: Any, rolled_kept: float, climb_kept: float) -> None:
+def _leave_ground(
+    mean: Any, covariance: Any, cross_covariance: Any, rolled_kept: float, climb_kept: float
+) -> None:
     """Keep a share of the ground between home and here: the rest was driven on the way home."""
     propagate(covariance, ROLLED, rolled_kept, ROLLING, 0.0)
     propagate(covariance, CLIMB, climb_kept, ROLLING, 0.0)
@@ -406,8 +449,11 @@ def _leave_ground(mean: Any, covariance: Any, cross_covariance: Any, rolled_kept
 
 
 @inline
-def _note_hessian(hypothesis: Any, hessian: Any, dt_s: float, outwards: bool, rolls: float, rolled_kept: float) -> None:
-    """Store how the rolling of the ground that was driven depends on the square of the wind that was met there."""
+def _note_hessian(
+    hypothesis: Any, hessian: Any, dt_s: float, outwards: bool, rolls: float, rolled_kept: float
+) -> None:
+    """Store how the rolling of the ground that was driven depends on the square of the wind that
+    was met there."""
     gust_kept = np.exp(-dt_s / hypothesis.gust_s)
     if outwards:
         for a in range(3):
@@ -467,10 +513,13 @@ def _update_with_power(
         if innovation + driving < coasting_energy and rolls > 0.0:
             coasts = 1.0
     if coasts == 1.0:
-        # All hypotheses use the same decision, as the density of one and the probability of another cannot be compared.
+        # All hypotheses use the same decision, as the density of one and the probability of another
+        # cannot be compared.
         sd = math.sqrt(2.0 * max(variance, _LEAST_VARIANCE))
         coasting_probability = 0.5 * math.erfc((driving - coasting_energy) / sd)
-        hypothesis.log_weight += thresholds.TEMPER * np.log(max(coasting_probability, thresholds.LEAST_CHANCE))
+        hypothesis.log_weight += thresholds.TEMPER * np.log(
+            max(coasting_probability, thresholds.LEAST_CHANCE)
+        )
         if residual_variance > 0.0:
             # The prediction includes that it may coast: the other states keep their estimates.
             mean[USED] += innovation
@@ -502,10 +551,23 @@ def _update_with_power(
     gust_s = hypothesis.gust_s * np.exp(-thresholds.ADAPT * surprise)
     hypothesis.gust_s = min(max(gust_s, prior.shortest_gust_s), prior.longest_gust_s)
     wind_change_mps = (mean[EAST] - east_before_mps, mean[NORTH] - north_before_mps)
-    gust_change_mps = (mean[GUST_EAST] - gust_east_before_mps, mean[GUST_NORTH] - gust_north_before_mps)
+    gust_change_mps = (
+        mean[GUST_EAST] - gust_east_before_mps,
+        mean[GUST_NORTH] - gust_north_before_mps,
+    )
     per_rolls_here = 1.0 / max(hypothesis.rolls_here, LEAST_ROLLED)
-    follow_curve(mean, covariance, ROLLED, hypothesis.hessian, 1.0, wind_change_mps, gust_change_mps)
-    follow_curve(mean, covariance, ROLLING, hypothesis.hessian_here, per_rolls_here, wind_change_mps, gust_change_mps)
+    follow_curve(
+        mean, covariance, ROLLED, hypothesis.hessian, 1.0, wind_change_mps, gust_change_mps
+    )
+    follow_curve(
+        mean,
+        covariance,
+        ROLLING,
+        hypothesis.hessian_here,
+        per_rolls_here,
+        wind_change_mps,
+        gust_change_mps,
+    )
     # Of new ground it is not known how its rolling depends on the wind.
     for a in range(3):
         hypothesis.hessian_here[0, a] *= 1.0 - change_probability
@@ -543,7 +605,8 @@ def _predict_way(
 ) -> WayEnergy:
     """Energy since the last reading, place by place.
 
-    Writes its derivatives by each state (`work.jacobian`) and its second ones by the wind (`work.hessian`).
+    Writes its derivatives by each state (`work.jacobian`) and its second ones by the wind
+    (`work.hessian`).
     """
     mean = hypothesis.mean
     covariance = hypothesis.covariance
@@ -598,7 +661,9 @@ def _predict_way(
             stretch_jacobian,
         )
         roll = rolling(vehicle, sine) * way_m / vehicle.full_j
-        slope_variance = prior.slope_noise**2 / max(place.readings, 1.0) + prior.slope_within_place**2
+        slope_variance = (
+            prior.slope_noise**2 / max(place.readings, 1.0) + prior.slope_within_place**2
+        )
         modelled += modelled_driving(vehicle, sine, speed_mps) * way_m / vehicle.full_j
         driving += energy
         residual_variance += variance
@@ -624,7 +689,8 @@ def _predict_way(
 
 @inline
 def rolled_from_home(vehicle: Any, position_m: float, places: Any, rollings: Any) -> float:
-    """Sum of rolling as it was met over the ground between home and a position, over the file's usable energy."""
+    """Sum of rolling as it was met over the ground between home and a position, over the file's
+    usable energy."""
     total_j = 0.0
     for k in range(place_of(vehicle, position_m, places) + 1):
         way_m = max(min(vehicle.place_m, position_m - k * vehicle.place_m), 0.0)
@@ -634,7 +700,13 @@ def rolled_from_home(vehicle: Any, position_m: float, places: Any, rollings: Any
 
 @inline
 def _note_rolling(
-    vehicle: Any, robot: Any, reading: Any, hypothesis: Any, places: Any, rollings: Any, rolls: float
+    vehicle: Any,
+    robot: Any,
+    reading: Any,
+    hypothesis: Any,
+    places: Any,
+    rollings: Any,
+    rolls: float,
 ) -> None:
     """Store the rolling resistance by place, as estimated on the way out."""
     if reading.position_m < robot.position_m:
@@ -663,7 +735,9 @@ def _note_way(vehicle: Any, robot: Any, reading: Any, places: Any) -> None:
         new_m = max(border_m - reached_m, 0.0)
         before_m = max(reached_m - k * vehicle.place_m, 0.0)
         place = places[k]
-        place.sine_driven += (place.sine - place.sine_driven) * new_m / max(new_m + before_m, LEAST_WAY_M)
+        place.sine_driven += (
+            (place.sine - place.sine_driven) * new_m / max(new_m + before_m, LEAST_WAY_M)
+        )
         reached_m = max(border_m, reached_m)
         k = min(k + 1, len(places) - 1)
     robot.time_s = reading.time_s
@@ -672,7 +746,13 @@ def _note_way(vehicle: Any, robot: Any, reading: Any, places: Any) -> None:
 
 @called
 def _update_with_charge(
-    prior: Any, robot: Any, soc: float, dt_s: float, used: float, used_before: float, hypotheses: Any
+    prior: Any,
+    robot: Any,
+    soc: float,
+    dt_s: float,
+    used: float,
+    used_before: float,
+    hypotheses: Any,
 ) -> None:
     """Update with a state of charge: energy used over the capacity.
 
@@ -692,7 +772,11 @@ def _update_with_charge(
         robot.soc = soc
         robot.soc_since = used
     else:
-        stuck_by = thresholds.STUCK_STEPS * prior.soc_step + thresholds.STUCK_NOISE * prior.soc_noise + thresholds.STUCK
+        stuck_by = (
+            thresholds.STUCK_STEPS * prior.soc_step
+            + thresholds.STUCK_NOISE * prior.soc_noise
+            + thresholds.STUCK
+        )
         if used - robot.soc_since > stuck_by:
             return
     reading_variance = _charge_variance(prior, robot, used)
@@ -700,11 +784,15 @@ def _update_with_charge(
     cross_covariance = np.empty(STATES)
     for k in range(len(hypotheses)):
         if hypotheses[k].log_weight > -np.inf:
-            _update_hypothesis_with_charge(hypotheses[k], robot, soc, reading_variance, cross_covariance)
+            _update_hypothesis_with_charge(
+                hypotheses[k], robot, soc, reading_variance, cross_covariance
+            )
 
 
 @inline
-def _predict_charge(prior: Any, robot: Any, dt_s: float, used: float, used_before: float, hypotheses: Any) -> None:
+def _predict_charge(
+    prior: Any, robot: Any, dt_s: float, used: float, used_before: float, hypotheses: Any
+) -> None:
     """Predict the lag of the state of charge, and its lasting error."""
     # A first-order lag behind what is used at a constant power.
     lag_kept = 0.0
@@ -722,13 +810,16 @@ def _predict_charge(prior: Any, robot: Any, dt_s: float, used: float, used_befor
 
 @inline
 def _charge_variance(prior: Any, robot: Any, used: float) -> float:
-    """Variance of a reading of the state of charge: more if its rounding error is that of the reading before.
+    """Variance of a reading of the state of charge: more if its rounding error is that of the
+    reading before.
 
     Rounding errors repeat until noise or consumption changes the reading by a step.
     """
     step = max(prior.soc_step, _LEAST_STEP)
     noise = prior.soc_noise
-    rounded_alike = np.exp(-((2.0 * np.pi * noise / step) ** 2)) * max(1.0 - abs(used - robot.soc_taken) / step, 0.0)
+    rounded_alike = np.exp(-((2.0 * np.pi * noise / step) ** 2)) * max(
+        1.0 - abs(used - robot.soc_taken) / step, 0.0
+    )
     variance = step * step / 12.0 + noise * noise + thresholds.LEAST_SOC_ERROR**2
     return float(variance / max(1.0 - rounded_alike, thresholds.LEAST_INDEPENDENT))
 
@@ -737,7 +828,8 @@ def _charge_variance(prior: Any, robot: Any, used: float) -> float:
 def _update_hypothesis_with_charge(
     hypothesis: Any, robot: Any, soc: float, reading_variance: float, cross_covariance: Any
 ) -> None:
-    """Kalman update with the charge since the start, z = x_per_capacity (x_used - lag) - x_soc_error."""
+    """Kalman update with the charge since the start, z = x_per_capacity (x_used - lag) -
+    x_soc_error."""
     mean = hypothesis.mean
     covariance = hypothesis.covariance
     spent = mean[USED] - robot.lag
@@ -745,13 +837,19 @@ def _update_hypothesis_with_charge(
     innovation = robot.soc_start - soc - per_capacity * spent + mean[SOC_ERROR]
     for a in range(STATES):
         cross_covariance[a] = (
-            spent * covariance[a, PER_CAPACITY] + per_capacity * covariance[a, USED] - covariance[a, SOC_ERROR]
+            spent * covariance[a, PER_CAPACITY]
+            + per_capacity * covariance[a, USED]
+            - covariance[a, SOC_ERROR]
         )
     predicted_variance = (
-        spent * cross_covariance[PER_CAPACITY] + per_capacity * cross_covariance[USED] - cross_covariance[SOC_ERROR]
+        spent * cross_covariance[PER_CAPACITY]
+        + per_capacity * cross_covariance[USED]
+        - cross_covariance[SOC_ERROR]
     )
     # A reading that is far off counts less.
-    variance = max(reading_variance + predicted_variance, innovation * innovation / thresholds.DOUBT)
+    variance = max(
+        reading_variance + predicted_variance, innovation * innovation / thresholds.DOUBT
+    )
     for a in range(STATES):
         mean[a] += cross_covariance[a] * innovation / variance
         for b in range(STATES):
@@ -768,7 +866,9 @@ def _normalise(hypotheses: Any) -> None:
     total = 0.0
     for k in range(len(hypotheses)):
         if hypotheses[k].log_weight > -np.inf:
-            hypotheses[k].log_weight = max(hypotheses[k].log_weight - largest, thresholds.LEAST_LOG_WEIGHT)
+            hypotheses[k].log_weight = max(
+                hypotheses[k].log_weight - largest, thresholds.LEAST_LOG_WEIGHT
+            )
             total += np.exp(hypotheses[k].log_weight)
     for k in range(len(hypotheses)):
         hypotheses[k].log_weight -= np.log(total)

@@ -1,4 +1,5 @@
-"""The robot's own model on its way: its present power, and the energy of the driven ground on the way home."""
+"""The robot's own model on its way: its present power, and the energy of the driven ground on the
+way home."""
 
 from __future__ import annotations
 
@@ -24,13 +25,15 @@ def modelled_power(
     ahead: float,
     temperature_c: float,
 ) -> tuple[float, float, float]:
-    """Power by the robot's own model, that of its drive, and the part of that for rolling, climbing and drag alone, W.
+    """Power by the robot's own model, that of its drive, and the part of that for rolling, climbing
+    and drag alone, W.
 
     It is for still air.
 
     Args:
         vehicle: `Vehicle`.
-        robots: `ROBOT_DTYPE`, shape (1,), as `homeward.physics.plain` makes them, like the next ones.
+        robots: `ROBOT_DTYPE`, shape (1,), as `homeward.physics.plain` makes them, like the next
+            ones.
         states: `ROBOT_STATE_DTYPE`, shape (1,); written.
         speed_mps: Speed, m/s.
         sensing_hz: Sensing rate, Hz.
@@ -63,13 +66,14 @@ def modelled_power(
 
 @compiled
 def home_cost(vehicle: Any, places: Any, extra_j_per_m: Any, position_m: float) -> float:
-    """Energy home over the ground driven, at cruise and without sensing, by the robot's own model, J.
+    """Energy home over the ground driven, at cruise and without sensing, by the robot's own model,
+    J.
 
     Args:
         vehicle: `Vehicle`.
         places: `PLACE_DTYPE`, shape (places,).
-        extra_j_per_m: Consumption there beyond rolling, climbing and drag by the model: turning, accelerating, J/m,
-            shape (places,). It is assumed on the way home, too.
+        extra_j_per_m: Consumption there beyond rolling, climbing and drag by the model: turning,
+            accelerating, J/m, shape (places,). It is assumed on the way home, too.
         position_m: Distance from home, m.
     """
     total_j = vehicle.idle_w / vehicle.cruise_mps * position_m

@@ -1,4 +1,5 @@
-"""Arithmetic of a hypothesis' mean and covariance: prediction of states, and update with a reading."""
+"""Arithmetic of a hypothesis' mean and covariance: prediction of states, and update with a
+reading."""
 
 from __future__ import annotations
 
@@ -11,14 +12,16 @@ from homeward.estimation.prior import EAST, GUST_EAST, GUST_NORTH, NORTH, STATES
 from homeward.physics.jit import called, inline
 
 _LEAST_VARIANCE = 1e-18
-"""Variance of an innovation at least: an energy within 1e-9 of a battery is rounding. Chosen: above 0, it divides."""
+"""Variance of an innovation at least: an energy within 1e-9 of a battery is rounding. Chosen: above
+0, it divides."""
 _LEAST_ENERGY = 1e-9
 """Width of the range of an outlier at least, the same energy. Chosen: above 0, it divides."""
 
 
 @inline
 def add_energy_to_used(covariance: Any, cross_covariance: Any, jacobian: Any) -> None:
-    """Covariance after an energy, linear in the states, is added to the energy used: P becomes F P F^T.
+    """Covariance after an energy, linear in the states, is added to the energy used: P becomes F P
+    F^T.
 
     F is the identity with the Jacobian added to the row of `USED`.
 
@@ -48,7 +51,8 @@ def add_energy_to_used(covariance: Any, cross_covariance: Any, jacobian: Any) ->
 
 @inline
 def propagate(covariance: Any, state: int, kept: float, source: int, factor: float) -> None:
-    """Covariance after a state becomes `kept` times itself plus `factor` times the state `source`."""
+    """Covariance after a state becomes `kept` times itself plus `factor` times the state
+    `source`."""
     own_term = kept * kept * covariance[state, state]
     mixed_term = 2.0 * kept * factor * covariance[state, source]
     source_term = factor * factor * covariance[source, source]
@@ -61,19 +65,25 @@ def propagate(covariance: Any, state: int, kept: float, source: int, factor: flo
 
 @inline
 def follow_curve(
-    mean: Any, covariance: Any, state: int, hessian: Any, factor: float, mean_wind_change: Any, gust_change: Any
+    mean: Any,
+    covariance: Any,
+    state: int,
+    hessian: Any,
+    factor: float,
+    mean_wind_change: Any,
+    gust_change: Any,
 ) -> None:
     """Follow the curve of constant rolling plus drag, after an update along its tangent.
 
-    To second order the drag of the ground changes with the wind w by half of w^T H w more than along the tangent; the
-    rolling energy is that much smaller.
+    To second order the drag of the ground changes with the wind w by half of w^T H w more than
+    along the tangent; the rolling energy is that much smaller.
 
     Args:
         mean: Mean of the states; updated.
         covariance: Their covariance; updated.
         state: The state of rolling, `ROLLED` or `ROLLING`.
-        hessian: Second derivatives H of the energy (east, both, north): by the mean wind, and by its gusts, shape
-            (2, 3).
+        hessian: Second derivatives H of the energy (east, both, north): by the mean wind, and by
+            its gusts, shape (2, 3).
         factor: Change of the state by an energy.
         mean_wind_change: Change of the mean wind by the update, east and north, m/s.
         gust_change: Change of the gust, east and north, m/s.
@@ -84,11 +94,20 @@ def follow_curve(
     by_gust = hessian[1]
     # H w, by the components of mean wind and gust.
     slope_gust_east = factor * (by_gust[0] * (east + gust_east) + by_gust[1] * (north + gust_north))
-    slope_gust_north = factor * (by_gust[1] * (east + gust_east) + by_gust[2] * (north + gust_north))
-    slope_east = factor * (by_mean[0] * east + by_mean[1] * north + by_gust[0] * gust_east + by_gust[1] * gust_north)
-    slope_north = factor * (by_mean[1] * east + by_mean[2] * north + by_gust[1] * gust_east + by_gust[2] * gust_north)
+    slope_gust_north = factor * (
+        by_gust[1] * (east + gust_east) + by_gust[2] * (north + gust_north)
+    )
+    slope_east = factor * (
+        by_mean[0] * east + by_mean[1] * north + by_gust[0] * gust_east + by_gust[1] * gust_north
+    )
+    slope_north = factor * (
+        by_mean[1] * east + by_mean[2] * north + by_gust[1] * gust_east + by_gust[2] * gust_north
+    )
     mean[state] -= 0.5 * (
-        slope_east * east + slope_north * north + slope_gust_east * gust_east + slope_gust_north * gust_north
+        slope_east * east
+        + slope_north * north
+        + slope_gust_east * gust_east
+        + slope_gust_north * gust_north
     )
     propagate(covariance, state, 1.0, EAST, -slope_east)
     propagate(covariance, state, 1.0, NORTH, -slope_north)
@@ -117,18 +136,23 @@ def kalman_update(
     reading: float,
     most_load: float,
 ) -> tuple[float, float]:
-    """Kalman update, averaged over three hypotheses: nothing changed, the ground changed, or the reading is an outlier.
+    """Kalman update, averaged over three hypotheses: nothing changed, the ground changed, or the
+    reading is an outlier.
 
-    An outlier says nothing of the robot's parameters, but its energy was drawn: the meter counts what the model lacks.
+    An outlier says nothing of the robot's parameters, but its energy was drawn: the meter counts
+    what the model lacks.
 
-    With innovation y, its variance S, cross covariance c, direction j of a change of the ground and its variance q:
+    With innovation y, its variance S, cross covariance c, direction j of a change of the ground and
+    its variance q:
 
         nothing changed:  gain K0 = c / S              P0 = P - K0 K0^T S
-        ground changed:   gain K1 = (c + q j_used j) / S1,  S1 = S + q j_used^2,  P1 = P + q j j^T - K1 K1^T S1
-        outlier:          gain K2 = 1 at USED if the model can lack such a load, otherwise 0
+        ground changed:   gain K1 = (c + q j_used j) / S1,  S1 = S + q j_used^2,  P1 = P + q j j^T -
+        K1 K1^T S1 outlier:          gain K2 = 1 at USED if the model can lack such a load,
+        otherwise 0
 
-    By their posterior probabilities m0, m1 and m2 the mixture has the moments (Bar-Shalom, Li and Kirubarajan,
-    Estimation with Applications to Tracking and Navigation, 2001: moments of a Gaussian mixture)
+    By their posterior probabilities m0, m1 and m2 the mixture has the moments (Bar-Shalom, Li and
+    Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001: moments of a
+    Gaussian mixture)
 
         K = m0 K0 + m1 K1 + m2 K2
         mean        x + K y
@@ -142,11 +166,13 @@ def kalman_update(
         innovation: Reading less prediction.
         variance: Its variance S, if the ground is as before.
         cross_covariance: Covariance c of the reading with the states, if so.
-        ground_jump: Derivative j of the states by a change of the rolling resistance; the energy's is that of `USED`.
+        ground_jump: Derivative j of the states by a change of the rolling resistance; the energy's
+            is that of `USED`.
         change_probability: Probability of such a change.
         change_sd: Its standard deviation.
         reading: The reading.
-        most_load: Largest energy that a load which the model lacks may have drawn: beyond it the meter is at fault.
+        most_load: Largest energy that a load which the model lacks may have drawn: beyond it the
+            meter is at fault.
 
     Returns:
         Log likelihood; normalised innovation squared.
@@ -158,9 +184,18 @@ def kalman_update(
     square = innovation * innovation
 
     # Probability density of the reading by each hypothesis, times its prior probability.
-    same = (1.0 - change_probability) * np.exp(-0.5 * square / same_variance) / np.sqrt(2.0 * np.pi * same_variance)
-    changed = change_probability * np.exp(-0.5 * square / changed_variance) / np.sqrt(2.0 * np.pi * changed_variance)
-    # An outlier is anywhere between nothing and the reading or what was predicted, whichever is larger.
+    same = (
+        (1.0 - change_probability)
+        * np.exp(-0.5 * square / same_variance)
+        / np.sqrt(2.0 * np.pi * same_variance)
+    )
+    changed = (
+        change_probability
+        * np.exp(-0.5 * square / changed_variance)
+        / np.sqrt(2.0 * np.pi * changed_variance)
+    )
+    # An outlier is anywhere between nothing and the reading or what was predicted, whichever is
+    # larger.
     outlier = thresholds.OUTLIER / max(abs(reading), abs(reading - innovation), _LEAST_ENERGY)
     total = same + changed + outlier
     same /= total
@@ -175,12 +210,16 @@ def kalman_update(
         load = outlier
     for a in range(STATES):
         same_gain_a = cross_covariance[a] / same_variance
-        changed_gain_a = (cross_covariance[a] + change_variance * energy_jump * ground_jump[a]) / changed_variance
+        changed_gain_a = (
+            cross_covariance[a] + change_variance * energy_jump * ground_jump[a]
+        ) / changed_variance
         load_gain_a = 1.0 if a == USED else 0.0
         gain_a = same * same_gain_a + changed * changed_gain_a + load * load_gain_a
         for b in range(a + 1):
             same_gain_b = cross_covariance[b] / same_variance
-            changed_gain_b = (cross_covariance[b] + change_variance * energy_jump * ground_jump[b]) / changed_variance
+            changed_gain_b = (
+                cross_covariance[b] + change_variance * energy_jump * ground_jump[b]
+            ) / changed_variance
             load_gain_b = 1.0 if b == USED else 0.0
             gain_b = same * same_gain_b + changed * changed_gain_b + load * load_gain_b
             covariance[a, b] += (

@@ -8,7 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from homeward.estimation import thresholds
-from homeward.estimation.drive import LEAST_ROLLED, LEAST_WAY_M, Stretch, modelled_driving, predict, rolling
+from homeward.estimation.drive import (
+    LEAST_ROLLED,
+    LEAST_WAY_M,
+    Stretch,
+    modelled_driving,
+    predict,
+    rolling,
+)
 from homeward.estimation.filter import place_of
 from homeward.estimation.prior import (
     EAST,
@@ -25,46 +32,56 @@ from homeward.physics.jit import called, compiled, inline
 
 PLAN_DTYPE = np.dtype(
     [
-        ("onwards_m", np.float64),  # to drive on before heading home, negative to drive towards home
+        # to drive on before heading home, negative to drive towards home
+        ("onwards_m", np.float64),
         ("speed_mps", np.float64),  # of that
         ("onwards_j", np.float64),  # energy of all but driving meanwhile, by the robot's own model
         ("onwards_s", np.float64),  # duration of that
         ("home_mps", np.float64),  # speed home
         ("home_cost_j", np.float64),  # from here home by the robot's own model at cruise
         ("sine", np.float64),  # of the slope ahead; NaN: as here
-        ("knows_ahead", np.float64),  # 1: slopes and directions ahead are those noted for the places there
-        ("elsewhere", np.float64),  # 1: home leads by another way than the one out, which `ways` gives
-        ("unsure_j", np.float64),  # standard deviation of the plan's energy beyond all that is estimated
+        # 1: slopes and directions ahead are those noted for the places there
+        ("knows_ahead", np.float64),
+        # 1: home leads by another way than the one out, which `ways` gives
+        ("elsewhere", np.float64),
+        # standard deviation of the plan's energy beyond all that is estimated
+        ("unsure_j", np.float64),
     ]
 )
 """A plan: drive on, then home."""
-WAY_DTYPE = np.dtype([(name, np.float64) for name in ("way_m", "sine", "east", "north", "speed_mps")])
+WAY_DTYPE = np.dtype(
+    [(name, np.float64) for name in ("way_m", "sine", "east", "north", "speed_mps")]
+)
 """A stretch of a way home that is not the way out; slope and direction are those of travel."""
 MARGIN_DTYPE = np.dtype(
     [(f"{name}{kind}_j", np.float64) for name in ("left", "cost", "margin") for kind in ("", "_sd")]
     + [("cost_share", np.float64), ("cost_share_sd", np.float64), ("margin_low_j", np.float64)]
 )
-"""Energy left, energy of a plan and margin, as metered, and their standard deviations; the energy of the plan as a
-share of a full battery; and the margin at the given risk."""
+"""Energy left, energy of a plan and margin, as metered, and their standard deviations; the energy
+of the plan as a share of a full battery; and the margin at the given risk."""
 _WEIGHT, _MEAN, _SD, _SKEWNESS = range(4)
 """Columns of a mixture: a row is a distribution and its weight."""
 _COST, _COST_SHARE, _MARGIN, _LEFT = range(4)
 """What moments are summed of, over the hypotheses."""
 _MOST_STEPS = 100  # five or six are enough, unless the probability jumps; chosen: bounds the search
 _NEGLIGIBLE = 1e-3
-"""Weight of a hypothesis, over the risk, that moves no quantile. Chosen: a thousandth of its probability."""
-_PRECISELY = 1e-3  # error of a quantile of a sum, over the spread of its parts; chosen: far below a deviation
+"""Weight of a hypothesis, over the risk, that moves no quantile. Chosen: a thousandth of its
+probability."""
+# error of a quantile of a sum, over the spread of its parts; chosen: far below a deviation
+_PRECISELY = 1e-3
 _EXACTLY = 1e-3  # relative accuracy of a quantile's probability; chosen: far below that of any risk
 _LEAST_VARIANCE = 1e-18
 """Least variance of a margin, of a battery squared. Chosen: above 0, because it divides."""
 _TINY = 1e-300
 """Least probability and deviation, of which the logarithm and the inverse are finite."""
 _LEAST_COURSE = 1e-6
-"""Least duration of a way, over the correlation time of the gusts. Chosen: above 0, because it divides."""
+"""Least duration of a way, over the correlation time of the gusts. Chosen: above 0, because it
+divides."""
 
 
 class PlanWorkspace(NamedTuple):
-    """Arrays that a margin writes and then reads: made once for all robots, as to allocate in a loop is slow."""
+    """Arrays that a margin writes and then reads: made once for all robots, as to allocate in a
+    loop is slow."""
 
     jacobian: Any  # derivative of the energy of a plan by each state, shape (STATES,)
     share_jacobian: Any  # the same of that energy as a share of a full battery
@@ -104,15 +121,16 @@ def compute_margins(
         prior: `Prior`.
         plans: `PLAN_DTYPE`, shape (n,); one without a way home, NaN, is left out.
         ways: `WAY_DTYPE`, shape (m,): the way home of plans that lead home elsewhere.
-        risk: Probability that the margin is below `margin_low_j`; 0 leaves that out, which takes a third of the time.
+        risk: Probability that the margin is below `margin_low_j`; 0 leaves that out, which takes a
+            third of the time.
         normal_quantile: The same quantile of a standard normal distribution.
         robots: See `homeward.estimation.filter`, like the next three.
         hypotheses: Shape (n, hypotheses).
         places: Shape (n, places).
         rollings: Shape (n, hypotheses, places).
         margins: Written, `MARGIN_DTYPE`, shape (n,).
-        mixtures: Written: weight and mean, standard deviation and skewness (at most 0) of the margin of each
-            hypothesis, shape (n, hypotheses, 4).
+        mixtures: Written: weight and mean, standard deviation and skewness (at most 0) of the
+            margin of each hypothesis, shape (n, hypotheses, 4).
     """
     work = PlanWorkspace(
         jacobian=np.zeros(STATES),
@@ -180,12 +198,12 @@ def _add_hypothesis(
 ) -> None:
     """Add the margin of a hypothesis to the moments over all, and write its distribution.
 
-    With the energy E of the plan, the energy used u, and the inverse c of the battery's capacity, over the file's
-    usable energy:
+    With the energy E of the plan, the energy used u, and the inverse c of the battery's capacity,
+    over the file's usable energy:
 
         left    L = start / c - u, on average start / c (1 + var(c) / c^2) - u to second order in c
-        margin  M = L - E, whose derivatives are those of E and of start / c and u, with the opposite sign
-        share   E c, of a full battery
+        margin  M = L - E, whose derivatives are those of E and of start / c and u, with the
+        opposite sign share   E c, of a full battery
 
     Args:
         vehicle: `Vehicle`.
@@ -224,7 +242,10 @@ def _add_hypothesis(
     per_capacity = mean[PER_CAPACITY]
     capacity = 1.0 / per_capacity
     start = robot.soc_start
-    left = start * capacity * (1.0 + covariance[PER_CAPACITY, PER_CAPACITY] * capacity * capacity) - mean[USED]
+    left = (
+        start * capacity * (1.0 + covariance[PER_CAPACITY, PER_CAPACITY] * capacity * capacity)
+        - mean[USED]
+    )
     left_by_per_capacity = start * capacity * capacity  # with the opposite sign
 
     for a in range(STATES):
@@ -288,8 +309,8 @@ def _third_cumulant(
 ) -> float:
     """Third cumulant of the energy: winds above their expectation add to its tail.
 
-    Of a linear part and half of w^T H w it is 3 s^T H s + tr((H W)^3), with the covariance s of the wind w with the
-    linear part.
+    Of a linear part and half of w^T H w it is 3 s^T H s + tr((H W)^3), with the covariance s of the
+    wind w with the linear part.
 
     Args:
         covariance: Covariance of the states.
@@ -311,17 +332,19 @@ def _third_cumulant(
 
 @inline
 def _below(deviations: float, skewness: float) -> float:
-    """Probability that a number of given skewness is below so many standard deviations above its mean.
+    """Probability that a number of given skewness is below so many standard deviations above its
+    mean.
 
-    As in a Pearson type III distribution, by Wilson and Hilferty's cube root (Proceedings of the National Academy of
-    Sciences 17, 1931).
+    As in a Pearson type III distribution, by Wilson and Hilferty's cube root (Proceedings of the
+    National Academy of Sciences 17, 1931).
     """
     return 0.5 * math.erfc(-_standardised(deviations, skewness) / math.sqrt(2.0))
 
 
 @inline
 def _standardised(deviations: float, skewness: float) -> float:
-    """Standard deviations at which a number without skewness has the same probability, see `_below`."""
+    """Standard deviations at which a number without skewness has the same probability, see
+    `_below`."""
     if abs(skewness) > thresholds.LEAST_SKEWNESS:
         cube_root = np.cbrt(max(1.0 + 0.5 * skewness * deviations, 0.0))
         return float(6.0 / skewness * (cube_root - 1.0) + skewness / 6.0)
@@ -330,7 +353,8 @@ def _standardised(deviations: float, skewness: float) -> float:
 
 @inline
 def _deviations(normal_quantile: float, skewness: float) -> float:
-    """The inverse of `_below`, for the probability that a normal distribution has below its quantile."""
+    """The inverse of `_below`, for the probability that a normal distribution has below its
+    quantile."""
     if abs(skewness) > thresholds.LEAST_SKEWNESS:
         cube_root = max(1.0 + skewness / 6.0 * (normal_quantile - skewness / 6.0), 0.0)
         return float(2.0 / skewness * (cube_root**3 - 1.0))
@@ -341,8 +365,8 @@ def _deviations(normal_quantile: float, skewness: float) -> float:
 def _quantile(mixture: Any, risk: float, normal_quantile: float) -> float:
     """Quantile of a mixture of distributions of given mean, deviation and skewness.
 
-    It lies between the quantiles of its parts, and is found there by the Illinois method (Dowell and Jarratt, BIT 11,
-    1971): a root of the logarithm of the probability over the risk.
+    It lies between the quantiles of its parts, and is found there by the Illinois method (Dowell
+    and Jarratt, BIT 11, 1971): a root of the logarithm of the probability over the risk.
 
     Args:
         mixture: Weight, mean, standard deviation and skewness of each part, shape (n, 4).
@@ -353,7 +377,9 @@ def _quantile(mixture: Any, risk: float, normal_quantile: float) -> float:
     high = -np.inf
     for k in range(len(mixture)):
         if mixture[k, _WEIGHT] > 0.0:
-            quantile = mixture[k, _MEAN] + mixture[k, _SD] * _deviations(normal_quantile, mixture[k, _SKEWNESS])
+            quantile = mixture[k, _MEAN] + mixture[k, _SD] * _deviations(
+                normal_quantile, mixture[k, _SKEWNESS]
+            )
             low = min(low, quantile)
             high = max(high, quantile)
     low_error = _log_below(mixture, low) - np.log(risk)
@@ -388,8 +414,8 @@ def chance_below(mixture: Any, totals: Any, weights: Any, value: float, least: f
     """Probability that the sum of two independent numbers is below a value.
 
     Args:
-        mixture: The first: weight, mean, standard deviation and skewness of each part, shape (n, 4). Its tails are
-            those of Student's t (`homeward.estimation.tails`).
+        mixture: The first: weight, mean, standard deviation and skewness of each part, shape (n,
+            4). Its tails are those of Student's t (`homeward.estimation.tails`).
         totals: Values of the second, shape (m,).
         weights: Their probabilities, shape (m,).
         value: The value.
@@ -406,17 +432,22 @@ def chance_below(mixture: Any, totals: Any, weights: Any, value: float, least: f
 
 
 @compiled
-def quantile_of_sum(mixture: Any, totals: Any, weights: Any, risk: float, student_quantile: float) -> float:
+def quantile_of_sum(
+    mixture: Any, totals: Any, weights: Any, risk: float, student_quantile: float
+) -> float:
     """Value below which the sum of `chance_below` is with a probability of `risk`.
 
-    It lies between those of the sum's parts, and is found there by bisection. `student_quantile`: that of Student's t.
+    It lies between those of the sum's parts, and is found there by bisection. `student_quantile`:
+    that of Student's t.
     """
     low = np.inf
     high = -np.inf
     negligible = _NEGLIGIBLE * risk
     for k in range(len(mixture)):
         if mixture[k, _WEIGHT] > negligible:
-            quantile = mixture[k, _MEAN] + mixture[k, _SD] * _deviations(student_quantile, mixture[k, _SKEWNESS])
+            quantile = mixture[k, _MEAN] + mixture[k, _SD] * _deviations(
+                student_quantile, mixture[k, _SKEWNESS]
+            )
             low = min(low, quantile + totals[0])
             high = max(high, quantile + totals[-1])
     tolerance = _PRECISELY * max(high - low, 0.0)
@@ -472,11 +503,12 @@ def _cost(
 ) -> PlanCost:
     """Energy of a plan by a hypothesis.
 
-    With the Jacobian J and the Hessian H of driving, the covariance W of the wind on the way and the variance g of
-    either component of its gusts to come:
+    With the Jacobian J and the Hessian H of driving, the covariance W of the wind on the way and
+    the variance g of either component of its gusts to come:
 
         E    = driving(x) + tr(H P_wind) / 2 + g tr(H) / 2 + gain rest
-        var  = of truncation + new ground + tr((H W)^2) / 2 + g (J_east^2 + J_north^2) + (model error E)^2 + unsure^2
+        var  = of truncation + new ground + tr((H W)^2) / 2 + g (J_east^2 + J_north^2) + (model
+        error E)^2 + unsure^2
 
     Writes J (`jacobian`), H (`hessian`) and W (`wind_covariance`).
     """
@@ -489,7 +521,8 @@ def _cost(
     home_s = turn_m / plan.home_mps
     if leads_elsewhere:
         home_s = _duration_s(ways) + onwards_m / plan.home_mps
-    # Of the present gusts a part remains on average; of those to come, an average over the way counts.
+    # Of the present gusts a part remains on average; of those to come, an average over the way
+    # counts.
     course = max((plan.onwards_s + home_s) / hypothesis.gust_s, _LEAST_COURSE)
     gust_share = (1.0 - np.exp(-course)) / course
     present_gust_variance = gust_variance(prior, mean, covariance)
@@ -562,14 +595,17 @@ def _cost(
     _, curvature_variance, _ = quadratic_cumulants(hessian, wind_covariance)
     variance += curvature_variance
 
-    # All but driving: the model's way home at cruise, and the energy of electronics at another speed.
+    # All but driving: the model's way home at cruise, and the energy of electronics at another
+    # speed.
     beyond_driving_j = max(plan.home_cost_j - modelled_j, 0.0)
     if leads_elsewhere:
         rest_j = beyond_driving_j + plan.onwards_j
         rest_j += vehicle.idle_w * onwards_m / plan.home_mps
     else:
         rest_j = beyond_driving_j * home_share + plan.onwards_j
-        rest_j += vehicle.idle_w * (turn_m / plan.home_mps - min(turn_m, here_m) / vehicle.cruise_mps)
+        rest_j += vehicle.idle_w * (
+            turn_m / plan.home_mps - min(turn_m, here_m) / vehicle.cruise_mps
+        )
     jacobian[GAIN] += rest_j / vehicle.full_j
     energy += mean[GAIN] * rest_j / vehicle.full_j
     variance += (jacobian[EAST] ** 2 + jacobian[NORTH] ** 2) * gust_variance_to_come
@@ -596,8 +632,8 @@ def _way_back(
     """The way home back along the way out.
 
     Returns:
-        Energy of driving it at cruise by the robot's own model, J; that by the hypothesis; its variance beyond the
-        states'.
+        Energy of driving it at cruise by the robot's own model, J; that by the hypothesis; its
+        variance beyond the states'.
     """
     mean = hypothesis.mean
     covariance = hypothesis.covariance
@@ -611,11 +647,17 @@ def _way_back(
         end_m = (k + 1) * vehicle.place_m
         if k == place_here:
             end_m = here_m
-        border_m = min(max(turn_m, start_m), end_m)  # beyond it, it drives home already before it heads home
+        # beyond it, it drives home already before it heads home
+        border_m = min(max(turn_m, start_m), end_m)
         place = places[k]
-        modelled_j += modelled_driving(vehicle, -place.sine_driven, vehicle.cruise_mps) * (end_m - start_m)
+        modelled_j += modelled_driving(vehicle, -place.sine_driven, vehicle.cruise_mps) * (
+            end_m - start_m
+        )
         rolled = rollings[k] / max(hypothesis.rolled, LEAST_ROLLED)
-        for way_m, speed_mps in ((border_m - start_m, plan.home_mps), (end_m - border_m, plan.speed_mps)):
+        for way_m, speed_mps in (
+            (border_m - start_m, plan.home_mps),
+            (end_m - border_m, plan.speed_mps),
+        ):
             if way_m > 0.0:
                 stretch = Stretch(
                     way_m=way_m,
@@ -688,7 +730,8 @@ def _add_onwards(
     energy: float,
     variance: float,
 ) -> tuple[float, float]:
-    """Add the new ground up to the turn, out and home, to an energy and its variance beyond the states'."""
+    """Add the new ground up to the turn, out and home, to an energy and its variance beyond the
+    states'."""
     mean = hypothesis.mean
     covariance = hypothesis.covariance
     reached_m = robot.position_m

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 
 class Prior(NamedTuple):
-    """Means and standard deviations (`sd`) of a mission's hidden variables, and of the instruments' errors.
+    """Means and standard deviations (`sd`) of a mission's hidden variables, and of the instruments'
+    errors.
 
     The defaults are those of `uncertain` missions with exact instruments.
     """
@@ -36,18 +37,24 @@ class Prior(NamedTuple):
     power_noise: float = 0.0  # of a reading of power, a share of it
     soc_step: float = 0.0  # of the state of charge, a share
     soc_noise: float = 0.0  # of the same, before rounding
-    soc_error: float = 0.0  # of the same, of an error that lasts, as of a lag or of a curve that is not the battery's
-    soc_error_lasts: float = 0.1  # energy used until it fades to 1/e, over the file's usable. Chosen: a tenth
+    # of the same, of an error that lasts, as of a lag or of a curve that is not the battery's
+    soc_error: float = 0.0
+    # energy used until it fades to 1/e, over the file's usable. Chosen: a tenth
+    soc_error_lasts: float = 0.1
     soc_lag_s: float = 0.0  # time constant by which the state of charge lags
     slope_noise: float = 0.0  # of a reading of a slope's sine
-    slope_offset: float = 0.0  # of all those readings, as of a sensor that is mounted at a tilt; 0: none are read
-    slope_within_place: float = 0.003  # of the sine along a place about its mean: ground is less even than its map
-    model_knows_slopes: float = 1.0  # whether modelled energies use the true slopes (1) or the slopes as read (0)
+    # of all those readings, as of a sensor that is mounted at a tilt; 0: none are read
+    slope_offset: float = 0.0
+    # of the sine along a place about its mean: ground is less even than its map
+    slope_within_place: float = 0.003
+    # whether modelled energies use the true slopes (1) or the slopes as read (0)
+    model_knows_slopes: float = 1.0
     model_error: float = 0.001  # of a decision's energy, a share: what the model omits
 
     @property
     def soc_sd(self) -> float:
-        """Standard deviation of a reading of the state of charge: its noise, and that of rounding."""
+        """Standard deviation of a reading of the state of charge: its noise, and that of
+        rounding."""
         return float(np.hypot(self.soc_step / 12.0**0.5, self.soc_noise))
 
 
@@ -55,7 +62,8 @@ STATES = 14
 """Number of states of a hypothesis, named in the next lines."""
 GAIN, ROLLING, WEIGHT, EAST, NORTH, GUST_EAST, GUST_NORTH = range(7)
 OFFSET, ROLLED, CLIMB, USED, PER_CAPACITY, SOC_ERROR, TILT = range(7, STATES)
-"""States of a hypothesis. Energies are as metered, without the meter's offset, over the file's usable energy.
+"""States of a hypothesis. Energies are as metered, without the meter's offset, over the file's
+usable energy.
 
 GAIN        metered over modelled energy of all but rolling and climbing
 ROLLING     metered rolling energy over the file's, where the robot is
@@ -71,14 +79,14 @@ SOC_ERROR               of the state of charge as read, a share: the part that l
 TILT        true sine of the slopes less that of the readings on the way out
 """
 _RING = 8
-"""Hypotheses of a wind that the forecast lacks, in all directions. Chosen: neighbours are 3.4 m/s apart (chord of a
-circle of `missed_mps`), about three of their standard deviations."""
+"""Hypotheses of a wind that the forecast lacks, in all directions. Chosen: neighbours are 3.4 m/s
+apart (chord of a circle of `missed_mps`), about three of their standard deviations."""
 _AROUND = 6
 _AROUND_SHARE = 0.6
 _APART = 1.6
-"""Hypotheses of the forecast: number around the central one, their probability together, and their distance from it in
-standard deviations, so that winds with equal readings are not all in one. Chosen: each has 23 % of the variance,
-so that all together have that of the forecast."""
+"""Hypotheses of the forecast: number around the central one, their probability together, and their
+distance from it in standard deviations, so that winds with equal readings are not all in one.
+Chosen: each has 23 % of the variance, so that all together have that of the forecast."""
 
 
 def _directions(count: int) -> NDArray[np.float64]:
@@ -119,13 +127,16 @@ def first_hypotheses(
     return mean, covariance, probability
 
 
-def _write_robot(prior: Prior, full_j: float, mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+def _write_robot(
+    prior: Prior, full_j: float, mean: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> None:
     """Write what is known of the robot, which all hypotheses share."""
     mean[..., GAIN] = 1.0
     mean[..., ROLLING] = prior.rolling * prior.mass
     mean[..., WEIGHT] = prior.mass
     mean[..., PER_CAPACITY] = (1.0 + (prior.capacity_sd / prior.capacity) ** 2) / prior.capacity
-    # To first order: derivatives of gain, rolling and weight (rows) by the meter's gain, resistance and mass (columns).
+    # To first order: derivatives of gain, rolling and weight (rows) by the meter's gain, resistance
+    # and mass (columns).
     jacobian = np.array(
         [
             [1.0, 0.0, 0.0],
@@ -143,13 +154,16 @@ def _write_robot(prior: Prior, full_j: float, mean: NDArray[np.float64], covaria
 
 
 def _write_forecasts(
-    prior: Prior, forecast_mps: NDArray[np.float64], mean: NDArray[np.float64], covariance: NDArray[np.float64]
+    prior: Prior,
+    forecast_mps: NDArray[np.float64],
+    mean: NDArray[np.float64],
+    covariance: NDArray[np.float64],
 ) -> None:
     """Write the winds about the forecast, which is of mean wind and gust together.
 
-    The mean wind given the forecast is the regression on it; what that leaves is shared between the distances of the
-    hypotheses and the variance of each. If the mean wind differs, so does the gust that is compatible with the
-    forecast.
+    The mean wind given the forecast is the regression on it; what that leaves is shared between the
+    distances of the hypotheses and the variance of each. If the mean wind differs, so does the gust
+    that is compatible with the forecast.
     """
     wind_variance = prior.wind_sd_mps**2
     gust_variance = 2.0 * (prior.gust_share * prior.wind_sd_mps) ** 2
@@ -161,7 +175,9 @@ def _write_forecasts(
         wind_left = wind_variance - wind_variance * wind_variance * per_total
         gust_by_wind = -gust_variance * per_total * wind_variance / wind_left
     of_each = wind_left * (1.0 - 0.5 * _AROUND_SHARE * _APART**2)
-    gust_left = gust_variance - gust_variance * gust_variance * per_total - gust_by_wind**2 * wind_left
+    gust_left = (
+        gust_variance - gust_variance * gust_variance * per_total - gust_by_wind**2 * wind_left
+    )
     for axis in range(2):
         wind = EAST + axis
         gust = GUST_EAST + axis

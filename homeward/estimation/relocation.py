@@ -13,7 +13,9 @@ from homeward.physics.jit import compiled, inline
 
 
 @compiled
-def relocate(vehicle: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any, position_m: float) -> None:
+def relocate(
+    vehicle: Any, robots: Any, hypotheses: Any, places: Any, rollings: Any, position_m: float
+) -> None:
     """Move robots to another place on their way home, without energy or time.
 
     Args:
@@ -38,7 +40,9 @@ def relocate(vehicle: Any, robots: Any, hypotheses: Any, places: Any, rollings: 
 
 
 @inline
-def _shorten(vehicle: Any, robot: Any, hypothesis: Any, places: Any, rollings: Any, position_m: float) -> None:
+def _shorten(
+    vehicle: Any, robot: Any, hypothesis: Any, places: Any, rollings: Any, position_m: float
+) -> None:
     """Keep a part of the ground between home and here, as it was met."""
     rolled = rolled_from_home(vehicle, position_m, places, rollings)
     rolled_kept = min(rolled / max(hypothesis.rolled, LEAST_ROLLED), 1.0)
@@ -54,10 +58,16 @@ def _shorten(vehicle: Any, robot: Any, hypothesis: Any, places: Any, rollings: A
 
 
 @inline
-def _lengthen(vehicle: Any, robot: Any, hypothesis: Any, places: Any, rollings: Any, position_m: float) -> None:
+def _lengthen(
+    vehicle: Any, robot: Any, hypothesis: Any, places: Any, rollings: Any, position_m: float
+) -> None:
     """Add ground with the rolling resistance of that here."""
     place_here = place_of(vehicle, robot.position_m, places)
-    rolls = rolling(vehicle, places[place_here].sine_driven) * (position_m - robot.position_m) / vehicle.full_j
+    rolls = (
+        rolling(vehicle, places[place_here].sine_driven)
+        * (position_m - robot.position_m)
+        / vehicle.full_j
+    )
     propagate(hypothesis.covariance, ROLLED, 1.0, ROLLING, rolls)
     hypothesis.mean[ROLLED] += rolls * hypothesis.mean[ROLLING]
     rolling_here = max(hypothesis.mean[ROLLING], thresholds.LEAST_ROLLING)

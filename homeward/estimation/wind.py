@@ -13,15 +13,21 @@ from homeward.physics.jit import inline
 
 @inline
 def gust_variance(prior: Any, mean: Any, covariance: Any) -> float:
-    """Variance of each component of the gusts, (m/s)^2: that of a share of the mean wind, whose square is expected."""
+    """Variance of each component of the gusts, (m/s)^2: that of a share of the mean wind, whose
+    square is expected."""
     mean_square = (
-        mean[EAST] * mean[EAST] + mean[NORTH] * mean[NORTH] + covariance[EAST, EAST] + covariance[NORTH, NORTH]
+        mean[EAST] * mean[EAST]
+        + mean[NORTH] * mean[NORTH]
+        + covariance[EAST, EAST]
+        + covariance[NORTH, NORTH]
     )
     return float(prior.gust_share * prior.gust_share * mean_square)
 
 
 @inline
-def covariance_of_wind(covariance: Any, gust_share: float, gust_variance_to_come: float) -> tuple[float, float, float]:
+def covariance_of_wind(
+    covariance: Any, gust_share: float, gust_variance_to_come: float
+) -> tuple[float, float, float]:
     """Covariance of the wind on a way, (m/s)^2.
 
     Args:
@@ -30,9 +36,13 @@ def covariance_of_wind(covariance: Any, gust_share: float, gust_variance_to_come
         gust_variance_to_come: Variance of either component of the gusts to come.
     """
     of_gust_east = 2.0 * covariance[EAST, GUST_EAST] + gust_share * covariance[GUST_EAST, GUST_EAST]
-    of_gust_north = 2.0 * covariance[NORTH, GUST_NORTH] + gust_share * covariance[GUST_NORTH, GUST_NORTH]
+    of_gust_north = (
+        2.0 * covariance[NORTH, GUST_NORTH] + gust_share * covariance[GUST_NORTH, GUST_NORTH]
+    )
     of_gusts = (
-        covariance[EAST, GUST_NORTH] + covariance[GUST_EAST, NORTH] + gust_share * covariance[GUST_EAST, GUST_NORTH]
+        covariance[EAST, GUST_NORTH]
+        + covariance[GUST_EAST, NORTH]
+        + gust_share * covariance[GUST_EAST, GUST_NORTH]
     )
     east = covariance[EAST, EAST] + gust_share * of_gust_east
     east_north = covariance[EAST, NORTH] + gust_share * of_gusts
@@ -44,8 +54,8 @@ def covariance_of_wind(covariance: Any, gust_share: float, gust_variance_to_come
 def quadratic_cumulants(hessian: Any, wind_covariance: Any) -> tuple[float, float, float]:
     """First three cumulants of half of w^T H w, where w is the deviation of the wind from its mean.
 
-    With M = H W they are tr(M) / 2, tr(M^2) / 2 and tr(M^3) (Mathai and Provost, Quadratic Forms in Random Variables,
-    1992).
+    With M = H W they are tr(M) / 2, tr(M^2) / 2 and tr(M^3) (Mathai and Provost, Quadratic Forms in
+    Random Variables, 1992).
 
     Args:
         hessian: Second derivatives H of the energy.

@@ -1,9 +1,11 @@
-"""Which quantities differ significantly between named groups of runs, relative to the spread between runs.
+"""Which quantities differ significantly between named groups of runs, relative to the spread
+between runs.
 
-Every run gives one value of each quantity, so that runs, not samples, count as independent. Two groups are compared
-by Welch's test (Biometrika 34, 1947); since two or three runs estimate a spread poorly, a group's variance is at least
-the one pooled over all groups. Holm's procedure (Scandinavian Journal of Statistics 6, 1979) over all
-pairs and quantities keeps the probability of any false positive at 5 %.
+Every run gives one value of each quantity, so that runs, not samples, count as independent. Two
+groups are compared by Welch's test (Biometrika 34, 1947); since two or three runs estimate a spread
+poorly, a group's variance is at least the one pooled over all groups. Holm's procedure
+(Scandinavian Journal of Statistics 6, 1979) over all pairs and quantities keeps the probability of
+any false positive at 5 %.
 """
 
 import dataclasses
@@ -32,7 +34,8 @@ GroupVerdict = Literal["groups_differ", "no_difference", "not_testable"]
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is compared: the symbol of a group of parameters or the name of an effect, and its unit."""
+    """What is compared: the symbol of a group of parameters or the name of an effect, and its
+    unit."""
 
     name: str
     unit: str
@@ -40,7 +43,8 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Level:
-    """A quantity in one group; the interval includes the spread between runs; of one run only that within it."""
+    """A quantity in one group; the interval includes the spread between runs; of one run only that
+    within it."""
 
     quantity: str
     unit: str
@@ -55,8 +59,9 @@ class Level:
 class Difference:
     """A quantity in one group minus that in another.
 
-    The interval is of this pair alone; `p_holm` is corrected for all pairs and quantities. Held-out errors are of runs
-    predicted from the others: from those of their own group, and from those of both.
+    The interval is of this pair alone; `p_holm` is corrected for all pairs and quantities. Held-out
+    errors are of runs predicted from the others: from those of their own group, and from those of
+    both.
     """
 
     quantity: str
@@ -74,7 +79,8 @@ class Difference:
 
 @dataclass(frozen=True)
 class RunValues:
-    """A run of a group and its value of each quantity, None where it is not identifiable from the run."""
+    """A run of a group and its value of each quantity, None where it is not identifiable from the
+    run."""
 
     path: str
     sha256: str
@@ -107,21 +113,25 @@ class Comparison:
         return json.dumps({"schema": data.pop("schema"), **data}, indent=2, allow_nan=False) + "\n"
 
 
-def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[list[Level], list[Difference]]:
+def compare(
+    labels: Sequence[str], values: Mapping[Quantity, Array]
+) -> tuple[list[Level], list[Difference]]:
     """Levels of all groups, and the differences of all pairs that have at least two runs each.
 
     Differences come in the order of the quantities, those of one quantity by p-value.
 
-    A difference is named where Holm's p-value is at most `thresholds.LEVEL` and held-out runs are predicted better from
-    their own group than from both together. `labels` are the groups of the runs; `values` have shape (runs,) each, NaN
-    where the quantity is not identifiable from a run.
+    A difference is named where Holm's p-value is at most `thresholds.LEVEL` and held-out runs are
+    predicted better from their own group than from both together. `labels` are the groups of the
+    runs; `values` have shape (runs,) each, NaN where the quantity is not identifiable from a run.
     """
     groups = np.array(labels)
     levels: list[Level] = []
     pairs: list[Difference] = []
     for quantity, by_run in values.items():
         is_identified = np.isfinite(by_run)
-        by_group = {group: by_run[(groups == group) & is_identified] for group in dict.fromkeys(labels)}
+        by_group = {
+            group: by_run[(groups == group) & is_identified] for group in dict.fromkeys(labels)
+        }
         levels += [_level(quantity, group, runs) for group, runs in by_group.items() if len(runs)]
         pairs += _differences(quantity, by_group)
     order = [quantity.name for quantity in values]
@@ -129,7 +139,8 @@ def compare(labels: Sequence[str], values: Mapping[Quantity, Array]) -> tuple[li
 
 
 def _level(quantity: Quantity, group: str, runs: Array) -> Level:
-    """Mean of a group's runs, shape (runs,), with its interval and their spread, where there are two or more."""
+    """Mean of a group's runs, shape (runs,), with its interval and their spread, where there are
+    two or more."""
     several = len(runs) > 1
     return Level(
         quantity=quantity.name,
@@ -143,7 +154,8 @@ def _level(quantity: Quantity, group: str, runs: Array) -> Level:
 
 
 def _holm(pairs: Sequence[Difference]) -> list[Difference]:
-    """The differences by p-value, each with Holm's, and named where that is significant and groups predict better."""
+    """The differences by p-value, each with Holm's, and named where that is significant and groups
+    predict better."""
     corrected = []
     p_holm = 0.0
     for rank, pair in enumerate(sorted(pairs, key=lambda difference: difference.p_value)):
@@ -191,13 +203,16 @@ def _differences(quantity: Quantity, by_group: Mapping[str, Array]) -> Iterator[
             p_value=p_value,
             p_holm=p_value,
             held_out_rmse=_left_out_rmse(runs_of[group], runs_of[minus]),
-            held_out_rmse_without_groups=_left_out_rmse(np.concatenate([runs_of[group], runs_of[minus]])),
+            held_out_rmse_without_groups=_left_out_rmse(
+                np.concatenate([runs_of[group], runs_of[minus]])
+            ),
             named=False,
         )
 
 
 def _error(spreads: Sequence[_Spread], pooled: _Spread) -> tuple[float, float]:
-    """Standard error of the difference of the means of two groups, and its degrees of freedom (Welch).
+    """Standard error of the difference of the means of two groups, and its degrees of freedom
+    (Welch).
 
     The spread of a group is at least the pooled one.
     """
@@ -233,10 +248,13 @@ def comparison_of(
     differences: Sequence[Difference],
     remarks: Sequence[str],
 ) -> Comparison:
-    """The comparison of these recordings, with its verdict and summary; of one group the level alone."""
+    """The comparison of these recordings, with its verdict and summary; of one group the level
+    alone."""
     runs = []
     for index, (recording, label) in enumerate(zip(recordings, labels, strict=True)):
-        of_run = {quantity.name: _or_none(float(by_run[index])) for quantity, by_run in values.items()}
+        of_run = {
+            quantity.name: _or_none(float(by_run[index])) for quantity, by_run in values.items()
+        }
         runs.append(RunValues(recording.name, recording.sha256, label, of_run))
     notes = [f"{recording.name}: {note}" for recording in recordings for note in recording.notes]
     groups = list(dict.fromkeys(labels))
@@ -265,8 +283,11 @@ def _level_in_words(level: Level) -> str:
     return f"{level.quantity} is {number(level.value, 4)} {level.unit}{ends}, {how}."
 
 
-def _conclusion(differences: Sequence[Difference], groups: Sequence[str]) -> tuple[GroupVerdict, str]:
-    """Verdict by the differences of all pairs that can be tested, and one or two sentences on it, in their order."""
+def _conclusion(
+    differences: Sequence[Difference], groups: Sequence[str]
+) -> tuple[GroupVerdict, str]:
+    """Verdict by the differences of all pairs that can be tested, and one or two sentences on it,
+    in their order."""
     if not differences:
         return "not_testable", (
             "Differences cannot be tested: no two groups have at least two usable runs each, so the spread between "
@@ -290,6 +311,7 @@ def _sentence(difference: Difference) -> str:
     else:
         groups = f"{difference.minus} than in {difference.group}"
     size = number(abs(difference.value)) + unit_after(difference.unit)
-    # Named differences have intervals on one side of zero, so that their ends keep their order or swap it.
+    # Named differences have intervals on one side of zero, so that their ends keep their order or
+    # swap it.
     smallest, largest = sorted(abs(end) for end in difference.ci95)
     return f"{difference.quantity} is {size} higher in {groups} (95 %: {interval((smallest, largest))})"

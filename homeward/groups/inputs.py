@@ -1,4 +1,5 @@
-"""Groups of runs as the command line names them: NAME=RUNS, with paths, patterns or a data set's group."""
+"""Groups of runs as the command line names them: NAME=RUNS, with paths, patterns or a data set's
+group."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ _NAME = re.compile(r"[\w.+ -]{1,40}")
 
 @dataclass(frozen=True)
 class Grouped:
-    """Runs of a group, each with the mapping of its columns, and the data set that they come from."""
+    """Runs of a group, each with the mapping of its columns, and the data set that they come
+    from."""
 
     name: str
     runs: tuple[tuple[Path, str | None], ...]
@@ -49,15 +51,20 @@ def grouped_runs(requests: Sequence[str], columns: str | None) -> list[Grouped]:
                 group = Grouped(name, (*group.runs, *runs), dataset or group.dataset)
         groups[name] = group
     if len(groups) < 2:
-        raise RecordingError(f"one group only, {next(iter(groups))}; a comparison needs --group at least twice")
+        raise RecordingError(
+            f"one group only, {next(iter(groups))}; a comparison needs --group at least twice"
+        )
     datasets = {group.dataset for group in groups.values() if group.dataset is not None}
     if len(datasets) > 1:
-        raise RecordingError("the groups are of different data sets, and so of different robots; compare groups of one")
+        raise RecordingError(
+            "the groups are of different data sets, and so of different robots; compare groups of one"
+        )
     return list(groups.values())
 
 
 def _runs(source: str, columns: str | None) -> tuple[list[tuple[Path, str | None]], str | None]:
-    """Runs of a data set's group, of a file, or of a pattern, each with its mapping, and the name of the data set."""
+    """Runs of a data set's group, of a file, or of a pattern, each with its mapping, and the name
+    of the data set."""
     dataset, _, group = source.partition("/")
     if dataset in DATASETS and not Path(source).is_file():
         mapping = columns or DATASETS[dataset].columns

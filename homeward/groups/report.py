@@ -17,7 +17,9 @@ from homeward.layout.notation import interval, labels, number, page, templates, 
 from homeward.layout.plots import embedded
 
 _BESIDE = (
-    0.15  # of the distance between groups, from a mean to its runs in the plot; chosen: the intervals stay visible
+    # of the distance between groups, from a mean to its runs in the plot; chosen: the intervals
+    # stay visible
+    0.15
 )
 
 
@@ -27,11 +29,14 @@ def write_groups(comparison: Comparison, folder: str | Path) -> list[Path]:
     Raises:
         OSError: The folder cannot be written to.
     """
-    return write_files(folder, {"groups.json": comparison.to_json(), "groups.html": _page(comparison)})
+    return write_files(
+        folder, {"groups.json": comparison.to_json(), "groups.html": _page(comparison)}
+    )
 
 
 def show_groups(comparison: Comparison, console: Console) -> None:
-    """Print the verdict, each group's level, each pair's difference and remarks; lines wrap at the width."""
+    """Print the verdict, each group's level, each pair's difference and remarks; lines wrap at the
+    width."""
     if len(comparison.groups) > 1:
         console.print(comparison.verdict, style="bold", highlight=False)
     say(console, comparison.summary)
@@ -104,7 +109,8 @@ def _remarks(comparison: Comparison, names: Mapping[str, str]) -> list[str]:
 
 
 def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
-    """Levels and runs by the number of the group: a plot would interpret markup in names given by others."""
+    """Levels and runs by the number of the group: a plot would interpret markup in names given by
+    others."""
     number_of = {group: index for index, group in enumerate(comparison.groups, start=1)}
     levels = [level for level in comparison.levels if level.quantity == quantity]
     runs = [run for run in comparison.runs if run.values.get(quantity) is not None]
@@ -126,9 +132,12 @@ def _figure(comparison: Comparison, quantity: str, name: str) -> Markup:
     )
     figure.update_xaxes(title_text="group, in the order of the table", dtick=1)
     means = "; ".join(
-        f"{level.group} {number(level.value, 4)} {level.unit}, 95 % {interval(level.ci95, 4)}" for level in levels
+        f"{level.group} {number(level.value, 4)} {level.unit}, 95 % {interval(level.ci95, 4)}"
+        for level in levels
     )
-    return embedded(figure, name, f"{quantity}, means: {means}. The tables below have them and each run.")
+    return embedded(
+        figure, name, f"{quantity}, means: {means}. The tables below have them and each run."
+    )
 
 
 def _half_interval(level: Level) -> float:

@@ -1,4 +1,5 @@
-"""Ancillary power of a robot at standstill, with autocorrelation and the spread between runs in its error."""
+"""Ancillary power of a robot at standstill, with autocorrelation and the spread between runs in its
+error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -50,8 +51,8 @@ def stands(recording: Recording) -> bool:
 def standing_run(recording: Recording) -> StandingRun:
     """Mean power of a run of a standing robot, with the interval of this run alone.
 
-    The interval is Student's over the means of batches of eight autocorrelation times, two to ten of them (batch
-    means; Schmeiser, Operations Research 30, 1982).
+    The interval is Student's over the means of batches of eight autocorrelation times, two to ten
+    of them (batch means; Schmeiser, Operations Research 30, 1982).
 
     Raises:
         RecordingError: Power or current is missing, constant or too short to average.
@@ -93,10 +94,12 @@ def _batch_means(window_means: Array) -> list[float]:
 
 
 def mean_interval(values: Sequence[float], mean: float | None = None) -> tuple[float, float]:
-    """Student's 95 % interval of a mean of independent values: of runs, so that their spread counts (random effects).
+    """Student's 95 % interval of a mean of independent values: of runs, so that their spread counts
+    (random effects).
 
-    With one value per run the spread of the values holds both the error within runs and the differences between them.
-    There are at least two; the interval is about their mean or the one that is given.
+    With one value per run the spread of the values holds both the error within runs and the
+    differences between them. There are at least two; the interval is about their mean or the one
+    that is given.
 
     >>> low, high = mean_interval([9.78, 9.77, 9.81])
     >>> round(low, 2), round(high, 2)

@@ -1,4 +1,5 @@
-"""How pages and the terminal write numbers, formulas and names, and the templates that pages are made from."""
+"""How pages and the terminal write numbers, formulas and names, and the templates that pages are
+made from."""
 
 from collections.abc import Sequence
 from pathlib import PurePath
@@ -9,17 +10,30 @@ from markupsafe import Markup
 
 from homeward import cli
 
-_SIGNS = {"Gamma": "Γ", "theta": "θ", "eta3": "η₃", "^2": "²", "^3": "³", "degC": "°C", " - ": " − "}
+_SIGNS = {
+    "Gamma": "Γ",
+    "theta": "θ",
+    "eta3": "η₃",
+    "^2": "²",
+    "^3": "³",
+    "degC": "°C",
+    " - ": " − ",
+}
 
 
 def templates(package: str, autoescape: bool = True) -> Environment:
-    """The templates of a package, with filters for numbers and names; pages escape names given by others.
+    """The templates of a package, with filters for numbers and names; pages escape names given by
+    others.
 
     They may extend `page.html`, which lies beside this file.
     """
     loader = ChoiceLoader([PackageLoader(package), PackageLoader("homeward.layout")])
     environment = Environment(
-        loader=loader, autoescape=autoescape, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=loader,
+        autoescape=autoescape,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     environment.filters |= {
         "number": number,
@@ -35,7 +49,8 @@ def templates(package: str, autoescape: bool = True) -> Environment:
 
 
 def _is_none(value: object) -> bool:
-    """Whether a value is None; Jinja's own test takes an undefined name, such as a misspelt one, for a value.
+    """Whether a value is None; Jinja's own test takes an undefined name, such as a misspelt one,
+    for a value.
 
     Raises:
         UndefinedError: The name is undefined.
@@ -50,13 +65,15 @@ def _percent(share: float) -> str:
 
 
 def page(environment: Environment, template: str, **values: object) -> str:
-    """A page as text that can be written: names may hold control characters, and bytes that are no text."""
+    """A page as text that can be written: names may hold control characters, and bytes that are no
+    text."""
     text = environment.overlay(finalize=_printable).get_template(template).render(**values)
     return text.encode("utf-8", "replace").decode("utf-8")
 
 
 def _printable(value: object) -> object:
-    """What is filled in, with a question mark for each control character but ends of lines; markup as it is."""
+    """What is filled in, with a question mark for each control character but ends of lines; markup
+    as it is."""
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
     return "\n".join(map(cli.printable, value.split("\n")))
@@ -135,7 +152,9 @@ def labels(paths: Sequence[str]) -> dict[str, str]:
     return label_of
 
 
-def _distinct_end(parts: tuple[str, ...], parts_of_others: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+def _distinct_end(
+    parts: tuple[str, ...], parts_of_others: Sequence[tuple[str, ...]]
+) -> tuple[str, ...]:
     """The shortest end of a path that no other path ends with; all of it where there is none."""
     for length in range(1, len(parts)):
         end = parts[-length:]

@@ -12,14 +12,17 @@ PLAIN = {
     "plot_bgcolor": "rgba(0, 0, 0, 0)",
     "font": {"family": "system-ui, sans-serif", "size": 13, "color": "#1f2933"},
 }
-"""Layout of a figure in the font of its page, with a transparent background: pages are light or dark."""
+"""Layout of a figure in the font of its page, with a transparent background: pages are light or
+dark."""
 _LINE = "rgba(31, 41, 51, 0.2)"
 GRID = {"gridcolor": _LINE, "zerolinecolor": _LINE}
-"""Of each axis. Chosen: a contrast of 1.5 to 1 on light pages, of 1.7 on dark ones, where figures are inverted."""
+"""Of each axis. Chosen: a contrast of 1.5 to 1 on light pages, of 1.7 on dark ones, where figures
+are inverted."""
 
 
 def embedded(figure: go.Figure, name: str, says: str, top: int = 8, zooms: bool = False) -> Markup:
-    """A figure as a part of a page that has plotly.js in it already; one that `zooms` needs buttons for it, too.
+    """A figure as a part of a page that has plotly.js in it already; one that `zooms` needs buttons
+    for it, too.
 
     Who cannot see it hears what it `says`, and where the numbers are.
     """
@@ -29,7 +32,13 @@ def embedded(figure: go.Figure, name: str, says: str, top: int = 8, zooms: bool 
         margin={"l": 58, "r": 10, "t": top, "b": 46},
         dragmode="zoom" if zooms else False,
         hovermode="x unified",
-        legend={"orientation": "h", "y": 1.06, "yanchor": "bottom", "x": 0.0, "traceorder": "normal"},
+        legend={
+            "orientation": "h",
+            "y": 1.06,
+            "yanchor": "bottom",
+            "x": 0.0,
+            "traceorder": "normal",
+        },
         **PLAIN,
     )
     figure.update_xaxes(**GRID).update_yaxes(**GRID)

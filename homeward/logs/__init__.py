@@ -1,4 +1,5 @@
-"""Logs of robots (tables, ROS bags, flight logs) as recordings: named channels in SI units on one clock."""
+"""Logs of robots (tables, ROS bags, flight logs) as recordings: named channels in SI units on one
+clock."""
 
 from homeward.logs.columns import Columns, RecordingError, load_columns
 from homeward.logs.recordings import Recording, read_recording

@@ -1,4 +1,5 @@
-"""Statistics of series whose windows depend on those before: autocorrelation time, noise, innovations."""
+"""Statistics of series whose windows depend on those before: autocorrelation time, noise,
+innovations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,11 +9,14 @@ import numpy as np
 from homeward.logs.channels import Array, Index
 from homeward.logs.thresholds import LONGEST_LAG, MOST_CORRELATED, UNCORRELATED
 
-_PAST = 5  # windows from which the next is predicted: longer than a change of a load is refined in the diagnosis
+# windows from which the next is predicted: longer than a change of a load is refined in the
+# diagnosis
+_PAST = 5
 
 
 def correlation_windows(residual: Array, run: Index) -> float:
-    """Integrated autocorrelation time of residuals, in windows, summed to the first lag without correlation.
+    """Integrated autocorrelation time of residuals, in windows, summed to the first lag without
+    correlation.
 
     >>> rng = np.random.default_rng(0)
     >>> round(correlation_windows(rng.normal(size=20000), np.zeros(20000, int)))
@@ -33,14 +37,17 @@ def correlation_windows(residual: Array, run: Index) -> float:
 
 
 def independent_windows(residual: Array, run: Index) -> float:
-    """Effective sample size of residuals, (windows,): windows over their autocorrelation time; two at least."""
+    """Effective sample size of residuals, (windows,): windows over their autocorrelation time; two
+    at least."""
     return max(len(residual) / correlation_windows(residual, run), 2.0)
 
 
 def innovations(residual: Array, run: Index, *causes: Array) -> tuple[Index, list[Array]]:
-    """Windows after the first few of a run, and what those before do not predict of a residual, shape (windows,).
+    """Windows after the first few of a run, and what those before do not predict of a residual,
+    shape (windows,).
 
-    The residual is taken as autoregressive, one process in all runs. Causes, (windows, ...), are filtered likewise.
+    The residual is taken as autoregressive, one process in all runs. Causes, (windows, ...), are
+    filtered likewise.
 
     >>> steps = np.repeat([0.0, 1.0, 0.0, 1.0], 50) + np.random.default_rng(0).normal(0.0, 0.01, 200)
     >>> _, (left,) = innovations(steps, np.zeros(200))
@@ -60,17 +67,20 @@ def innovations(residual: Array, run: Index, *causes: Array) -> tuple[Index, lis
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of a series of windows: autocorrelation time in windows, and long-run standard deviation."""
+    """Noise of a series of windows: autocorrelation time in windows, and long-run standard
+    deviation."""
 
     correlation: float
     long_run: float  # sqrt of the variance of a sum of n windows over n
 
 
 def noise_of(residual: Array, run: Index, lags: Sequence[int] = (1, 2, 4, 8, 16)) -> Noise:
-    """Noise of residuals, shape (windows,), from their increments, so that a few change points do not count as noise.
+    """Noise of residuals, shape (windows,), from their increments, so that a few change points do
+    not count as noise.
 
-    The increments over k and 2 k windows of an autoregressive process have a ratio of variances of 1 + phi^k. Medians
-    are robust to the few increments across a change; the shorter the lags, the fewer they are.
+    The increments over k and 2 k windows of an autoregressive process have a ratio of variances of
+    1 + phi^k. Medians are robust to the few increments across a change; the shorter the lags, the
+    fewer they are.
 
     >>> rng = np.random.default_rng(0)
     >>> series = rng.normal(size=20000) + 50.0 * (np.arange(20000) // 1000 % 2)
@@ -103,6 +113,7 @@ def _spread(values: Array, run: Index, lag: int) -> float:
 
 
 def shifted_in_time(columns: Array, rng: np.random.Generator) -> Array:
-    """Placebo: columns, (windows, columns), shifted circularly over all runs by a random time, which are no cause."""
+    """Placebo: columns, (windows, columns), shifted circularly over all runs by a random time,
+    which are no cause."""
     margin = len(columns) // 10
     return np.roll(columns, int(rng.integers(margin, len(columns) - margin)), axis=0)

@@ -1,4 +1,5 @@
-"""A recording and the channels it may have: names, units, what is physically possible, what a wrong unit looks like."""
+"""A recording and the channels it may have: names, units, what is physically possible, what a wrong
+unit looks like."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -18,9 +19,9 @@ Sets = tuple[tuple[str, ...], ...]
 class Recording:
     """One run of one robot.
 
-    `channels` maps names of the schema to float64 arrays of shape (n,) in SI units; values that were not recorded are
-    NaN. `notes` lists what was left out. `time_s` plus `start_s` is the time since 1970, s; `start_s` is 0 if that is
-    unknown.
+    `channels` maps names of the schema to float64 arrays of shape (n,) in SI units; values that
+    were not recorded are NaN. `notes` lists what was left out. `time_s` plus `start_s` is the time
+    since 1970, s; `start_s` is 0 if that is unknown.
     """
 
     name: str
@@ -69,7 +70,8 @@ _SMALLER_S = ("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-
 _SLOPES = -shared.STEEPEST_RAD, shared.STEEPEST_RAD
 _CURRENTS = -shared.MOST_CURRENT_A, shared.MOST_CURRENT_A
 
-# Limits are chosen: wider than any ground robot or road vehicle reaches, narrow enough to detect most wrong units.
+# Limits are chosen: wider than any ground robot or road vehicle reaches, narrow enough to detect
+# most wrong units.
 CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (
@@ -110,7 +112,8 @@ def first_set(sets: Sets, present: Collection[str]) -> tuple[str, ...]:
 
 
 def lacking(present: Collection[str]) -> str | None:
-    """The missing channels of motion or power, such as "motion channel (speed_mps or ...)", or None."""
+    """The missing channels of motion or power, such as "motion channel (speed_mps or ...)", or
+    None."""
     for what, sets in (("motion", MOTION), ("power", POWER)):
         if not first_set(sets, present):
             alternatives = [" + ".join(names) for names in sets]

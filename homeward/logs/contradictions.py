@@ -1,4 +1,5 @@
-"""Channels that measure one thing twice: their ratio identifies a wrong unit, or the user is asked."""
+"""Channels that measure one thing twice: their ratio identifies a wrong unit, or the user is
+asked."""
 
 from __future__ import annotations
 
@@ -48,11 +49,15 @@ class Twice(NamedTuple):
     @property
     def channels(self) -> tuple[str, ...]:
         """The channels that are compared."""
-        return (*_CHANNELS.get(self.what, (self.what,)), *_CHANNELS.get(self.reference, (self.reference,)))
+        return (
+            *_CHANNELS.get(self.what, (self.what,)),
+            *_CHANNELS.get(self.reference, (self.reference,)),
+        )
 
     @property
     def powers(self) -> dict[str, int]:
-        """The powers with which the ratio depends on units of channels; not of wheels, whose speeds are added."""
+        """The powers with which the ratio depends on units of channels; not of wheels, whose speeds
+        are added."""
         powers = {"time_s": self.power_of_time}
         for name, power in ((self.what, 1), (self.reference, -1)):
             if name != WHEELS:
@@ -120,9 +125,12 @@ def _ways_and_angles(channels: Mapping[str, Array]) -> dict[str, float]:
 
 
 def _powers(channels: Mapping[str, Array]) -> dict[str, float]:
-    """Mean sizes of the power as recorded and as voltage times current, W; {} where they are not both there."""
+    """Mean sizes of the power as recorded and as voltage times current, W; {} where they are not
+    both there."""
     time_s = channels["time_s"]
-    factors = {name: _everywhere(time_s, channels[name]) for name in _CHANNELS[PRODUCT] if name in channels}
+    factors = {
+        name: _everywhere(time_s, channels[name]) for name in _CHANNELS[PRODUCT] if name in channels
+    }
     product_w = drawn_w(factors)
     if "power_w" not in channels or product_w is None:
         return {}
@@ -130,13 +138,19 @@ def _powers(channels: Mapping[str, Array]) -> dict[str, float]:
 
 
 def refuse_contradictions(channels: Mapping[str, Array]) -> list[str]:
-    """Refuse a ratio that is a wrong unit, and ask about two odometers that differ; notes on powers that differ.
+    """Refuse a ratio that is a wrong unit, and ask about two odometers that differ; notes on powers
+    that differ.
 
     Raises:
         RecordingError: The channels contradict each other.
     """
-    if "heading_rad" in channels and np.nanmax(np.abs(np.diff(channels["heading_rad"]))) > thresholds.HEADING_JUMP:
-        raise RecordingError("heading_rad jumps by more than 180; this looks like degrees (factor 0.0174533)")
+    if (
+        "heading_rad" in channels
+        and np.nanmax(np.abs(np.diff(channels["heading_rad"]))) > thresholds.HEADING_JUMP
+    ):
+        raise RecordingError(
+            "heading_rad jumps by more than 180; this looks like degrees (factor 0.0174533)"
+        )
     notes = []
     for pair in measured_twice(channels):
         if pair.unit is not None:
@@ -179,4 +193,6 @@ def _everywhere(time_s: Array, values: Array) -> Array:
     is_known = np.isfinite(values)
     if not is_known.any():
         return values
-    return np.asarray(np.interp(time_s, time_s[is_known], values[is_known], left=np.nan, right=np.nan))
+    return np.asarray(
+        np.interp(time_s, time_s[is_known], values[is_known], left=np.nan, right=np.nan)
+    )

@@ -1,4 +1,5 @@
-"""Channels whose values are possible and yet of another unit: what the data show is said, and nothing is changed."""
+"""Channels whose values are possible and yet of another unit: what the data show is said, and
+nothing is changed."""
 
 from __future__ import annotations
 
@@ -36,8 +37,9 @@ def turned_slopes(
 ) -> str | None:
     """Whether the energy of climbs shows that slopes have the wrong sign; a phrase, or None.
 
-    Climbing takes at least the robot's weight along the slope. Where power falls with the climbing rate by more than
-    half of that, clearly more than its residuals explain, uphill was recorded as negative.
+    Climbing takes at least the robot's weight along the slope. Where power falls with the climbing
+    rate by more than half of that, clearly more than its residuals explain, uphill was recorded as
+    negative.
 
     Args:
         climb_mps: Rate of climbing by the slopes as recorded, means over windows, shape (windows,).
@@ -55,11 +57,15 @@ def turned_slopes(
     coefficients = np.linalg.lstsq(causes, power_w, rcond=None)[0]
     force_n = float(coefficients[0])  # along the slope: power for each m/s of climbing
     residual_w = power_w - causes @ coefficients
-    # Windows that depend on those before count for less: the variance grows by their autocorrelation time.
+    # Windows that depend on those before count for less: the variance grows by their
+    # autocorrelation time.
     degrees_of_freedom = len(residual_w) - causes.shape[1]
-    variance = float(residual_w @ residual_w) / degrees_of_freedom * correlation_windows(residual_w, run)
-    # The first row of the pseudoinverse: its square is that entry of the inverse of causes.T @ causes, which may be
-    # singular in double precision where causes are not, as at a speed that is constant but for rounding.
+    variance = (
+        float(residual_w @ residual_w) / degrees_of_freedom * correlation_windows(residual_w, run)
+    )
+    # The first row of the pseudoinverse: its square is that entry of the inverse of causes.T @
+    # causes, which may be singular in double precision where causes are not, as at a speed that is
+    # constant but for rounding.
     gain = np.linalg.pinv(causes)[0]
     error_n = float(np.sqrt(variance * (gain @ gain)))
     is_small = force_n > -thresholds.SHARE_OF_WEIGHT * weight_n
@@ -129,5 +135,7 @@ def _counter(name: str, channels: Mapping[str, Array]) -> str | None:
     falls = int((steps < 0.0).sum())
     if min(rises, falls) > 0 or max(rises, falls) < thresholds.COUNTS:
         return None
-    how = f"rises {rises} times and never falls" if rises else f"falls {falls} times and never rises"
+    how = (
+        f"rises {rises} times and never falls" if rises else f"falls {falls} times and never rises"
+    )
     return f"{name} {how}: is it a counter of {_COUNTED[name]}? A mapping file (--columns) names another column"

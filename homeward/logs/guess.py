@@ -1,4 +1,5 @@
-"""A guess of which channel a column is: its unit, how sure it is and why, and its line of a mapping file."""
+"""A guess of which channel a column is: its unit, how sure it is and why, and its line of a mapping
+file."""
 
 from __future__ import annotations
 
@@ -10,10 +11,27 @@ import numpy as np
 _DEGREE = np.pi / 180.0
 
 SURE = ("certain", "likely", "a guess")
-"""Confidence of a proposal: by name and unit; by name, with fitting values; by a weak name, values or unit alone."""
+"""Confidence of a proposal: by name and unit; by name, with fitting values; by a weak name, values
+or unit alone."""
 
-_LENGTH = {"m": 1.0, "metre": 1.0, "meter": 1.0, "meters": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
-_ANGLE = {"rad": 1.0, "radians": 1.0, "deg": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "°": _DEGREE}
+_LENGTH = {
+    "m": 1.0,
+    "metre": 1.0,
+    "meter": 1.0,
+    "meters": 1.0,
+    "km": 1e3,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "ft": 0.3048,
+}
+_ANGLE = {
+    "rad": 1.0,
+    "radians": 1.0,
+    "deg": _DEGREE,
+    "degree": _DEGREE,
+    "degrees": _DEGREE,
+    "°": _DEGREE,
+}
 _SPEED = {
     "m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704, "cm/s": 1e-2, "mm/s": 1e-3,
 }  # fmt: skip
@@ -22,7 +40,16 @@ _RATE = {
 }  # fmt: skip
 _CURRENT = {"a": 1.0, "ma": 1e-3, "amp": 1.0, "amps": 1.0}
 UNITS: dict[str, dict[str, float]] = {
-    "s": {"s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "s": {
+        "s": 1.0,
+        "sec": 1.0,
+        "secs": 1.0,
+        "seconds": 1.0,
+        "ms": 1e-3,
+        "us": 1e-6,
+        "ns": 1e-9,
+        "min": 60.0,
+    },
     "m/s": _SPEED,
     "rad/s": _RATE,
     "rad": _ANGLE | {"%": 1e-2, "percent": 1e-2},

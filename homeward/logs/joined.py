@@ -1,4 +1,5 @@
-"""Several tables of one run, named with a plus between them: a.csv+b.csv, as one file a topic is written."""
+"""Several tables of one run, named with a plus between them: a.csv+b.csv, as one file a topic is
+written."""
 
 from __future__ import annotations
 
@@ -42,8 +43,8 @@ def mapping_of_table(mapping: Columns | None, header: Sequence[str]) -> Columns 
 def join(tables: Sequence[tuple[str, pd.DataFrame]]) -> tuple[pd.DataFrame, list[str]]:
     """Rows of several tables of one run, by time, and a line on what was joined.
 
-    Tables whose clocks both count since 1970, or that overlap, have one clock. Others are taken to start together,
-    which is said.
+    Tables whose clocks both count since 1970, or that overlap, have one clock. Others are taken to
+    start together, which is said.
 
     Args:
         tables: Names and channels of the tables; the times increase.
@@ -60,7 +61,9 @@ def join(tables: Sequence[tuple[str, pd.DataFrame]]) -> tuple[pd.DataFrame, list
         for channel in _channels(table):
             if channel in name_of_table:
                 earlier = name_of_table[channel]
-                raise RecordingError(f"{channel} is in {earlier} and in {name}; name one in a mapping file")
+                raise RecordingError(
+                    f"{channel} is in {earlier} and in {name}; name one in a mapping file"
+                )
             name_of_table[channel] = name
         ahead_s, how = _ahead_s(reference_name, reference["time_s"], name, table["time_s"])
         clocks.append(how)
@@ -82,13 +85,17 @@ def _source(name: str, table: pd.DataFrame) -> str:
 def _ahead_s(
     reference_name: str, reference_s: pd.Series[float], name: str, time_s: pd.Series[float]
 ) -> tuple[float, str]:
-    """Time by which the clock of a table is ahead of that of the reference, s, and a line on how it is known."""
+    """Time by which the clock of a table is ahead of that of the reference, s, and a line on how it
+    is known."""
     reference_start_s = float(reference_s.iloc[0])
     start_s = float(time_s.iloc[0])
     end_of_both_s = min(float(reference_s.iloc[-1]), float(time_s.iloc[-1]))
     overlap_s = end_of_both_s - max(reference_start_s, start_s)
     if overlap_s > 0.0:
-        return 0.0, f"times of {reference_name} and {name} overlap by {overlap_s:.4g} s: assumed to be of one clock"
+        return (
+            0.0,
+            f"times of {reference_name} and {name} overlap by {overlap_s:.4g} s: assumed to be of one clock",
+        )
     ahead_s = start_s - reference_start_s
     if is_epoch(reference_start_s) and is_epoch(start_s):
         raise RecordingError(

@@ -1,4 +1,5 @@
-"""Limits on what is read from a file, used while it is read: a small file may unpack to more than any memory holds."""
+"""Limits on what is read from a file, used while it is read: a small file may unpack to more than
+any memory holds."""
 
 from __future__ import annotations
 
@@ -14,21 +15,25 @@ MOST_ROWS = 10_000_000
 MOST_BYTES = 2**30
 """Most bytes of a table, unpacked: that many rows of 100 characters."""
 MOST_CELLS = 10_000_000
-"""Most cells of a table in memory at a time. Chosen: some hundred MB; a recording has some tens of columns."""
+"""Most cells of a table in memory at a time. Chosen: some hundred MB; a recording has some tens of
+columns."""
 LONGEST_CELL = 1000
 """Most characters of a number or time. Chosen: they have some tens, and this bounds memory."""
 
 MOST_UNPACKED_TIMES = 100
-"""Times its own size to which a bag may unpack. Chosen: recordings unpack to 2 to 20 times their size."""
+"""Times its own size to which a bag may unpack. Chosen: recordings unpack to 2 to 20 times their
+size."""
 LEAST_UNPACKED_BYTES = 2**26
-"""Bytes to which any bag may unpack. Chosen: a chunk of a bag has about a MB, or one large image."""
+"""Bytes to which any bag may unpack. Chosen: a chunk of a bag has about a MB, or one large
+image."""
 MOST_CHUNK_BYTES = 2**28
-"""Most bytes of a chunk of a bag, unpacked. Chosen: the largest image or point cloud has some tens of MB."""
+"""Most bytes of a chunk of a bag, unpacked. Chosen: the largest image or point cloud has some tens
+of MB."""
 MOST_TOPICS = 5000
 """Most topics of a bag. Chosen: robots have some hundred, cars that drive themselves a thousand."""
 MOST_ELEMENTS = 10_000
-"""Most numbers of a message that its definition counts. Chosen: an odometry has 88, the largest standard ones
-hundreds."""
+"""Most numbers of a message that its definition counts. Chosen: an odometry has 88, the largest
+standard ones hundreds."""
 MOST_SEQUENCE = 1_000_000
 """Most parts of a list in a message. Chosen: status messages have some tens."""
 
@@ -89,7 +94,8 @@ class Allowance:
         Args:
             compression: "bz2", "lz4" or "zstd"; "" or "none" for none.
             data: The packed bytes.
-            whole: Whether a chunk that is cut off or damaged is refused; otherwise what was unpacked before is given.
+            whole: Whether a chunk that is cut off or damaged is refused; otherwise what was
+                unpacked before is given.
 
         Raises:
             TooLarge: It unpacks to more than the allowance or than a chunk has.
@@ -127,7 +133,9 @@ class Allowance:
             self.take(len(piece))
             content += piece
             if len(content) > MOST_CHUNK_BYTES:
-                raise TooLarge(f"has a chunk of more than {MOST_CHUNK_BYTES / 1e6:.3g} MB; record or copy it again")
+                raise TooLarge(
+                    f"has a chunk of more than {MOST_CHUNK_BYTES / 1e6:.3g} MB; record or copy it again"
+                )
             if unpacker.eof:
                 return bytes(unpacker.unused_data or b"")
             if not piece and unpacker.needs_input:

@@ -1,4 +1,5 @@
-"""Readings that no motion explains: what wheels' grip and a robot's top speed allow, channel by channel."""
+"""Readings that no motion explains: what wheels' grip and a robot's top speed allow, channel by
+channel."""
 
 from __future__ import annotations
 
@@ -14,10 +15,12 @@ from homeward.logs.times import median_step_s
 
 
 def leave_out_spikes(channels: Mapping[str, Array]) -> list[str]:
-    """Set readings to NaN from and to which a channel would change faster than possible; a note for each channel.
+    """Set readings to NaN from and to which a channel would change faster than possible; a note for
+    each channel.
 
-    A reading is compared with the median of those around it, not with its neighbour: differences from stamp to stamp
-    are noise. Many of them are no spikes, but another unit or a wrong clock, which is said and left as it is.
+    A reading is compared with the median of those around it, not with its neighbour: differences
+    from stamp to stamp are noise. Many of them are no spikes, but another unit or a wrong clock,
+    which is said and left as it is.
     """
     notes = []
     half_s = thresholds.SPIKE_SAMPLES // 2 * median_step_s(channels["time_s"])
@@ -37,7 +40,8 @@ def leave_out_spikes(channels: Mapping[str, Array]) -> list[str]:
 
 
 def within_top_speed(recording: Recording, max_speed_mps: float) -> Recording:
-    """The recording without single speeds that its robot does not reach, and a note for each channel.
+    """The recording without single speeds that its robot does not reach, and a note for each
+    channel.
 
     Args:
         recording: The recording.
@@ -51,7 +55,8 @@ def within_top_speed(recording: Recording, max_speed_mps: float) -> Recording:
     for name in measured:
         values = channels[name].copy()
         is_too_fast: Mask = np.abs(np.nan_to_num(values)) > fastest_mps
-        if 0 < is_too_fast.sum() <= thresholds.STRAY_SHARE * len(values):  # more are another robot, or another unit
+        # more are another robot, or another unit
+        if 0 < is_too_fast.sum() <= thresholds.STRAY_SHARE * len(values):
             notes += _left_out(name, values, np.flatnonzero(is_too_fast), why)
             channels[name] = values
     if not notes:
@@ -63,6 +68,8 @@ def _left_out(name: str, values: Array, places: Index, why: str) -> list[str]:
     if not len(places):
         return []
     if len(places) > thresholds.STRAY_SHARE * len(values):
-        return [f"{len(places)} of {len(values)} values of {name} {why}: too many to be spikes; check unit and clock"]
+        return [
+            f"{len(places)} of {len(values)} values of {name} {why}: too many to be spikes; check unit and clock"
+        ]
     values[places] = np.nan
     return [f"{len(places)} of {len(values)} values of {name} {why}, and are left out"]

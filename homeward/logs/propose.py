@@ -1,4 +1,5 @@
-"""A mapping proposed for a foreign table: which column is which channel, by its name, its unit and its values."""
+"""A mapping proposed for a foreign table: which column is which channel, by its name, its unit and
+its values."""
 
 from __future__ import annotations
 
@@ -29,8 +30,14 @@ _NAMES: dict[str, tuple[str, str]] = {
         "time timestamp stamp date datetime elapsed clock epoch t sec secs zeit zeitstempel uhrzeit",
         "rate step",
     ),
-    "wheel_left_mps": ("left+wheel left+speed left+vel left+velocity vell", "current motor amps right"),
-    "wheel_right_mps": ("right+wheel right+speed right+vel right+velocity velr", "current motor amps left"),
+    "wheel_left_mps": (
+        "left+wheel left+speed left+vel left+velocity vell",
+        "current motor amps right",
+    ),
+    "wheel_right_mps": (
+        "right+wheel right+speed right+vel right+velocity velr",
+        "current motor amps left",
+    ),
     "motor_left_a": ("left+current left+motor left+amps curl", "speed velocity vel temp right"),
     "motor_right_a": ("right+current right+motor right+amps", "speed velocity vel temp left"),
     "yaw_rate_radps": (
@@ -52,16 +59,23 @@ _NAMES: dict[str, tuple[str, str]] = {
     ),
     "power_w": ("power watt watts pwr batt+w battery+w leistung", "factor"),
     "voltage_v": ("voltage volt volts vbat vbatt vbus vin rxbt batt+v battery+v spannung", "motor"),
-    "current_a": ("current amp amps ampere amperes ibat ibatt batt+a battery+a strom curr", "left right motor time"),
+    "current_a": (
+        "current amp amps ampere amperes ibat ibatt batt+a battery+a strom curr",
+        "left right motor time",
+    ),
     "sensing_hz": ("sensing+rate sample+rate sampling+rate camera+rate sensing fps sensing+hz", ""),
-    "temperature_c": ("temperature temp ambient temperatur", "motor cpu battery cell gpu fet mosfet mos esc"),
+    "temperature_c": (
+        "temperature temp ambient temperatur",
+        "motor cpu battery cell gpu fet mosfet mos esc",
+    ),
     "payload_kg": ("payload load cargo", "cpu power"),
 }
 
 _LETTERS = {"i": "current_a", "u": "voltage_v", "p": "power_w"}
 """Letters of formulas that name a channel where a unit of it follows: I mA."""
 _BY_UNIT = {"voltage_v": ("V", "mV"), "current_a": ("A", "mA"), "power_w": ("W", "kW", "mW")}
-"""Channels that a unit in brackets or in a line of units indicates if nothing else does and only one column has it."""
+"""Channels that a unit in brackets or in a line of units indicates if nothing else does and only
+one column has it."""
 _OF_OTHERS = {
     "motor", "left", "right", "cell", "cpu", "charger", "charging", "solar", "set", "cmd", "min", "max", "limit",
 }  # fmt: skip
@@ -79,7 +93,8 @@ _NOT_MEASURED = {
     "target", "desired", "ref", "reference", "demand", "goal", "nominal", "rated", "phase", "iq", "id", "tx",
     "variance", "covariance", "std",
 }  # fmt: skip
-"""Words of enumerations, limits, set points, phase currents and errors, which measure no channel."""
+"""Words of enumerations, limits, set points, phase currents and errors, which measure no
+channel."""
 _USED = {"used", "consumed", "drawn", "spent", "verbraucht"}
 """Words of a charge that is used, not left."""
 _AVERAGED = {"avg", "average", "mean", "rms"}
@@ -90,7 +105,8 @@ _COMPOUND = ("spannung", "geschwindigkeit", "leistung", "strom")
 
 @dataclass(frozen=True)
 class Proposal:
-    """A mapping proposed for a file, and its unused columns, each with the channel that it could be."""
+    """A mapping proposed for a file, and its unused columns, each with the channel that it could
+    be."""
 
     path: Path
     guesses: tuple[Guess, ...]
@@ -99,8 +115,12 @@ class Proposal:
 
     @property
     def needless(self) -> bool:
-        """Whether every column has the name and the unit of its channel, so that the file reads without a mapping."""
-        return all((guess.column, guess.factor, guess.offset) == (guess.channel, 1.0, 0.0) for guess in self.guesses)
+        """Whether every column has the name and the unit of its channel, so that the file reads
+        without a mapping."""
+        return all(
+            (guess.column, guess.factor, guess.offset) == (guess.channel, 1.0, 0.0)
+            for guess in self.guesses
+        )
 
     def toml(self) -> str:
         """The mapping file."""
@@ -135,8 +155,14 @@ def propose(path: str | Path) -> Proposal:
     offered = [_less_sure(guess) for guess in _dated(offered, table)]
     proposed = tried_on_physics(_surest(offered), table)
     used = {name for guess in proposed.values() for name in (guess.column, guess.and_column)}
-    left_over = {name: _why_left_over(name, offered, proposed, table[name]) for name in header if name not in used}
-    return Proposal(path, tuple(proposed[name] for name in CHANNELS if name in proposed), left_over, notes)
+    left_over = {
+        name: _why_left_over(name, offered, proposed, table[name])
+        for name in header
+        if name not in used
+    }
+    return Proposal(
+        path, tuple(proposed[name] for name in CHANNELS if name in proposed), left_over, notes
+    )
 
 
 def _surest(offered: Sequence[Guess]) -> dict[str, Guess]:
@@ -153,7 +179,8 @@ def _surest(offered: Sequence[Guess]) -> dict[str, Guess]:
 def propose_each(paths: Sequence[Path]) -> list[Proposal]:
     """Propose for each of several tables of one run.
 
-    A channel that two tables may have is taken from the one of which it is surer, or from the first; the others say so.
+    A channel that two tables may have is taken from the one of which it is surer, or from the
+    first; the others say so.
 
     Raises:
         RecordingError: As of `propose`.
@@ -168,7 +195,8 @@ def propose_each(paths: Sequence[Path]) -> list[Proposal]:
 
 
 def _without_other_tables(proposal: Proposal, surest: Mapping[str, tuple[Guess, Path]]) -> Proposal:
-    """The proposal for one of several tables without the channels that another has; all have a time."""
+    """The proposal for one of several tables without the channels that another has; all have a
+    time."""
     left_over = dict(proposal.left_over)
     guesses = []
     for guess in proposal.guesses:
@@ -176,14 +204,18 @@ def _without_other_tables(proposal: Proposal, surest: Mapping[str, tuple[Guess, 
         if guess.channel == "time_s" or path == proposal.path:
             guesses.append(guess)
         else:
-            left_over[guess.column] = f" (could be {guess.channel}, for which {used.column} of {path.name} is used)"
+            left_over[guess.column] = (
+                f" (could be {guess.channel}, for which {used.column} of {path.name} is used)"
+            )
     return replace(proposal, guesses=tuple(guesses), left_over=left_over)
 
 
 def _dated(offered: list[Guess], table: pd.DataFrame) -> list[Guess]:
     """The guesses, with a date and the time of day beside it joined to one time."""
     times = [guess for guess in offered if guess.channel == "time_s"]
-    days = [time for time in times if time.why.startswith("dates") and _of_few_days(table[time.column])]
+    days = [
+        time for time in times if time.why.startswith("dates") and _of_few_days(table[time.column])
+    ]
     hours = [time for time in times if time.why.startswith("times of day")]
     if not days or not hours:
         return offered
@@ -197,7 +229,8 @@ def _of_few_days(column: pd.Series[Any]) -> bool:
 
 
 def _rank(guess: Guess) -> tuple[int, int, int]:
-    """The order of guesses: the surest first, then the name that is most like the channel's and has least beside it."""
+    """The order of guesses: the surest first, then the name that is most like the channel's and has
+    least beside it."""
     words, _ = _words(guess.column)
     channel_without_unit = guess.channel.rsplit("_", 1)[0]
     return guess.sure, int(channel_without_unit not in words), len(words)
@@ -217,7 +250,8 @@ def _less_sure(guess: Guess) -> Guess:
 
 
 def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], dict[str, str]]:
-    """Names of the columns, their first rows, notes, and units by name where there is a line of them."""
+    """Names of the columns, their first rows, notes, and units by name where there is a line of
+    them."""
     if path.suffix.lower() == ".parquet":
         with tables.opened_parquet(path) as file:
             names = file.schema_arrow.names
@@ -228,7 +262,9 @@ def _beginning(path: Path) -> tuple[list[str], pd.DataFrame, tuple[str, ...], di
         return names, table, (), {}
     if not path.name.lower().endswith(tables.SUFFIXES):
         kinds = ", ".join(tables.SUFFIXES)
-        no_table = f"is not a table; give a {kinds} or .parquet file (a bag has topics, not columns)"
+        no_table = (
+            f"is not a table; give a {kinds} or .parquet file (a bag has topics, not columns)"
+        )
         raise RecordingError(why_no_recording(path) or no_table)
     text = tables.sniff(path)
     names = list(dict.fromkeys(name for name in text.header if name))
@@ -287,12 +323,15 @@ def _guesses(name: str, column: pd.Series[Any], unit: str) -> list[Guess]:
 
 
 def _by_exact_name(name: str, values: Array) -> Guess:
-    guess = Guess(name, channel=name, factor=1.0, offset=0.0, sure=0, why="it has the channel's name")
+    guess = Guess(
+        name, channel=name, factor=1.0, offset=0.0, sure=0, why="it has the channel's name"
+    )
     return _signed(guess, values)
 
 
 def _names_channel(words: set[str], channel: str) -> bool:
-    """Whether the words of a column's name are those of a channel, and not of a counter or a limit of it."""
+    """Whether the words of a column's name are those of a channel, and not of a counter or a limit
+    of it."""
     if words & _COUNTED and channel not in _COUNTERS:
         return False
     if words & _NOT_MEASURED and channel != "time_s":
@@ -305,12 +344,20 @@ def _names_channel(words: set[str], channel: str) -> bool:
 
 def _turned(guess: Guess) -> Guess:
     """The guess for a state of charge whose column is the charge used."""
-    return replace(guess, factor=-guess.factor, offset=1.0, sure=LEAST_SURE, why=f"{guess.why}; 1 minus what is used")
+    return replace(
+        guess,
+        factor=-guess.factor,
+        offset=1.0,
+        sure=LEAST_SURE,
+        why=f"{guess.why}; 1 minus what is used",
+    )
 
 
 def _by_letter(name: str, name_and_unit: str, values: Array) -> Guess | None:
     """The guess for a name that is a letter of formulas and a unit, such as "I mA" or "U [V]"."""
-    parts = re.fullmatch(r"\s*([a-z])[\s_.\[(<]+([a-z]+)\s*[\])>]?\s*", name_and_unit, re.IGNORECASE)
+    parts = re.fullmatch(
+        r"\s*([a-z])[\s_.\[(<]+([a-z]+)\s*[\])>]?\s*", name_and_unit, re.IGNORECASE
+    )
     if parts is None:
         return None
     letter, unit = parts.groups()
@@ -324,13 +371,19 @@ def _by_letter(name: str, name_and_unit: str, values: Array) -> Guess | None:
     return _signed(guess, values)
 
 
-def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offered: list[Guess]) -> list[Guess]:
+def _by_unit(
+    header: list[str], table: pd.DataFrame, units: dict[str, str], offered: list[Guess]
+) -> list[Guess]:
     """Guesses by the unit alone, for channels and columns of which nothing else says anything."""
     explained = {guess.channel for guess in offered} | {guess.column for guess in offered}
     unit_of = {name: units.get(name) or _bracket(name) for name in header if name not in explained}
     guesses = []
     for channel, units_of_channel in _BY_UNIT.items():
-        names = [name for name, unit in unit_of.items() if unit in units_of_channel and not _is_of_other(name)]
+        names = [
+            name
+            for name, unit in unit_of.items()
+            if unit in units_of_channel and not _is_of_other(name)
+        ]
         if channel in explained or len(names) != 1:
             continue
         name = names[0]
@@ -339,7 +392,9 @@ def _by_unit(header: list[str], table: pd.DataFrame, units: dict[str, str], offe
         factor = UNITS[units_of_channel[0]][unit.lower()]
         if np.isfinite(values).any() and _possible(channel, values * factor):
             why = f"only its unit, {unit}, says so"
-            guesses.append(_signed(Guess(name, channel, factor, offset=0.0, sure=LEAST_SURE, why=why), values))
+            guesses.append(
+                _signed(Guess(name, channel, factor, offset=0.0, sure=LEAST_SURE, why=why), values)
+            )
     return guesses
 
 
@@ -356,7 +411,8 @@ def _bracket(name: str) -> str:
 
 
 def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> Guess | None:
-    """The guess with the unit that the name gives or, failing that, the values; None where neither is possible."""
+    """The guess with the unit that the name gives or, failing that, the values; None where neither
+    is possible."""
     for word in unit_words:
         if word in UNITS[CHANNELS[channel].unit]:
             guess = _in_named_unit(name, channel, values, word)
@@ -366,7 +422,8 @@ def _in_unit(name: str, channel: str, values: Array, unit_words: list[str]) -> G
 
 
 def _in_named_unit(name: str, channel: str, values: Array, word: str) -> Guess | None:
-    """The guess with the unit that a word of the name gives; None where the values are impossible in it."""
+    """The guess with the unit that a word of the name gives; None where the values are impossible
+    in it."""
     info = CHANNELS[channel]
     factor = UNITS[info.unit][word]
     offset = OFFSETS.get(word, 0.0) if channel == "temperature_c" else 0.0
@@ -375,11 +432,14 @@ def _in_named_unit(name: str, channel: str, values: Array, word: str) -> Guess |
         return Guess(name, channel, factor=1.0, offset=0.0, sure=1, why=why)
     if not _possible(channel, values * factor + offset):
         return None
-    return _signed(Guess(name, channel, factor, offset, sure=0, why=f"its name says {word}"), values)
+    return _signed(
+        Guess(name, channel, factor, offset, sure=0, why=f"its name says {word}"), values
+    )
 
 
 def _in_unit_of_values(name: str, channel: str, values: Array) -> Guess | None:
-    """The guess with the unit that the values fit, the channel's own first; None where they fit none."""
+    """The guess with the unit that the values fit, the channel's own first; None where they fit
+    none."""
     info = CHANNELS[channel]
     for unit, factor in [(info.unit, 1.0), *info.mistaken]:
         if not _possible(channel, values * factor) or not _plausible(channel, values * factor):
@@ -387,10 +447,16 @@ def _in_unit_of_values(name: str, channel: str, values: Array) -> Guess | None:
         is_own_unit = factor == 1.0
         why = f"values fit {unit}"
         if is_own_unit:
-            why = "its values lie in 0 to 1" if info.unit == "1" else f"its name says no unit; values fit {unit}"
+            why = (
+                "its values lie in 0 to 1"
+                if info.unit == "1"
+                else f"its name says no unit; values fit {unit}"
+            )
         if channel == "time_s" and values[0] > thresholds.EPOCH_COUNT:
             why = "its name says no unit; a count since 1970, whose size shows its unit"
-        step_s = float(np.median(np.diff(values))) if channel == "time_s" and len(values) > 1 else 0.0
+        step_s = (
+            float(np.median(np.diff(values))) if channel == "time_s" and len(values) > 1 else 0.0
+        )
         if not is_own_unit and thresholds.SLOW_STEP_S < step_s < thresholds.LONGEST_STEP_S:
             why = f"{why}, or seconds with a sample every {step_s:.3g} s"
         sure = 1 if is_own_unit else LEAST_SURE
@@ -399,7 +465,8 @@ def _in_unit_of_values(name: str, channel: str, values: Array) -> Guess | None:
 
 
 def _possible(channel: str, values: Array) -> bool:
-    """Whether values in SI units are within the limits of a channel, but for strays; a time increases."""
+    """Whether values in SI units are within the limits of a channel, but for strays; a time
+    increases."""
     finite = values[np.isfinite(values)]
     if channel == "time_s":
         steps_s = np.diff(finite)
@@ -411,7 +478,8 @@ def _possible(channel: str, values: Array) -> bool:
 
 
 def _plausible(channel: str, values: Array) -> bool:
-    """Whether values without a unit are in the typical range of a ground robot, beyond being possible."""
+    """Whether values without a unit are in the typical range of a ground robot, beyond being
+    possible."""
     if channel == "time_s":
         step_s = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
         # The reader infers the unit of an epoch in ms to ns.
@@ -431,21 +499,27 @@ def _signed(guess: Guess, values: Array) -> Guess:
 
 
 def _words(name: str) -> tuple[set[str], list[str]]:
-    """Words of a column's name, and those that may be its unit: what is in brackets, and its last words."""
+    """Words of a column's name, and those that may be its unit: what is in brackets, and its last
+    words."""
     plain = re.sub(r"[\[(<][^\])>]*[\])>]", " ", name)  # without what is in brackets
     with_spaces = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain)  # motorTemp is motor temp
     parts = _lower_words(with_spaces)
     unsplit = _lower_words(plain)  # mA, which was split as m and A
-    joined = [word.replace("_", "").lower() for word in re.split(r"[^a-zA-Z_]+", plain)]  # v_in is vin
+    # v_in is vin
+    joined = [word.replace("_", "").lower() for word in re.split(r"[^a-zA-Z_]+", plain)]
     words = {*parts, *unsplit, *joined}
     for word in (*parts, *unsplit, *joined):
         words.update(word.split("/"))
     for ending in _COMPOUND:
         if any(word.endswith(ending) for word in words):
             words.add(ending)
-    units = [unit.replace("µ", "u").replace("^-1", "").replace(".", "").lower() for unit in _BRACKETS.findall(name)]
+    units = [
+        unit.replace("µ", "u").replace("^-1", "").replace(".", "").lower()
+        for unit in _BRACKETS.findall(name)
+    ]
     if len(parts) > 1 or len(unsplit) > 1:
-        units += ["/".join(parts[-2:]), *reversed(unsplit), *reversed(parts)]  # the last words first
+        # the last words first
+        units += ["/".join(parts[-2:]), *reversed(unsplit), *reversed(parts)]
     return words, units
 
 
@@ -453,7 +527,9 @@ def _lower_words(text: str) -> list[str]:
     return [word.lower() for word in re.split(r"[^a-zA-Z°%µ/]+", text) if word]
 
 
-def _why_left_over(name: str, offered: list[Guess], proposed: dict[str, Guess], column: pd.Series[Any]) -> str:
+def _why_left_over(
+    name: str, offered: list[Guess], proposed: dict[str, Guess], column: pd.Series[Any]
+) -> str:
     """What a column that is not used could be, in brackets; "" where nothing is known of it."""
     could_be = [guess.channel for guess in offered if guess.column == name]
     if could_be:

@@ -1,4 +1,5 @@
-"""Reading recordings: one file is one run, with named channels in SI units; unusable input is refused in one line."""
+"""Reading recordings: one file is one run, with named channels in SI units; unusable input is
+refused in one line."""
 
 from __future__ import annotations
 
@@ -21,7 +22,17 @@ from homeward.files import STANDARD_INPUT
 from homeward.installed import advice
 from homeward.logs import limits, tables, thresholds, unknown
 from homeward.logs.bags import FLIGHT_SUFFIXES, is_bag, sha256, storage_files
-from homeward.logs.channels import CHANNELS, MOTION, POWER, Array, Channel, Mask, Recording, first_set, lacking
+from homeward.logs.channels import (
+    CHANNELS,
+    MOTION,
+    POWER,
+    Array,
+    Channel,
+    Mask,
+    Recording,
+    first_set,
+    lacking,
+)
 from homeward.logs.columns import Columns, RecordingError, known_columns, load_columns, numeric
 from homeward.logs.contradictions import refuse_contradictions
 from homeward.logs.doubts import doubts
@@ -40,22 +51,26 @@ _ENOUGH = "speed_mps", "power_w"  # motion and power, which another table of the
 _BATCH_ROWS = 2**16  # of a Parquet file at a time; chosen: some MB of a wide table
 
 
-def read_recording(path: str | Path, columns: Mappings = None, *, standing: bool = False) -> Recording:
+def read_recording(
+    path: str | Path, columns: Mappings = None, *, standing: bool = False
+) -> Recording:
     """Read a recording in the project's schema, or another one through a mapping.
 
     Args:
-        path: A .csv, .csv.gz, .tsv, .txt or .parquet file, a bag (.bag, .mcap, .db3, or the folder of a ROS 2 bag) or a
-            log of an autopilot (.ulg, .bin). One file or folder is one run. "-" is standard input. Several tables of
-            one run are named with a plus between them, a.csv+b.csv.
-        columns: Mapping for other files: shipped name, TOML path or `Columns`. For a bag or log it names topics, see
-            `homeward.logs.bags.topics.load_topics`; by default the shipped one that fits best. A table written by VESC
-            Tool needs none. Of several tables each uses what it has of one mapping, or its own of a.toml+b.toml or of
-            a list of `Columns`.
-        standing: The robot stood: a table without a motion channel gets a speed of zero instead of being refused.
+        path: A .csv, .csv.gz, .tsv, .txt or .parquet file, a bag (.bag, .mcap, .db3, or the folder
+            of a ROS 2 bag) or a log of an autopilot (.ulg, .bin). One file or folder is one run.
+            "-" is standard input. Several tables of one run are named with a plus between them,
+            a.csv+b.csv.
+        columns: Mapping for other files: shipped name, TOML path or `Columns`. For a bag or log it
+            names topics, see `homeward.logs.bags.topics.load_topics`; by default the shipped one
+            that fits best. A table written by VESC Tool needs none. Of several tables each uses
+            what it has of one mapping, or its own of a.toml+b.toml or of a list of `Columns`.
+        standing: The robot stood: a table without a motion channel gets a speed of zero instead of
+            being refused.
 
     Raises:
-        RecordingError: The file is missing, empty, cut off or of another kind, lacks channels, or has times that
-            do not increase or values in another unit.
+        RecordingError: The file is missing, empty, cut off or of another kind, lacks channels, or
+            has times that do not increase or values in another unit.
     """
     path = Path(path)
     if str(path) == STANDARD_INPUT:
@@ -87,11 +102,14 @@ def _name(path: Path) -> str:
     return os.fsencode(path).decode("utf-8", "replace")
 
 
-def read_tables(paths: Sequence[Path], columns: Mappings = None, *, standing: bool = False) -> Recording:
+def read_tables(
+    paths: Sequence[Path], columns: Mappings = None, *, standing: bool = False
+) -> Recording:
     """Like `read_recording`, for several tables of one run.
 
     Raises:
-        RecordingError: As of `read_recording`, or two have the same channel or were not recorded at the same time.
+        RecordingError: As of `read_recording`, or two have the same channel or were not recorded at
+            the same time.
     """
     parts = []
     notes: list[str] = []
@@ -116,7 +134,9 @@ def read_tables(paths: Sequence[Path], columns: Mappings = None, *, standing: bo
         raise RecordingError(f"{name}: {error}") from error
 
 
-def _mapping_of_each(paths: Sequence[Path], columns: Mappings) -> Sequence[str | Path | Columns | None]:
+def _mapping_of_each(
+    paths: Sequence[Path], columns: Mappings
+) -> Sequence[str | Path | Columns | None]:
     """The mapping of each of several tables.
 
     Raises:
@@ -130,7 +150,9 @@ def _mapping_of_each(paths: Sequence[Path], columns: Mappings) -> Sequence[str |
     else:
         mappings = [columns] * len(paths)
     if len(mappings) != len(paths):
-        raise RecordingError(f"{len(paths)} tables are joined by {len(mappings)} mappings; give one, or one each")
+        raise RecordingError(
+            f"{len(paths)} tables are joined by {len(mappings)} mappings; give one, or one each"
+        )
     return mappings
 
 
@@ -163,7 +185,9 @@ def _read_standard_input(columns: Mappings, standing: bool) -> Recording:
             file.write(start)
             while piece := sys.stdin.buffer.read(2**20):
                 if file.tell() > limits.MOST_BYTES:
-                    raise RecordingError(f"standard input: holds more than {limits.MOST_BYTES / 1e9:.2g} GB")
+                    raise RecordingError(
+                        f"standard input: holds more than {limits.MOST_BYTES / 1e9:.2g} GB"
+                    )
                 file.write(piece)
         try:
             return replace(read_recording(path, columns, standing=standing), name="standard input")
@@ -180,7 +204,9 @@ def _suffix_of(start: bytes) -> str:
     return ".csv"
 
 
-def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.DataFrame, list[str], float]:
+def _read_bag(
+    path: Path, mapping: str | Path | Columns | None
+) -> tuple[pd.DataFrame, list[str], float]:
     not_files = [file.name for file in storage_files(path) if not file.is_file()]
     if not_files:
         which = f"{not_files[0]} is" if path.is_dir() else "is"
@@ -190,14 +216,17 @@ def _read_bag(path: Path, mapping: str | Path | Columns | None) -> tuple[pd.Data
     try:
         from homeward.logs.bags.assemble import read_bag  # here, as it needs a further package
     except ImportError:
-        raise RecordingError(f"a bag needs rosbags; install it with {advice('logs', 'rosbags')}") from None
+        raise RecordingError(
+            f"a bag needs rosbags; install it with {advice('logs', 'rosbags')}"
+        ) from None
     return read_bag(path, mapping)
 
 
 def _read_table(
     path: Path, mapping: Columns | None, standing: bool, *, part: bool = False
 ) -> tuple[pd.DataFrame, list[str]]:
-    """Channels of a table, of which only the time is needed where it is a part of a run, and notes."""
+    """Channels of a table, of which only the time is needed where it is a part of a run, and
+    notes."""
     suffix = next((suffix for suffix in _SUFFIXES if path.name.lower().endswith(suffix)), None)
     if not path.exists():
         raise RecordingError("no such file")
@@ -227,7 +256,8 @@ def _with_motion(table: pd.DataFrame, standing: bool) -> pd.DataFrame:
 
 
 def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.DataFrame:
-    """Columns that the mapping names, by line of the file; broken lines are left out, and a note says so."""
+    """Columns that the mapping names, by line of the file; broken lines are left out, and a note
+    says so."""
     wanted = _wanted(list(mapping.header), mapping)
     places = {name: mapping.header.index(name) for name in wanted}
     columns: dict[str, list[Any]] = {name: [] for name in wanted}
@@ -236,7 +266,9 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
     with tables.refusing(), tables.opened(path) as file:
         for number, line in enumerate(io.TextIOWrapper(file, "utf-8-sig", "replace")):
             if number >= limits.MOST_ROWS:
-                raise RecordingError(f"has more than {limits.MOST_ROWS} lines; cut it into several runs")
+                raise RecordingError(
+                    f"has more than {limits.MOST_ROWS} lines; cut it into several runs"
+                )
             values = _values(line, mapping, places)
             if values is None:
                 broken += 1
@@ -254,7 +286,8 @@ def _read_without_header(path: Path, mapping: Columns, notes: list[str]) -> pd.D
 
 
 def _values(line: str, mapping: Columns, places: Mapping[str, int]) -> list[float | str] | None:
-    """The wanted cells of a line as numbers, that of the stamp as it is; None where the line is broken."""
+    """The wanted cells of a line as numbers, that of the stamp as it is; None where the line is
+    broken."""
     cells = line.rstrip("\r\n").split(mapping.separator or ",")
     width = len(mapping.header)
     if len(cells) < width or (len(cells) > width and not mapping.longer_lines):
@@ -275,7 +308,9 @@ def _values(line: str, mapping: Columns, places: Mapping[str, int]) -> list[floa
     return values
 
 
-def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool) -> pd.DataFrame:
+def _read_csv(
+    path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool
+) -> pd.DataFrame:
     if mapping is None:
         table = tables.sniff(path)
         mapping = known_columns(table.header)
@@ -295,7 +330,9 @@ def _read_csv(path: Path, mapping: Columns | None, standing: bool, notes: list[s
     return _joined(pieces, wanted, mapping)
 
 
-def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool) -> pd.DataFrame:
+def _read_parquet(
+    path: Path, mapping: Columns | None, standing: bool, notes: list[str], part: bool
+) -> pd.DataFrame:
     dated: list[str] = []
     words: Counter[str] = Counter()
     with tables.opened_parquet(path) as file:
@@ -309,7 +346,9 @@ def _read_parquet(path: Path, mapping: Columns | None, standing: bool, notes: li
     return _joined(pieces, wanted, mapping)
 
 
-def _joined(pieces: Sequence[pd.DataFrame], wanted: list[str], mapping: Columns | None) -> pd.DataFrame:
+def _joined(
+    pieces: Sequence[pd.DataFrame], wanted: list[str], mapping: Columns | None
+) -> pd.DataFrame:
     """Pieces of a table as one, of channels where there is a mapping."""
     table = pd.concat(pieces) if pieces else pd.DataFrame(columns=wanted, dtype=np.float64)
     return table if mapping is None else mapping.apply(table)
@@ -332,9 +371,11 @@ def _batches(file: Any, wanted: Sequence[str]) -> Iterator[pd.DataFrame]:
         rows += len(piece)
 
 
-def _in_numbers(table: pd.DataFrame, mapping: Columns | None, dated: list[str], notes: Counter[str]) -> pd.DataFrame:
-    """The columns as float64; dates in the columns of the time become seconds, and `dated` says so; words that mean
-    unknown are missing, and `notes` counts them."""
+def _in_numbers(
+    table: pd.DataFrame, mapping: Columns | None, dated: list[str], notes: Counter[str]
+) -> pd.DataFrame:
+    """The columns as float64; dates in the columns of the time become seconds, and `dated` says so;
+    words that mean unknown are missing, and `notes` counts them."""
     words: Collection[str] = unknown.WORDS
     stamp = None
     times = ["time_s"]
@@ -363,7 +404,9 @@ def _times(column: pd.Series[Any], dated: list[str]) -> Array:
     return _numbers(seconds)
 
 
-def _without_words(column: pd.Series[Any], words: Collection[str], count: Counter[str]) -> pd.Series[Any]:
+def _without_words(
+    column: pd.Series[Any], words: Collection[str], count: Counter[str]
+) -> pd.Series[Any]:
     """A column without the texts that mean unknown, which are counted."""
     if pd.api.types.is_numeric_dtype(column):
         return column
@@ -380,13 +423,20 @@ def _said_unknown(count: Counter[str]) -> list[str]:
     return [f"{times} times {what}, which means unknown: left out" for what, times in count.items()]
 
 
-def _wanted(header: list[str], mapping: Columns | None, standing: bool = False, part: bool = False) -> list[str]:
-    """Columns to read: those that the mapping names, or those of the schema; of a part of a run the time is enough.
+def _wanted(
+    header: list[str], mapping: Columns | None, standing: bool = False, part: bool = False
+) -> list[str]:
+    """Columns to read: those that the mapping names, or those of the schema; of a part of a run the
+    time is enough.
 
     Raises:
         RecordingError: The table lacks one, or has it twice.
     """
-    wanted = _wanted_by_schema(header, standing, part) if mapping is None else _wanted_by_mapping(header, mapping)
+    wanted = (
+        _wanted_by_schema(header, standing, part)
+        if mapping is None
+        else _wanted_by_mapping(header, mapping)
+    )
     twice = [name for name in wanted if header.count(name) > 1]
     if twice:
         raise RecordingError(f"has two columns {twice[0]}; keep one")
@@ -398,7 +448,9 @@ def _wanted_by_mapping(header: list[str], mapping: Columns) -> list[str]:
     missing = [name for name in wanted if name not in header]
     if missing:
         names = ", ".join(missing)
-        raise RecordingError(f"has no column {names}, which the mapping {mapping.name} names; {_has(header)}")
+        raise RecordingError(
+            f"has no column {names}, which the mapping {mapping.name} names; {_has(header)}"
+        )
     return wanted
 
 
@@ -466,7 +518,9 @@ def _checked(table: pd.DataFrame, notes: list[str], *, is_joined: bool = False) 
     """Channels of a table, with notes on what is left out."""
     _refuse_few(table)
     if "time_s" not in table.columns:
-        raise RecordingError(f"has no time_s; the mapping gives {', '.join(table.columns) or 'nothing'}")
+        raise RecordingError(
+            f"has no time_s; the mapping gives {', '.join(table.columns) or 'nothing'}"
+        )
     channels: dict[str, Array] = {}
     for name in table.columns:
         values = _finite(table[name])
@@ -486,20 +540,31 @@ def _checked(table: pd.DataFrame, notes: list[str], *, is_joined: bool = False) 
 
 
 def _aligned(channels: dict[str, Array], notes: list[str], is_joined: bool) -> dict[str, Array]:
-    """A table whose power and motion stand in different rows, as those of PlotJuggler and Foxglove, on one clock, which
-    is chosen as for bags; other tables as they are."""
+    """A table whose power and motion stand in different rows, as those of PlotJuggler and Foxglove,
+    on one clock, which is chosen as for bags; other tables as they are."""
     needed = [*first_set(MOTION, channels), *first_set(POWER, channels)]
     time_s = channels.get("time_s", np.empty(0))
     is_in_order = np.isfinite(time_s).all() and (np.diff(time_s) >= 0.0).all()
-    if not needed or not is_in_order or _stand_together([channels[name] for name in needed], is_joined):
+    if (
+        not needed
+        or not is_in_order
+        or _stand_together([channels[name] for name in needed], is_joined)
+    ):
         return channels
-    from homeward.logs.bags import clock  # only now, as it needs a part of SciPy that takes a while to load
+    # only now, as it needs a part of SciPy that takes a while to load
+    from homeward.logs.bags import clock
 
-    series = {name: clock.in_order(time_s, values) for name, values in channels.items() if name != "time_s"}
+    series = {
+        name: clock.in_order(time_s, values)
+        for name, values in channels.items()
+        if name != "time_s"
+    }
     ticks = clock.slower(*(series[name][0] for name in needed))
     if len(ticks) < 2:
         raise RecordingError("power and motion were not recorded at the same time")
-    notes.append("power and motion stand in different rows: faster columns are averaged at the times of the slower")
+    notes.append(
+        "power and motion stand in different rows: faster columns are averaged at the times of the slower"
+    )
     aligned = {"time_s": ticks}
     for name, (known_s, values) in series.items():
         aligned[name] = clock.on_clock(known_s, values, ticks)
@@ -509,8 +574,8 @@ def _aligned(channels: dict[str, Array], notes: list[str], is_joined: bool) -> d
 def _stand_together(channels: Sequence[Array], is_joined: bool) -> bool:
     """Whether most rows with one of the channels have all of them, or one is not known at all.
 
-    Of tables that are joined the slower one is sparse among the rows of the faster, also where it shares its times: all
-    rows count.
+    Of tables that are joined the slower one is sparse among the rows of the faster, also where it
+    shares its times: all rows count.
     """
     is_known = np.isfinite(np.array(channels))  # (channels, rows)
     fewest = int(is_known.sum(axis=1).min())
@@ -536,7 +601,9 @@ def _numbers(column: pd.Series[Any], wrong: str = "not a number") -> Array:
 def _finite(column: pd.Series[Any]) -> Array:
     values = _numbers(column)
     if np.isinf(values).any():
-        raise RecordingError(f"{column.name} in row {int(np.argmax(np.isinf(values))) + 1} is infinite")
+        raise RecordingError(
+            f"{column.name} in row {int(np.argmax(np.isinf(values))) + 1} is infinite"
+        )
     return values
 
 
@@ -593,7 +660,8 @@ def _leave_out_impossible(channel: Channel, values: Array) -> list[str]:
 
 
 def _hint_of_unit(channel: Channel, values: Array, impossible: Mask) -> str:
-    """What a mapping file would say if the values are of a likely wrong unit; "" where none fits."""
+    """What a mapping file would say if the values are of a likely wrong unit; "" where none
+    fits."""
     if channel.name == "temperature_c" and np.nanmin(values) > thresholds.COLDEST_K:
         return "; this looks like kelvin (offset -273.15 in a mapping file)"
     typical = float(np.median(np.abs(values[impossible])))

@@ -1,4 +1,5 @@
-"""Text tables of unknown format: encoding, separator and decimal sign, read piece by piece within stated limits."""
+"""Text tables of unknown format: encoding, separator and decimal sign, read piece by piece within
+stated limits."""
 
 from __future__ import annotations
 
@@ -25,9 +26,11 @@ from homeward.logs.columns import RecordingError
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".txt")
 """Endings of their names."""
 
-_LONGEST_LINE = 2**20  # bytes; chosen: a line of a recording has some hundred, and this bounds memory
+# bytes; chosen: a line of a recording has some hundred, and this bounds memory
+_LONGEST_LINE = 2**20
 _PIECE = 200_000  # rows at a time; chosen: some tens of MB
-_SNIFFED = 2**16  # bytes from which encoding, separator and decimal sign are inferred; chosen: hundreds of lines
+# bytes from which encoding, separator and decimal sign are inferred; chosen: hundreds of lines
+_SNIFFED = 2**16
 _SEPARATORS = (",", ";", "\t", "|")
 _NAMES = {" ": "spaces", ";": "semicolons", "\t": "tabs", "|": "vertical bars", ",": "commas"}
 _MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
@@ -62,7 +65,9 @@ class _Limited(io.RawIOBase):
                 f"holds more than {limits.MOST_BYTES / 1e9:.2g} GB, unpacked; cut it into several runs"
             )
         if self._line_bytes > _LONGEST_LINE:
-            raise RecordingError(f"has a line of more than {_LONGEST_LINE} bytes; a recording has a line per sample")
+            raise RecordingError(
+                f"has a line of more than {_LONGEST_LINE} bytes; a recording has a line per sample"
+            )
         buffer[: len(data)] = data
         return len(data)
 
@@ -91,7 +96,8 @@ class TextTable:
         separator, decimal: Between cells, and in numbers.
         encoding: As Python names it.
         notes: Differences from a plain CSV file, in a phrase each.
-        skipped: Lines that are neither names nor samples, from 0: comments before the names, units after them.
+        skipped: Lines that are neither names nor samples, from 0: comments before the names, units
+            after them.
         units: Of each column, where there is a line of them.
     """
 
@@ -118,10 +124,12 @@ class TextTable:
         with refusing(), opened(self.path) as file:
             source: Any = file
             encoding: str | None = self.encoding
-            if self.encoding != "utf-8-sig":  # pandas takes other text from a stream that is decoded already
+            # pandas takes other text from a stream that is decoded already
+            if self.encoding != "utf-8-sig":
                 source = io.TextIOWrapper(file, self.encoding, newline="")
                 encoding = None
-            # The last column is read as well, so that a short last line differs from an empty last cell.
+            # The last column is read as well, so that a short last line differs from an empty last
+            # cell.
             reader = pd.read_csv(
                 source, encoding=encoding, sep=self.separator, decimal=self.decimal,
                 skipinitialspace=True, header=0, names=range(width), usecols=[*places, width - 1], index_col=False,
@@ -129,7 +137,9 @@ class TextTable:
             )  # fmt: skip
             for piece in reader:
                 if len(piece) and piece.index[-1] >= limits.MOST_ROWS:
-                    raise RecordingError(f"has more than {limits.MOST_ROWS} rows; cut it into several runs")
+                    raise RecordingError(
+                        f"has more than {limits.MOST_ROWS} rows; cut it into several runs"
+                    )
                 yield piece[places].set_axis(list(columns), axis="columns")
                 is_last_cell_empty = len(piece) > 0 and bool(pd.isna(piece[width - 1].iloc[-1]))
         if is_last_cell_empty:
@@ -142,7 +152,11 @@ class TextTable:
             while piece := file.read(2**16):
                 tail = (tail + piece)[-_LONGEST_LINE:]
         text = tail[len(tail) % 2 :] if self.encoding.startswith("utf-16") else tail
-        lines = text.decode(_tail_encoding(self.encoding, self.path), "replace").rstrip("\r\n").splitlines()
+        lines = (
+            text.decode(_tail_encoding(self.encoding, self.path), "replace")
+            .rstrip("\r\n")
+            .splitlines()
+        )
         cells = len(lines[-1].split(self.separator)) if lines else 0
         if cells < len(self.header):
             raise RecordingError(
@@ -158,7 +172,8 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
         separator, decimal: Known parts of the format.
 
     Raises:
-        RecordingError: It is not text, has no header line, or both its cells and its decimals use commas.
+        RecordingError: It is not text, has no header line, or both its cells and its decimals use
+            commas.
     """
     with refusing(), opened(path) as file:
         start = file.read(_SNIFFED)
@@ -200,12 +215,15 @@ class _Line(NamedTuple):
 
 
 def _lines(start: bytes, encoding: str) -> list[_Line]:
-    """The lines in the beginning of a file that are not empty; one that may go on after it is left out."""
+    """The lines in the beginning of a file that are not empty; one that may go on after it is left
+    out."""
     is_whole = len(start) < _SNIFFED
     try:
         text = codecs.getincrementaldecoder(encoding)().decode(start, is_whole)
     except UnicodeDecodeError as error:
-        raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from error
+        raise RecordingError(
+            "is not text but binary data; a recording is CSV or Parquet"
+        ) from error
     texts = _ENDS.split(text)
     if not is_whole:
         texts.pop()
@@ -231,7 +249,8 @@ def _cells_of(line: str, separator: str) -> list[str]:
 
 
 def _separator(lines: Sequence[str]) -> str:
-    """Separator with most cells in the line of names; spaces if no other occurs and all lines have equally many."""
+    """Separator with most cells in the line of names; spaces if no other occurs and all lines have
+    equally many."""
     names = lines[0]
     most_used = max(_SEPARATORS, key=lambda separator: len(_cells(names, separator)))
     if len(_cells(names, most_used)) != 1:
@@ -262,7 +281,9 @@ def _encoding(start: bytes) -> str:
     except UnicodeDecodeError:
         header = start.splitlines()[0]
         if sum(byte >= 0x80 for byte in header) > thresholds.MOST_NOT_ASCII_SHARE * len(header):
-            raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from None
+            raise RecordingError(
+                "is not text but binary data; a recording is CSV or Parquet"
+            ) from None
         return "cp1252"
     return "utf-8-sig"
 
@@ -281,18 +302,28 @@ def _cells(line: str, separator: str) -> list[str]:
 
 def _has_decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
     cells = [cell for row in rows for cell in row]
-    return any(map(_DECIMAL_COMMA.fullmatch, cells)) and not any(map(_DECIMAL_POINT.fullmatch, cells))
+    return any(map(_DECIMAL_COMMA.fullmatch, cells)) and not any(
+        map(_DECIMAL_POINT.fullmatch, cells)
+    )
 
 
 def _refuse_wide(rows: Sequence[Sequence[str]], header: Sequence[str], separator: str) -> None:
     """Rows with more cells than names: their numbers have decimal commas, or a name is missing."""
     for number, row in enumerate(rows, start=1):
         if any(cell.strip() for cell in row[len(header) :]):
-            hint = "; numbers with decimal commas need another separator, such as ;" if separator == "," else ""
-            raise RecordingError(f"row {number} has {len(row)} cells, the header {len(header)}{hint}")
+            hint = (
+                "; numbers with decimal commas need another separator, such as ;"
+                if separator == ","
+                else ""
+            )
+            raise RecordingError(
+                f"row {number} has {len(row)} cells, the header {len(header)}{hint}"
+            )
 
 
-def _notes(encoding: str, separator: str, decimal: str, comments: int, units: bool) -> tuple[str, ...]:
+def _notes(
+    encoding: str, separator: str, decimal: str, comments: int, units: bool
+) -> tuple[str, ...]:
     notes = []
     if encoding != "utf-8-sig":
         notes.append(f"encoding {encoding}")
@@ -317,37 +348,52 @@ def opened_parquet(path: Path) -> Iterator[Any]:
         RecordingError: It is no whole Parquet file, or pyarrow is not installed.
     """
     try:
-        import pyarrow as pa  # a robot has no Parquet files, and it is as large as all else that a robot needs
+        # a robot has no Parquet files, and it is as large as all else that a robot needs
+        import pyarrow as pa
         import pyarrow.parquet as pq
     except ModuleNotFoundError:
-        raise RecordingError(f"is a Parquet file, which needs pyarrow: {advice('diagnose', 'pyarrow')}") from None
+        raise RecordingError(
+            f"is a Parquet file, which needs pyarrow: {advice('diagnose', 'pyarrow')}"
+        ) from None
     with open_regular(path) as stream:
         try:
             schema = pq.read_schema(stream)
-            texts = [field.name for field in schema if pa.types.is_string(field.type) or pa.types.is_binary(field.type)]
+            texts = [
+                field.name
+                for field in schema
+                if pa.types.is_string(field.type) or pa.types.is_binary(field.type)
+            ]
             stream.seek(0)
             with pq.ParquetFile(stream, read_dictionary=texts) as file:
                 yield file
         except (RecordingError, MemoryError):
             raise
-        except Exception as error:  # damaged metadata raises anything, from ArrowException to UnicodeDecodeError
+        # damaged metadata raises anything, from ArrowException to UnicodeDecodeError
+        except Exception as error:
             message = (str(error).splitlines() or [""])[0][:200]
-            raise RecordingError(f"is not a whole Parquet file ({message}); copy or record it again") from error
+            raise RecordingError(
+                f"is not a whole Parquet file ({message}); copy or record it again"
+            ) from error
 
 
 def in_pandas(batch: Any) -> pd.DataFrame:
-    """Rows of a Parquet file; texts longer than a number or time are refused before they are copied for each row."""
+    """Rows of a Parquet file; texts longer than a number or time are refused before they are copied
+    for each row."""
     import pyarrow as pa  # `opened_parquet` has found it
     import pyarrow.compute as pc
 
     columns = {}
     for name, column in zip(batch.schema.names, batch.columns, strict=True):
         if pa.types.is_nested(column.type):
-            raise RecordingError(f"{name} holds lists or tables; a column has a number or a time in each row")
+            raise RecordingError(
+                f"{name} holds lists or tables; a column has a number or a time in each row"
+            )
         if pa.types.is_dictionary(column.type):
             longest = pc.max(pc.binary_length(column.dictionary)).as_py() or 0
             if longest > limits.LONGEST_CELL:
-                raise RecordingError(f"{name} holds a text of {longest} bytes, which is no number or time")
+                raise RecordingError(
+                    f"{name} holds a text of {longest} bytes, which is no number or time"
+                )
             column = column.dictionary_decode()
         columns[name] = column.to_pandas()
     return pd.DataFrame(columns)
@@ -358,11 +404,17 @@ class refusing:
 
     def __enter__(self) -> None: ...
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: Any
+    ) -> None:
         if isinstance(error, EOFError | zlib.error | gzip.BadGzipFile):
-            raise RecordingError(f"is not a whole gzip file ({error}); copy or record it again") from error
+            raise RecordingError(
+                f"is not a whole gzip file ({error}); copy or record it again"
+            ) from error
         if isinstance(error, UnicodeError | csv.Error):
-            raise RecordingError("is not text but binary data; a recording is CSV or Parquet") from error
+            raise RecordingError(
+                "is not text but binary data; a recording is CSV or Parquet"
+            ) from error
         if isinstance(error, pd.errors.EmptyDataError):
             raise RecordingError("holds no samples") from error
         if isinstance(error, pd.errors.ParserError):

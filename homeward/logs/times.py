@@ -1,4 +1,5 @@
-"""Formats of time in recordings: seconds, counts since 1970 in s, ms, us or ns, dates, and the time of day."""
+"""Formats of time in recordings: seconds, counts since 1970 in s, ms, us or ns, dates, and the time
+of day."""
 
 from __future__ import annotations
 
@@ -26,10 +27,11 @@ def median_step_s(time_s: Array) -> float:
 
 
 def from_text(column: pd.Series[Any]) -> tuple[pd.Series[Any], str] | None:
-    """Seconds of texts that are times, and what they are taken for; None where one is something else.
+    """Seconds of texts that are times, and what they are taken for; None where one is something
+    else.
 
-    Dates are ISO 8601 or, as German programs write them, 01.05.2024 12:00:00, UTC where they name no zone; times of day
-    are such as 12:00:00.1. Fractions of a second may follow a decimal comma.
+    Dates are ISO 8601 or, as German programs write them, 01.05.2024 12:00:00, UTC where they name
+    no zone; times of day are such as 12:00:00.1. Fractions of a second may follow a decimal comma.
     """
     if pd.api.types.is_numeric_dtype(column) or not len(column):
         return None
@@ -47,14 +49,18 @@ def from_text(column: pd.Series[Any]) -> tuple[pd.Series[Any], str] | None:
     texts = column.astype(str)
     if not texts.str.fullmatch(_TIME_OF_DAY).all():
         return None
-    return pd.to_timedelta(texts, errors="coerce").dt.total_seconds(), "times of day as s since midnight"
+    return pd.to_timedelta(
+        texts, errors="coerce"
+    ).dt.total_seconds(), "times of day as s since midnight"
 
 
 def _from_iso(column: pd.Series[Any]) -> pd.Series[Any] | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about texts that are no dates
-            moments = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce").dt.as_unit("ns")
+            moments = pd.to_datetime(
+                column, format="ISO8601", utc=True, errors="coerce"
+            ).dt.as_unit("ns")
     except (ValueError, TypeError, OverflowError):
         return None
     if (moments.isna() & column.notna()).any() or moments.isna().all():
@@ -68,7 +74,8 @@ def is_epoch(time_s: float) -> bool:
 
 
 def from_epoch(time_s: Array) -> tuple[Array, str | None]:
-    """Seconds of counts since 1970 in s, ms, us or ns, and the unit if it was not s; other times as they are.
+    """Seconds of counts since 1970 in s, ms, us or ns, and the unit if it was not s; other times as
+    they are.
 
     >>> from_epoch(np.array([1.7e12, 1.7e12 + 100.0]))[1]
     'ms'

@@ -1,4 +1,5 @@
-"""Guesses tried on physics before they are called certain: ways, powers and changes of speed that they would give."""
+"""Guesses tried on physics before they are called certain: ways, powers and changes of speed that
+they would give."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ _ANGLES = {"heading_rad", "yaw_rate_radps"}
 
 
 def tried_on_physics(guesses: Mapping[str, Guess], table: pd.DataFrame) -> dict[str, Guess]:
-    """The guesses by channel: with the unit that physics shows where the name gives none, and less sure in doubt.
+    """The guesses by channel: with the unit that physics shows where the name gives none, and less
+    sure in doubt.
 
     Args:
         guesses: The guess for each channel.
@@ -39,7 +41,8 @@ def tried_on_physics(guesses: Mapping[str, Guess], table: pd.DataFrame) -> dict[
 
 
 def _channels(guesses: Mapping[str, Guess], table: pd.DataFrame) -> dict[str, Array]:
-    """Values of the guessed channels in the rows whose time is known, as the reader would take them."""
+    """Values of the guessed channels in the rows whose time is known, as the reader would take
+    them."""
     times = _values(guesses["time_s"], table)
     is_known = np.isfinite(times)
     time_s, _ = from_epoch(times[is_known])
@@ -67,8 +70,8 @@ def _values(guess: Guess, table: pd.DataFrame) -> Array:
 
 
 def _by_changes_of_speed(guesses: Mapping[str, Guess], table: pd.DataFrame) -> dict[str, Guess]:
-    """The time in a longer unit where its name gives none, and the speed would typically change faster than wheels'
-    grip allows: seconds that look like milliseconds."""
+    """The time in a longer unit where its name gives none, and the speed would typically change
+    faster than wheels' grip allows: seconds that look like milliseconds."""
     time = guesses["time_s"]
     if not time.by_values or "speed_mps" not in guesses:
         return {}
@@ -91,7 +94,9 @@ def _by_changes_of_speed(guesses: Mapping[str, Guess], table: pd.DataFrame) -> d
     return {}
 
 
-def _by_ratio(pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, Array]) -> dict[str, Guess]:
+def _by_ratio(
+    pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, Array]
+) -> dict[str, Guess]:
     """What the ratio of an amount that is measured twice says of the guesses."""
     # An earlier pair may have changed a unit since this one was compared.
     pairs = {(twice.what, twice.reference): twice for twice in measured_twice(channels)}
@@ -108,7 +113,11 @@ def _by_ratio(pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, 
     if len(repairs) == 1:
         guess, word = repairs[0]
         sure = LEAST_SURE if guess.factor < 0.0 else 1  # sizes agree, whatever the sign
-        return {guess.channel: replace(guess, sure=sure, why=f"{guess.why}; yet in {word}, as {ratio} otherwise")}
+        return {
+            guess.channel: replace(
+                guess, sure=sure, why=f"{guess.why}; yet in {word}, as {ratio} otherwise"
+            )
+        }
     if not now.is_long_enough:
         return {}
     doubt = f"{ratio}: one has another unit, or is another amount"
@@ -116,16 +125,20 @@ def _by_ratio(pair: Twice, guesses: Mapping[str, Guess], channels: Mapping[str, 
 
 
 def _agreeing(pair: Twice, guesses: Mapping[str, Guess]) -> dict[str, Guess]:
-    """The guesses that a pair confirms, which say so; not those of wheels or a product, which are two each."""
+    """The guesses that a pair confirms, which say so; not those of wheels or a product, which are
+    two each."""
     confirmed = {}
     for name, reference in ((pair.what, pair.reference), (pair.reference, pair.what)):
         if name in guesses:
-            confirmed[name] = replace(guesses[name], why=f"{guesses[name].why}; agrees with {reference}")
+            confirmed[name] = replace(
+                guesses[name], why=f"{guesses[name].why}; agrees with {reference}"
+            )
     return confirmed
 
 
 def _repairs(pair: Twice, guesses: Mapping[str, Guess]) -> list[tuple[Guess, str]]:
-    """Guesses whose unit their values gave, each with another unit by which the pair agrees, and its name."""
+    """Guesses whose unit their values gave, each with another unit by which the pair agrees, and
+    its name."""
     repairs = []
     for name, power in pair.powers.items():
         guess = guesses[name]
@@ -136,13 +149,17 @@ def _repairs(pair: Twice, guesses: Mapping[str, Guess]) -> list[tuple[Guess, str
         for factor, word in by_factor.items():
             ratio = pair.ratio * (factor / size) ** power
             if factor != size and abs(np.log(ratio)) < thresholds.UNIT_LOG_RATIO:
-                repairs.append((replace(guess, factor=float(np.copysign(factor, guess.factor))), word))
+                repairs.append(
+                    (replace(guess, factor=float(np.copysign(factor, guess.factor))), word)
+                )
     return repairs
 
 
 def _unit_of(guess: Guess) -> str:
     units = UNITS[CHANNELS[guess.channel].unit].items()
-    return next((word for word, factor in units if factor == guess.factor), CHANNELS[guess.channel].unit)
+    return next(
+        (word for word, factor in units if factor == guess.factor), CHANNELS[guess.channel].unit
+    )
 
 
 def _doubted(guess: Guess, line: str) -> Guess:

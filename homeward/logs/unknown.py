@@ -1,7 +1,7 @@
 """Words and values that mean "unknown", in one table for files and live input.
 
-Programs and autopilots write them where nothing was measured. A mapping names further ones for a column or field:
-`voltage_v = { column = "U", unknown = [-1, "off"] }`.
+Programs and autopilots write them where nothing was measured. A mapping names further ones for a
+column or field: `voltage_v = { column = "U", unknown = [-1, "off"] }`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ WORDS = frozenset({
     "--.--", "-.-", "--", "---", "-", "?", "*", "n/a", "na", "nan", "null", "none", "nil", "unknown", "invalid", "void",
     "undefined", "no data", "not available", "#n/a",
 })  # fmt: skip
-"""Texts, in lower case. "--.--" is that of QGroundControl (Fact.cc), the others of spreadsheets and loggers."""
+"""Texts, in lower case. "--.--" is that of QGroundControl (Fact.cc), the others of spreadsheets and
+loggers."""
 
 VALUES: Mapping[str, tuple[float, ...]] = MappingProxyType({
     "voltage_v": (65.535, 65535.0, -1.0, -0.001),
@@ -30,9 +31,9 @@ VALUES: Mapping[str, tuple[float, ...]] = MappingProxyType({
     "temperature_c": (327.67, -327.68, -273.15),
     "elevation_m": (-32768.0, 32767.0, -9999.0, -999.0, -99999.0),
 })  # fmt: skip
-"""Values by channel, SI. Sources: MAVLink, common.xml: UINT16_MAX mV, cm/s, cdeg, -1 % and -1 cA are "not provided",
-INT16_MAX cdegC; MAVROS gives them as 65.535 V and -0.01; heights of SRTM and GeoTIFF are -32768 and -9999 where
-unknown."""
+"""Values by channel, SI. Sources: MAVLink, common.xml: UINT16_MAX mV, cm/s, cdeg, -1 % and -1 cA
+are "not provided", INT16_MAX cdegC; MAVROS gives them as 65.535 V and -0.01; heights of SRTM and
+GeoTIFF are -32768 and -9999 where unknown."""
 
 _EQUAL = 1e-6  # relative; of numbers that were single precision
 
@@ -64,4 +65,6 @@ def left_out(channel: str, values: Array) -> list[str]:
         return []
     marks = " and ".join(f"{value:g}" for value in np.unique(values[marked]))
     values[marked] = np.nan
-    return [f"{int(marked.sum())} of {len(values)} values of {channel} are {marks}, which means unknown: left out"]
+    return [
+        f"{int(marked.sum())} of {len(values)} values of {channel} are {marks}, which means unknown: left out"
+    ]

@@ -1,8 +1,9 @@
-"""What is known of cells by their chemistry, beside the open-circuit curve: its error, the cold, the rate, the end.
+"""What is known of cells by their chemistry, beside the open-circuit curve: its error, the cold,
+the rate, the end.
 
-Voltages are relative to the mean open-circuit voltage of a full charge (to the nominal one, if the file states no
-curve), currents are per hour: 1 empties the rated charge in an hour. In these units cells of all sizes and chemistries
-are alike.
+Voltages are relative to the mean open-circuit voltage of a full charge (to the nominal one, if the
+file states no curve), currents are per hour: 1 empties the rated charge in an hour. In these units
+cells of all sizes and chemistries are alike.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ class CellFacts(NamedTuple):
     """Ranges of cells of a chemistry; a pair is the least and the most.
 
     Attributes:
-        curve_sd: Standard deviation of the open-circuit voltage of one cell about the curve, relative; without a curve,
-            about the mean of all chemistries.
+        curve_sd: Standard deviation of the open-circuit voltage of one cell about the curve,
+            relative; without a curve, about the mean of all chemistries.
         cold_per_k: Share of the capacity that is lost per kelvin below 25 C.
         peukert: Exponent of Peukert's law.
         label_h: Hours in which the charge on the label is drawn.
@@ -46,27 +47,33 @@ class CellFacts(NamedTuple):
 _LITHIUM_COLD = (0.002, 0.007)
 _LITHIUM_PEUKERT = (1.0, 1.05)
 _LITHIUM_LABEL_H = (1.0, 5.0)
-"""Lithium-ion cells lose 15 to 30 % at -20 C (biolng.com.pl; with less at 0 C: Waag, Kaebitz & Sauer, Applied Energy
-102, 2013). Victron's battery monitors take an exponent of 1.05 for them. Data sheets draw the label in 1 to 5 h."""
+"""Lithium-ion cells lose 15 to 30 % at -20 C (biolng.com.pl; with less at 0 C: Waag, Kaebitz &
+Sauer, Applied Energy 102, 2013). Victron's battery monitors take an exponent of 1.05 for them. Data
+sheets draw the label in 1 to 5 h."""
 
 FACTS = {
-    # Spread of the cells behind each curve (homeward.physics.battery) in mid-charge: 15 to 45, 11 to 28, 8 to 16 with
-    # a hysteresis of 15, and 5 to 12 mV of 2 V.
+    # Spread of the cells behind each curve (homeward.physics.battery) in mid-charge: 15 to 45, 11
+    # to 28, 8 to 16 with a hysteresis of 15, and 5 to 12 mV of 2 V.
     "nmc": CellFacts(0.030 / 3.75, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
     "lipo": CellFacts(0.020 / 3.84, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
     "lfp": CellFacts(0.020 / 3.29, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
-    # 0.6 % at a 10 or 20 h rate and 1 % at a 1 or 3 h rate (velapower.com), 0.64 % for more than an hour (Discover
-    # Energy). Exponents 1.05 to 1.15 of AGM and 1.1 to 1.25 of gel (bdbatteries.com). Labels of sealed ones are of
-    # 20 h, those of traction batteries of 5 h. The usual end is 1.75 V of 2.05. Its rest voltage takes hours, so that
-    # the spread counts three times. Chosen.
-    "lead_acid": CellFacts(0.030 / 2.05, (0.006, 0.010), (1.05, 1.25), (5.0, 20.0), cutoff=1.75 / 2.054),
+    # 0.6 % at a 10 or 20 h rate and 1 % at a 1 or 3 h rate (velapower.com), 0.64 % for more than an
+    # hour (Discover Energy). Exponents 1.05 to 1.15 of AGM and 1.1 to 1.25 of gel
+    # (bdbatteries.com). Labels of sealed ones are of 20 h, those of traction batteries of 5 h. The
+    # usual end is 1.75 V of 2.05. Its rest voltage takes hours, so that the spread counts three
+    # times. Chosen.
+    "lead_acid": CellFacts(
+        0.030 / 2.05, (0.006, 0.010), (1.05, 1.25), (5.0, 20.0), cutoff=1.75 / 2.054
+    ),
     OWN_CURVE: CellFacts(0.005, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
-    # The curves of homeward.physics.battery, over the voltages on their labels, are within 1 % of their mean in
-    # mid-charge and within 5 % at the ends: 3 % (root of the mean square). Usual cut-offs are 3.0 of 3.6 V (nmc), 3.3
-    # of 3.7 V (lipo), 2.8 of 3.2 V (lfp), 1.75 of 2 V (lead) and 1.0 of 1.2 V (nickel).
+    # The curves of homeward.physics.battery, over the voltages on their labels, are within 1 % of
+    # their mean in mid-charge and within 5 % at the ends: 3 % (root of the mean square). Usual
+    # cut-offs are 3.0 of 3.6 V (nmc), 3.3 of 3.7 V (lipo), 2.8 of 3.2 V (lfp), 1.75 of 2 V (lead)
+    # and 1.0 of 1.2 V (nickel).
     FLAT: CellFacts(0.03, (0.0, 0.010), (1.0, 1.0), (1.0, 5.0), cutoff=0.86, cutoff_sd=0.025),
 }
-"""A curve that a user measured is within half a per cent: a meter's error. A flat battery may be of any chemistry."""
+"""A curve that a user measured is within half a per cent: a meter's error. A flat battery may be of
+any chemistry."""
 
 WARM_C = 25.0
 """Temperature of labels, C."""
@@ -110,7 +117,9 @@ def any_cell(charge: NDArray[np.float64]) -> NDArray[np.float64]:
     >>> any_cell(np.array([1.0, 0.5, 0.0])).round(2)
     array([1.1 , 1.03, 0.89])
     """
-    of_chemistries = [open_circuit_v(_CURVES[name], charge) / label_v for name, label_v in _LABEL_V.items()]
+    of_chemistries = [
+        open_circuit_v(_CURVES[name], charge) / label_v for name, label_v in _LABEL_V.items()
+    ]
     return np.asarray(np.mean(of_chemistries, axis=0))
 
 
@@ -126,7 +135,8 @@ def most_fall(charge: NDArray[np.float64], drawn: float) -> NDArray[np.float64]:
     """
     charge_left = np.maximum(charge - drawn, 0.0)
     falls = [
-        (open_circuit_v(_CURVES[name], charge) - open_circuit_v(_CURVES[name], charge_left)) / label_v
+        (open_circuit_v(_CURVES[name], charge) - open_circuit_v(_CURVES[name], charge_left))
+        / label_v
         for name, label_v in _LABEL_V.items()
     ]
     return np.asarray(np.max(falls, axis=0))
@@ -168,7 +178,8 @@ class Cells(NamedTuple):
         return current_a * _S_PER_H / self.rated_as
 
     def beyond_label_per_h(self, rate_per_h: float) -> float:
-        """A rate beyond that of the label, whose energy is without what the resistance takes at that one.
+        """A rate beyond that of the label, whose energy is without what the resistance takes at
+        that one.
 
         A battery of constant voltage has no resistance but that of its file.
         """
@@ -191,7 +202,8 @@ class Cells(NamedTuple):
         at_rate_least = 1.0
         at_rate_most = 1.0
         if rate_per_h > 0.0:
-            # Peukert: the charge given falls with the rate over the label's, to the power of the exponent less 1.
+            # Peukert: the charge given falls with the rate over the label's, to the power of the
+            # exponent less 1.
             gentle, steep = self.facts.peukert
             shortest_h, longest_h = self.facts.label_h
             at_rate_least = min((rate_per_h * longest_h) ** (1.0 - steep), 1.0)
@@ -201,7 +213,8 @@ class Cells(NamedTuple):
         return in_cold_least * at_rate_least, in_cold_most * at_rate_most
 
     def cutoff(self, cutoff_v: float | None) -> tuple[float, float]:
-        """Cut-off under load, relative, and its standard deviation: the one that is known, or the usual one."""
+        """Cut-off under load, relative, and its standard deviation: the one that is known, or the
+        usual one."""
         if cutoff_v is not None:
             return cutoff_v / self.mean_v, 0.0
         if math.isfinite(self.facts.cutoff):

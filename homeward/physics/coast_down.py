@@ -1,7 +1,9 @@
-"""The table `[coast_down]` of a robot file: forces measured at the wheels and a weighed mass, with their errors.
+"""The table `[coast_down]` of a robot file: forces measured at the wheels and a weighed mass, with
+their errors.
 
-A robot that rolls out on level ground slows down by F = a + b v + c v^2. a is its rolling resistance, b friction that
-grows with speed (effect `viscous`) and c its drag. The losses of the drive are in none of them.
+A robot that rolls out on level ground slows down by F = a + b v + c v^2. a is its rolling
+resistance, b friction that grows with speed (effect `viscous`) and c its drag. The losses of the
+drive are in none of them.
 """
 
 from __future__ import annotations
@@ -52,7 +54,9 @@ def from_table(table: Any, mass_kg: Any) -> CoastDown:
     """
     values = _values(table)
     if not _is_number(mass_kg) or not mass_kg > 0.0:
-        raise UncertaintyError("coast_down needs body.mass_kg, the mass of the robot in the test; give it in kg")
+        raise UncertaintyError(
+            "coast_down needs body.mass_kg, the mass of the robot in the test; give it in kg"
+        )
     body: dict[str, float] = {}
     if "a_n" in values:
         body["rolling_resistance"] = values["a_n"] / (mass_kg * GRAVITY_MPS2)
@@ -67,7 +71,9 @@ def from_table(table: Any, mass_kg: Any) -> CoastDown:
     uncertainty = None
     if shares:
         source = table.get("source") or "a coast-down test; no source given"
-        uncertainty = Uncertainty(source=source, fitted=tuple(shares), covariance=_diagonal(shares), of="force")
+        uncertainty = Uncertainty(
+            source=source, fitted=tuple(shares), covariance=_diagonal(shares), of="force"
+        )
     return CoastDown(body, effects, uncertainty)
 
 
@@ -77,7 +83,9 @@ def _values(table: Any) -> dict[str, float]:
         raise UncertaintyError(f"coast_down = {table!r} is not a table")
     for name in table:
         if name not in _KNOWN:
-            raise UncertaintyError(f"coast_down.{name} is not a known field; known: {', '.join(_KNOWN)}")
+            raise UncertaintyError(
+                f"coast_down.{name} is not a known field; known: {', '.join(_KNOWN)}"
+            )
     if not isinstance(table.get("source", ""), str):
         raise UncertaintyError(f"coast_down.source = {table['source']!r} is not a text")
     return {name: _checked(name, value) for name, value in table.items() if name != "source"}
@@ -106,7 +114,9 @@ def _checked(name: str, value: Any) -> float:
         remedy = ""
         if name == "b_ns_per_m":
             remedy = "; fit F = a + c v^2 without b"
-        raise UncertaintyError(f"coast_down.{name} = {value!r} is not allowed; give a number in {bounds}{remedy}")
+        raise UncertaintyError(
+            f"coast_down.{name} = {value!r} is not allowed; give a number in {bounds}{remedy}"
+        )
     return float(value)
 
 

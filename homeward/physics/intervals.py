@@ -34,7 +34,8 @@ NOT_NEGATIVE = Bounds(0.0, np.inf, open_high=True)
 
 
 def checked(name: str, value: Any, bounds: Bounds) -> Any:
-    """Turn an argument that may be a number or anything like an array into float64, within its bounds.
+    """Turn an argument that may be a number or anything like an array into float64, within its
+    bounds.
 
     Args:
         name: Name of the argument, for the message.
@@ -47,8 +48,12 @@ def checked(name: str, value: Any, bounds: Bounds) -> Any:
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} = {value!r} is not a number or an array of numbers; allowed: {bounds}") from None
+        raise ValueError(
+            f"{name} = {value!r} is not a number or an array of numbers; allowed: {bounds}"
+        ) from None
     good = bounds.hold(array)
     if not good.all():
-        raise ValueError(f"{name} = {array[~good].flat[0]} is not allowed; allowed: a number in {bounds}")
+        raise ValueError(
+            f"{name} = {array[~good].flat[0]} is not allowed; allowed: a number in {bounds}"
+        )
     return array[()]

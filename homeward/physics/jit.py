@@ -32,7 +32,8 @@ def inline(function: Function) -> Function:
 
 
 def called(function: Function) -> Function:
-    """As `inline`, for long functions that kernels rather call: each copy that is inlined takes time to compile."""
+    """As `inline`, for long functions that kernels rather call: each copy that is inlined takes
+    time to compile."""
     marked: Function = register_jitable(no_cfunc_wrapper=True)(function)
     return marked
 
@@ -43,7 +44,9 @@ def _prefetch(typing: Any, record: Any) -> Any:
         flag = ir.IntType(32)
         address = builder.bitcast(arguments[0], ir.IntType(8).as_pointer())
         ask = builder.module.declare_intrinsic(
-            "llvm.prefetch", [address.type], ir.FunctionType(ir.VoidType(), [address.type, flag, flag, flag])
+            "llvm.prefetch",
+            [address.type],
+            ir.FunctionType(ir.VoidType(), [address.type, flag, flag, flag]),
         )
         builder.call(ask, [address, flag(1), flag(3), flag(1)])
         return context.get_dummy_value()
@@ -78,11 +81,12 @@ def compiled(function: Any = None, *, parallel: bool = False) -> Any:
 def uninterrupted() -> Iterator[None]:
     """Let Ctrl-C wait until the end of the block.
 
-    numba 0.68.1 crashes, or raises SystemError, if an exception comes while it reads a NumPy generator: its
-    `unbox_numpy_random_bitgenerator` releases references that it does not have.
+    numba 0.68.1 crashes, or raises SystemError, if an exception comes while it reads a NumPy
+    generator: its `unbox_numpy_random_bitgenerator` releases references that it does not have.
     """
     handler = signal.getsignal(signal.SIGINT)
-    if not callable(handler) or threading.current_thread() is not threading.main_thread():  # nothing would be raised
+    # nothing would be raised
+    if not callable(handler) or threading.current_thread() is not threading.main_thread():
         yield
         return
     pressed = False
@@ -102,15 +106,16 @@ def uninterrupted() -> Iterator[None]:
 
 @functools.cache
 def announce_compilation() -> None:
-    """From now on print a line on stderr for each kernel that is compiled because it is not in the cache."""
+    """From now on print a line on stderr for each kernel that is compiled because it is not in the
+    cache."""
     event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]
 
 
 class _Announcement(event.Listener):
     """Names kernels, not the functions that they are made of.
 
-    Meanwhile Python looks for no garbage: numba makes millions of objects that stay, and looking takes a tenth of the
-    time.
+    Meanwhile Python looks for no garbage: numba makes millions of objects that stay, and looking
+    takes a tenth of the time.
     """
 
     def __init__(self) -> None:

@@ -1,8 +1,8 @@
 """The step: how long a robot drives or stands on its battery, and the energy by cause.
 
-One compiled step over one robot record and one state record serves the environments, the replay of recordings and the
-range. Within a step the conditions are constant. So the power is constant too, and the moment of depletion is solved
-for.
+One compiled step over one robot record and one state record serves the environments, the replay of
+recordings and the range. Within a step the conditions are constant. So the power is constant too,
+and the moment of depletion is solved for.
 """
 
 from __future__ import annotations
@@ -22,11 +22,14 @@ BASE_CAUSES = (
     "sensing", "communication", "controller", "computer", "rolling", "drag", "grade", "braking", "charger",
 )  # fmt: skip
 CAUSES = BASE_CAUSES + tuple(effect.id for effect in EFFECTS)
-"""Columns of the energy ledger. Forces are booked while the drive works, with `grade` negative downhill. Where the
-slope drives the robot alone, no force is booked. `braking` is regenerated energy that a full battery cannot store.
-`charger` is negative: what a charger supplied, of which the battery stores what the other causes leave."""
+"""Columns of the energy ledger. Forces are booked while the drive works, with `grade` negative
+downhill. Where the slope drives the robot alone, no force is booked. `braking` is regenerated
+energy that a full battery cannot store. `charger` is negative: what a charger supplied, of which
+the battery stores what the other causes leave."""
 
-SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING, CHARGER = range(len(BASE_CAUSES))
+SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING, CHARGER = range(
+    len(BASE_CAUSES)
+)
 _BASE = len(BASE_CAUSES)
 _EFFECTS = len(EFFECTS)
 _FORCES = len([effect for effect in EFFECTS if effect.kind == "force"])
@@ -35,7 +38,8 @@ _GUESSES = 20  # of the moment of depletion; chosen, as are the next two: halvin
 _HALVINGS = 60
 _ROUNDING = 1e-14
 _FULL = 1e-12
-"""Share of the capacity within which a battery counts as full. Chosen: above rounding, and no energy."""
+"""Share of the capacity within which a battery counts as full. Chosen: above rounding, and no
+energy."""
 
 STATE_FIELDS = (
     ("energy_j", np.float64),  # left in the battery
@@ -44,19 +48,23 @@ STATE_FIELDS = (
     ("distance_m", np.float64),  # driven, in any direction
     ("speed_mps", np.float64),  # in the step before
     ("winding_k", np.float64),  # motor winding above ambient
-    ("winding_fade", np.float64),  # share of its difference from the steady temperature that a step leaves
+    # share of its difference from the steady temperature that a step leaves
+    ("winding_fade", np.float64),
     ("start_left", np.float64),  # share of the energy of the last start that is still to be spent
     ("step_s", np.float64),  # length of the step under way
     ("traction_n", np.float64),  # force at the wheels in the last step
     ("drive_w", np.float64),  # mean power into the drive in the last step
     ("power_w", np.float64),  # mean power out of the battery in the last step
-    ("charger_w", np.float64),  # power of the charger that the robot is connected to in the step under way
+    # power of the charger that the robot is connected to in the step under way
+    ("charger_w", np.float64),
     ("depleted", np.bool_),
     ("endless", np.bool_),  # the battery does not run out, and is never full: that of a recording
     ("ledger_j", np.float64, (len(CAUSES),)),  # energy that left the battery, by cause
-    ("parts_w", np.float64, (len(CAUSES),)),  # power of each effect that is on, in the step under way
+    # power of each effect that is on, in the step under way
+    ("parts_w", np.float64, (len(CAUSES),)),
 )
-"""Fields of the state record that the step reads and writes; an environment's record adds its own."""
+"""Fields of the state record that the step reads and writes; an environment's record adds its
+own."""
 
 
 class Conditions(NamedTuple):
@@ -94,14 +102,16 @@ _TERM = """
 
 
 def _compose(kind: Kind, *, cumulative: bool) -> Callable[..., float]:
-    """Compose all effects of a kind into one function: the sum that the active effects add to a load.
+    """Compose all effects of a kind into one function: the sum that the active effects add to a
+    load.
 
-    It writes each effect's own power to its column of the state's `parts_w`: its contribution times `watts_per_unit`.
-    With `cumulative` each effect gets the load with all before it added, otherwise the load alone. The columns of
-    inactive effects stay zero. A kind without active effects takes one test.
+    It writes each effect's own power to its column of the state's `parts_w`: its contribution times
+    `watts_per_unit`. With `cumulative` each effect gets the load with all before it added,
+    otherwise the load alone. The columns of inactive effects stay zero. A kind without active
+    effects takes one test.
 
-    The function is written out as text because numba then compiles one function, where a chain of closures has a
-    function for each effect.
+    The function is written out as text because numba then compiles one function, where a chain of
+    closures has a function for each effect.
     """
     names: dict[str, Any] = {"__name__": __name__}
     terms = ""
@@ -128,7 +138,9 @@ _extra_battery = _compose("battery", cumulative=True)
 def _paper_demand(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     moving = x.speed_mps > 0.0
     force_n = moving * (
-        model.rolling_force(p, x.cos_grade) + model.drag_force(p, x.speed_mps) + model.grade_force(p, x.sin_grade)
+        model.rolling_force(p, x.cos_grade)
+        + model.drag_force(p, x.speed_mps)
+        + model.grade_force(p, x.sin_grade)
     )
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
     drive_w = np.maximum(force_n, 0.0) * watts_per_n
@@ -142,7 +154,8 @@ def _paper_demand(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
 @inline
 def _demand_with_effects(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     on = p.effects
-    # Forces first, as effects of the drive take the whole force; then all loads, which drain the battery together.
+    # Forces first, as effects of the drive take the whole force; then all loads, which drain the
+    # battery together.
     _paper_demand(p, s, x, watts_per_n)
     force_n = s.traction_n + _extra_force(on, p, s, x, s.traction_n, watts_per_n)
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
@@ -162,7 +175,8 @@ def demand(p: Any, s: Any, x: Any) -> Any:
 
     Args:
         p: Robot record.
-        s: State record; `traction_n`, `drive_w`, `power_w` and, if any effect is on, `parts_w` are written.
+        s: State record; `traction_n`, `drive_w`, `power_w` and, if any effect is on, `parts_w` are
+            written.
         x: `Conditions`.
     """
     watts_per_n = model.watts_per_newton(p, x.speed_mps)
@@ -172,7 +186,8 @@ def demand(p: Any, s: Any, x: Any) -> Any:
 
 
 def _stepper(effects: bool) -> Callable[..., Any]:
-    """Make the step with or without effects: the paper's model alone stays small enough to be inlined."""
+    """Make the step with or without effects: the paper's model alone stays small enough to be
+    inlined."""
     power = _demand_with_effects if effects else _paper_demand
 
     @inline
@@ -197,7 +212,8 @@ def _stepper(effects: bool) -> Callable[..., Any]:
             s.ledger_j[cause] += s.energy_j - spent_j - s.capacity_j
             spent_j = s.energy_j - s.capacity_j
         s.energy_j -= spent_j
-        # The ledger takes each cause's power over the time that passed: it sums to what the battery lost.
+        # The ledger takes each cause's power over the time that passed: it sums to what the battery
+        # lost.
         _book(p, s, x, passed_s, watts_per_n)
         if effects:
             _book_effects(p, s, x, passed_s)
@@ -219,8 +235,8 @@ def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
 
     Args:
         p: Robot record.
-        s: State record (`STATE_FIELDS`), updated; `depleted` is set, and stays set, when the battery runs out, and
-            `ledger_j` sums to what the battery has lost.
+        s: State record (`STATE_FIELDS`), updated; `depleted` is set, and stays set, when the
+            battery runs out, and `ledger_j` sums to what the battery has lost.
         x: `Conditions`.
         dt_s: Time to advance, s, above zero.
 
@@ -238,8 +254,8 @@ def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
 def connect(p: Any, s: Any, x: Any, charger_w: float, dt_s: float) -> Any:
     """Connect a standing robot to a charger for the next `advance`, and return for how long, s.
 
-    The charger carries the robot and charges the battery with the rest, less the losses of the battery's effects. A
-    full battery takes nothing: then the charger carries the robot only.
+    The charger carries the robot and charges the battery with the rest, less the losses of the
+    battery's effects. A full battery takes nothing: then the charger carries the robot only.
 
     Args:
         p: Robot record.
@@ -264,7 +280,8 @@ def connect(p: Any, s: Any, x: Any, charger_w: float, dt_s: float) -> Any:
 
 @inline
 def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
-    """Cut a step where an intermittent load switches, so that the power is constant within each part."""
+    """Cut a step where an intermittent load switches, so that the power is constant within each
+    part."""
     left_s = dt_s
     drive_j = 0.0
     spent_j = 0.0
@@ -292,7 +309,8 @@ def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
 
 @inline
 def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
-    """Mean power until the battery is empty, W: effects that act at the start or build up change it within the step."""
+    """Mean power until the battery is empty, W: effects that act at the start or build up change it
+    within the step."""
     low_s = 0.0
     high_s = s.step_s
     power_w = s.power_w
@@ -333,7 +351,8 @@ def _book(p: Any, s: Any, x: Any, passed_s: float, watts_per_n: float) -> None:
 @inline
 def _book_effects(p: Any, s: Any, x: Any, passed_s: float) -> None:
     """Add the effects' part of the energy to the ledger, and update effects that have a state."""
-    # Effects that are off have no power. The forces come first, and are booked while the drive works.
+    # Effects that are off have no power. The forces come first, and are booked while the drive
+    # works.
     start = _BASE if s.traction_n > 0.0 else _BASE + _FORCES
     for column in range(start, _BASE + _EFFECTS):
         s.ledger_j[column] += s.parts_w[column] * passed_s
@@ -347,7 +366,8 @@ ROBOT_STATE_DTYPE = np.dtype(list(STATE_FIELDS), align=True)
 def full_charge(robot: Robot, energy_j: float | None = None) -> NDArray[np.void]:
     """State of a robot before its first step, shape (1,): battery full, or with `energy_j` in it.
 
-    One with infinite energy does not run out; its voltage begins at that of a full battery, and ends at an empty one's.
+    One with infinite energy does not run out; its voltage begins at that of a full battery, and
+    ends at an empty one's.
     """
     state = np.zeros(1, ROBOT_STATE_DTYPE)
     state["endless"] = energy_j == np.inf

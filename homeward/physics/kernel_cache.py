@@ -1,7 +1,9 @@
-"""Compiled kernels on disk: kept in a folder that only this user can change, under a name that depends on the code.
+"""Compiled kernels on disk: kept in a folder that only this user can change, under a name that
+depends on the code.
 
-numba's own cache compares only the file of the outermost function with what was compiled, so a kernel would keep old
-physics after an edit of a formula that it calls. And it runs whatever lies in its folder.
+numba's own cache compares only the file of the outermost function with what was compiled, so a
+kernel would keep old physics after an edit of a formula that it calls. And it runs whatever lies in
+its folder.
 """
 
 from __future__ import annotations
@@ -23,27 +25,33 @@ from numba.core.caching import FunctionCache
 from homeward.own_effects import own_file
 
 _LONGEST_WAIT_S = 60.0
-"""Waiting time for another process that compiles: the largest kernel takes a tenth of that on a quiet machine."""
+"""Waiting time for another process that compiles: the largest kernel takes a tenth of that on a
+quiet machine."""
 _PACKAGES = {
     "physics": ("physics",),
     "estimation": ("physics", "estimation"),
     "envs": ("physics", "envs"),
     "agents": ("physics", "estimation", "envs", "agents"),
 }
-"""Packages of this project that a kernel may be made of, by the package that it is in: tests/test_layers.py."""
+"""Packages of this project that a kernel may be made of, by the package that it is in:
+tests/test_layers.py."""
 
 _FunctionCache: Any = FunctionCache
 
 
 class KernelCache(_FunctionCache):  # type: ignore[misc]
-    """numba's cache of one kernel. If several processes need the kernel at once, one compiles and the others wait.
+    """numba's cache of one kernel. If several processes need the kernel at once, one compiles and
+    the others wait.
 
-    Only the process that holds the lock writes: of two that write at once, numba could give each the code of the other.
+    Only the process that holds the lock writes: of two that write at once, numba could give each
+    the code of the other.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._lock = FileLock(Path(self.cache_path) / f"{self._impl.filename_base}.lock", timeout=_LONGEST_WAIT_S)
+        self._lock = FileLock(
+            Path(self.cache_path) / f"{self._impl.filename_base}.lock", timeout=_LONGEST_WAIT_S
+        )
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         kernel = super().load_overload(signature, target)
@@ -53,7 +61,8 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
             self._lock.acquire()  # until it is saved
         except (Timeout, OSError, NotImplementedError):
             return None  # compiled, and not kept
-        kernel = super().load_overload(signature, target)  # another process may have compiled it meanwhile
+        # another process may have compiled it meanwhile
+        kernel = super().load_overload(signature, target)
         if kernel is not None:
             self._lock.release()
         return kernel
@@ -85,7 +94,8 @@ def cache_of(function: Callable[..., Any]) -> KernelCache | None:
 
 @functools.cache
 def cache_folder(module: str, source: Path) -> Path | None:
-    """Folder of the kernels of one module, compiled from exactly this code, or None if no folder is safe."""
+    """Folder of the kernels of one module, compiled from exactly this code, or None if no folder is
+    safe."""
     base = cache_base()
     if base is None:
         return None
@@ -99,8 +109,8 @@ def cache_folder(module: str, source: Path) -> Path | None:
 
 
 def sources(module: str, source: Path) -> list[Path]:
-    """Files that a kernel may be made of: its own, those beside the packages, all of the packages that its package may
-    import, and that of an effect of one's own."""
+    """Files that a kernel may be made of: its own, those beside the packages, all of the packages
+    that its package may import, and that of an effect of one's own."""
     root = Path(__file__).parents[1]
     package = module.removeprefix("homeward.").split(".")[0]
     files = {source, *root.glob("*.py")}
@@ -122,10 +132,12 @@ def _read(file: Path) -> str:
 def cache_base() -> Path | None:
     """Folder for compiled kernels: HOMEWARD_CACHE if set, otherwise in the user's cache folder.
 
-    Cached kernels are code that will be run. If another user may write to the folder or replace it, the kernels are
-    kept in a private temporary folder instead, and one line on stderr says so.
+    Cached kernels are code that will be run. If another user may write to the folder or replace it,
+    the kernels are kept in a private temporary folder instead, and one line on stderr says so.
     """
-    home = os.path.expanduser(os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    home = os.path.expanduser(
+        os.environ.get("HOMEWARD_CACHE") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    )
     user = os.getuid() if os.name == "posix" else 0
     temporary = Path(tempfile.gettempdir()) / f"homeward-{user}"
     bases = {Path(home) / "homeward": "in a private temporary folder", temporary: "nowhere"}
@@ -156,18 +168,23 @@ def _made_private(folder: Path) -> bool:
 
 
 def _open_to_others(base: Path) -> Path | None:
-    """What users other than this one and root may change, or have left, on the way to the base and in it."""
+    """What users other than this one and root may change, or have left, on the way to the base and
+    in it."""
     if os.name != "posix":
         return None
-    # Inside a container without the system's root, root's files belong to the owner of the root folder.
+    # Inside a container without the system's root, root's files belong to the owner of the root
+    # folder.
     trusted = {os.getuid(), 0, os.stat("/").st_uid}
     kernels = [place for folder in base.glob("kernels-*") for place in (folder, *folder.rglob("*"))]
-    for place in (*base.parents, base, *kernels):  # data sets, which lie beside the kernels, are not run
+    # data sets, which lie beside the kernels, are not run
+    for place in (*base.parents, base, *kernels):
         try:
             status = place.lstat()
         except FileNotFoundError:  # another process has put it in its place meanwhile
             continue
-        if status.st_uid not in trusted or status.st_mode & _forbidden_mode(place, base, status.st_mode):
+        if status.st_uid not in trusted or status.st_mode & _forbidden_mode(
+            place, base, status.st_mode
+        ):
             return place
     return None
 
@@ -177,7 +194,8 @@ def _forbidden_mode(place: Path, base: Path, mode: int) -> int:
     if place in base.parents and mode & stat.S_ISVTX:
         return 0  # in a sticky folder such as /tmp only its owner can rename or replace an entry
     if place.parent == base:
-        return 0o077  # a folder of kernels lets nobody in, so the modes of what it holds do not matter
+        # a folder of kernels lets nobody in, so the modes of what it holds do not matter
+        return 0o077
     if place == base or place in base.parents:
         return 0o022
     return 0

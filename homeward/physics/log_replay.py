@@ -16,12 +16,15 @@ from homeward.physics.robot import Robot
 
 @dataclass(frozen=True)
 class Replay:
-    """The model's prediction of a drive; arrays of shape (n,), one value per sample, for the step that starts there."""
+    """The model's prediction of a drive; arrays of shape (n,), one value per sample, for the step
+    that starts there."""
 
     power_w: NDArray[np.float64]  # battery power
     drive_w: NDArray[np.float64]  # electrical power into the drive
-    traction_n: NDArray[np.float64]  # force at the wheels along the way, negative where the robot brakes
-    wheel_force_n: NDArray[np.float64]  # force of the motors: traction that is not negative, and scrub in turns
+    # force at the wheels along the way, negative where the robot brakes
+    traction_n: NDArray[np.float64]
+    # force of the motors: traction that is not negative, and scrub in turns
+    wheel_force_n: NDArray[np.float64]
     energy_j: dict[str, float]  # battery energy by cause over the whole drive
 
 
@@ -43,7 +46,8 @@ class Recorded:
             samples[Conditions._fields.index("roughness")] = usual_roughness
         output = np.empty((4, len(self.time_s)))
         state = full_charge(robot, np.inf)
-        state["speed_mps"] = abs(samples[0, 0])  # a robot that moves at the first sample does not start there
+        # a robot that moves at the first sample does not start there
+        state["speed_mps"] = abs(samples[0, 0])
         _replay(record, state, self.time_s, samples, output)
         power_w, drive_w, traction_n, wheel_force_n = output
         energy_j = dict(zip(CAUSES, state["ledger_j"][0].tolist(), strict=True))
@@ -73,9 +77,9 @@ def replay(
 ) -> Replay:
     """Drive a robot through recorded conditions.
 
-    Each sample holds until the next; the last one holds as long as the one before. The battery does not run out: a
-    recording shows that it did not. Driving backwards (negative speed) draws what driving forwards down the reversed
-    slope draws.
+    Each sample holds until the next; the last one holds as long as the one before. The battery does
+    not run out: a recording shows that it did not. Driving backwards (negative speed) draws what
+    driving forwards down the reversed slope draws.
 
     Args:
         robot: The robot.
@@ -83,19 +87,22 @@ def replay(
         speed_mps: Speed, m/s, shape (n,) or a number, like all that follow.
         grade_rad: Slope angle along the direction of forward travel, rad.
         yaw_rate_radps: Turning rate, rad/s.
-        accel_mps2: Acceleration along the direction of forward travel, m/s^2; central differences of the speed if left
-            out: their work sums to the change of kinetic energy, where one-sided ones would gain or lose some.
+        accel_mps2: Acceleration along the direction of forward travel, m/s^2; central differences
+            of the speed if left out: their work sums to the change of kinetic energy, where
+            one-sided ones would gain or lose some.
         headwind_mps: Wind against the direction of travel, m/s.
-        roughness: Surface roughness, 0 where C_rr was measured; the robot file's typical roughness if left out.
+        roughness: Surface roughness, 0 where C_rr was measured; the robot file's typical roughness
+            if left out.
         temperature_c: Air temperature, C.
         sensing_hz: Sensing rate, Hz.
         base_distance_m: Distance from base, m.
-        direction: 1 on the way out and -1 on the way home, for the effect `hidden_grade`; if left out, whether the
-            distance from base grows or falls and, where that does not change, whether the robot drives forwards.
+        direction: 1 on the way out and -1 on the way home, for the effect `hidden_grade`; if left
+            out, whether the distance from base grows or falls and, where that does not change,
+            whether the robot drives forwards.
 
     Raises:
-        ValueError: Times do not increase or there are fewer than two; a channel has another length, or a value that is
-            not finite; a direction is neither 1 nor -1.
+        ValueError: Times do not increase or there are fewer than two; a channel has another length,
+            or a value that is not finite; a direction is neither 1 nor -1.
     """
     recorded = conditions(
         time_s, speed_mps, grade_rad=grade_rad, yaw_rate_radps=yaw_rate_radps, accel_mps2=accel_mps2,
@@ -109,13 +116,21 @@ def conditions(
     time_s: NDArray[np.float64], speed_mps: Any, *, grade_rad: Any, yaw_rate_radps: Any, accel_mps2: Any,
     headwind_mps: Any, roughness: Any, temperature_c: Any, sensing_hz: Any, base_distance_m: Any, direction: Any,
 ) -> Recorded:  # fmt: skip
-    """Conditions of a recorded drive, in which several robots can be replayed; arguments and errors as of `replay`."""
+    """Conditions of a recorded drive, in which several robots can be replayed; arguments and errors
+    as of `replay`."""
     time_s = np.ascontiguousarray(time_s, dtype=np.float64)
-    if time_s.ndim != 1 or len(time_s) < 2 or not np.isfinite(time_s).all() or not (np.diff(time_s) > 0.0).all():
+    if (
+        time_s.ndim != 1
+        or len(time_s) < 2
+        or not np.isfinite(time_s).all()
+        or not (np.diff(time_s) > 0.0).all()
+    ):
         raise ValueError("time_s must hold at least two increasing times in seconds")
     announce_compilation()
     speed_mps = np.broadcast_to(_channel("speed_mps", speed_mps, time_s), time_s.shape)
-    base_distance_m = np.broadcast_to(_channel("base_distance_m", base_distance_m, time_s), time_s.shape)
+    base_distance_m = np.broadcast_to(
+        _channel("base_distance_m", base_distance_m, time_s), time_s.shape
+    )
     grade_rad = _channel("grade_rad", grade_rad, time_s)
     if accel_mps2 is None:
         accel_mps2 = np.gradient(speed_mps, time_s)
@@ -144,21 +159,30 @@ def conditions(
 def _channel(name: str, values: Any, time_s: NDArray[np.float64]) -> Any:
     channel = np.asarray(values, dtype=np.float64)
     if channel.shape not in ((), time_s.shape):
-        raise ValueError(f"{name} has shape {channel.shape}; allowed: one number or shape {time_s.shape}, as time_s")
+        raise ValueError(
+            f"{name} has shape {channel.shape}; allowed: one number or shape {time_s.shape}, as time_s"
+        )
     gaps = np.flatnonzero(~np.isfinite(channel))
     if len(gaps):
         sample = int(gaps[0])
-        raise ValueError(f"{name} = {channel.flat[sample]} at sample {sample} is not finite; fill or cut the gap first")
+        raise ValueError(
+            f"{name} = {channel.flat[sample]} at sample {sample} is not finite; fill or cut the gap first"
+        )
     return channel
 
 
-def _direction(direction: Any, base_distance_m: Any, speed_mps: Any, time_s: NDArray[np.float64]) -> Any:
-    """The direction as recorded or, if it was not (None), by the distance from base or the speed."""
+def _direction(
+    direction: Any, base_distance_m: Any, speed_mps: Any, time_s: NDArray[np.float64]
+) -> Any:
+    """The direction as recorded or, if it was not (None), by the distance from base or the
+    speed."""
     if direction is not None:
         direction = _channel("direction", direction, time_s)
         wrong = direction[np.abs(direction) != 1.0]
         if len(wrong):
-            raise ValueError(f"direction = {wrong[0]:g} is not allowed; give 1 on the way out and -1 on the way home")
+            raise ValueError(
+                f"direction = {wrong[0]:g} is not allowed; give 1 on the way out and -1 on the way home"
+            )
         return direction
     growth = np.gradient(base_distance_m, time_s)
     changing = growth != 0.0
@@ -174,7 +198,19 @@ def _direction(direction: Any, base_distance_m: Any, speed_mps: Any, time_s: NDA
 def _replay(robots: Any, states: Any, time_s: Any, samples: Any, output: Any) -> None:
     p = robots[0]
     s = states[0]
-    speed, sensing, accel, sine, cosine, yaw_rate, roughness, headwind, temperature, distance, direction = samples
+    (
+        speed,
+        sensing,
+        accel,
+        sine,
+        cosine,
+        yaw_rate,
+        roughness,
+        headwind,
+        temperature,
+        distance,
+        direction,
+    ) = samples
     for i in range(len(time_s)):
         # Backwards a robot meets the slope and the acceleration with the other sign.
         forward = 1.0 if speed[i] >= 0.0 else -1.0

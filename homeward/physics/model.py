@@ -1,9 +1,10 @@
-"""The battery-dissemination model: the paper's equations as plain functions, numbered as the paper numbers them.
+"""The battery-dissemination model: the paper's equations as plain functions, numbered as the paper
+numbers them.
 
 Each takes a `Robot` (or its record, inside compiled kernels) and floats or arrays that broadcast.
 
-Source: Tiwari, Xiao, Chong, Estimating Achievable Range of Ground Robots Operating on Single Battery Discharge for
-Operational Efficacy Amelioration, IROS 2018, arXiv 1811.03159.
+Source: Tiwari, Xiao, Chong, Estimating Achievable Range of Ground Robots Operating on Single
+Battery Discharge for Operational Efficacy Amelioration, IROS 2018, arXiv 1811.03159.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ GRADES = Bounds(-math.pi / 2, math.pi / 2)
 def traction_efficiency(robot: Any) -> Any:
     """Gamma: share of the drive's input energy that becomes traction work.
 
-    The paper's text gives the friction loss eta3 as 91.8 %, its Table I as an efficiency of 9.2 %. The presets use the
-    table, which reproduces the paper's Omega.
+    The paper's text gives the friction loss eta3 as 91.8 %, its Table I as an efficiency of 9.2 %.
+    The presets use the table, which reproduces the paper's Omega.
 
     Source: the paper, below Eq. 7: Gamma = (1 - eta2)(1 - eta3).
     """
@@ -54,7 +55,8 @@ def drag_force(robot: Any, speed_mps: Any) -> Any:
 
 @inline
 def headwind(from_east_mps: Any, from_north_mps: Any, east: Any, north: Any) -> Any:
-    """Component of a wind against a direction of travel (a unit vector), m/s; negative from behind."""
+    """Component of a wind against a direction of travel (a unit vector), m/s; negative from
+    behind."""
     return from_east_mps * east + from_north_mps * north
 
 
@@ -72,9 +74,11 @@ def grade_force(robot: Any, sin_grade: Any) -> Any:
 
 
 def traction_force(robot: Any, speed_mps: Any, grade_rad: Any) -> Any:
-    """Force at the wheels at constant speed, N (Eq. 3). Times a distance it is the manoeuvring energy of Eq. 4.
+    """Force at the wheels at constant speed, N (Eq. 3). Times a distance it is the manoeuvring
+    energy of Eq. 4.
 
-    It is negative on descents steeper than tan(theta) = -C_rr, where the robot brakes: see `drive_power`.
+    It is negative on descents steeper than tan(theta) = -C_rr, where the robot brakes: see
+    `drive_power`.
 
     Args:
         robot: The robot.
@@ -94,13 +98,16 @@ def traction_force(robot: Any, speed_mps: Any, grade_rad: Any) -> Any:
     speed_mps = checked("speed_mps", speed_mps, NOT_NEGATIVE)
     grade_rad = checked("grade_rad", grade_rad, GRADES)
     return (
-        rolling_force(robot, np.cos(grade_rad)) + drag_force(robot, speed_mps) + grade_force(robot, np.sin(grade_rad))
+        rolling_force(robot, np.cos(grade_rad))
+        + drag_force(robot, speed_mps)
+        + grade_force(robot, np.sin(grade_rad))
     )
 
 
 @inline
 def watts_per_newton(robot: Any, speed_mps: Any) -> Any:
-    """Electrical power of the drive per force at the wheels, v / Gamma, W/N (second part of Eq. 7)."""
+    """Electrical power of the drive per force at the wheels, v / Gamma, W/N (second part of Eq.
+    7)."""
     return speed_mps / traction_efficiency(robot)
 
 
@@ -108,11 +115,11 @@ def watts_per_newton(robot: Any, speed_mps: Any) -> Any:
 def drive_power(robot: Any, force_n: Any, speed_mps: Any) -> Any:
     """Electrical power of the drive, W: F v / Gamma, and 0 where the force is negative.
 
-    Dividing a negative force by Gamma would return more energy than gravity supplied. Only the effect `regeneration`
-    returns energy, at most |F| v.
+    Dividing a negative force by Gamma would return more energy than gravity supplied. Only the
+    effect `regeneration` returns energy, at most |F| v.
 
-    On level ground at 1 m/s, without drag, where the paper's Table III has 4.82 to 6.85 W (its speed fell with the
-    load):
+    On level ground at 1 m/s, without drag, where the paper's Table III has 4.82 to 6.85 W (its
+    speed fell with the load):
 
     >>> import homeward
     >>> rusti = homeward.load_robot("rusti")
@@ -130,7 +137,8 @@ def sensing_power(robot: Any, sensing_hz: Any) -> Any:
 
 @inline
 def computer_power(robot: Any, sensing_hz: Any) -> Any:
-    """Power of the embedded computer, W: off when nothing is sensed, rising with the sensing rate (part of P_C)."""
+    """Power of the embedded computer, W: off when nothing is sensed, rising with the sensing rate
+    (part of P_C)."""
     return (sensing_hz > 0.0) * (robot.computer_w + robot.computer_j_per_sample * sensing_hz)
 
 
@@ -172,9 +180,9 @@ overload(ancillary_power, strict=False)(lambda *_: _ancillary_power)
 def usable_energy(robot: Any, cycles: Any, age: Any) -> Any:
     """Battery energy left after charge cycles and age, E_O exp(-(k1 C + k2 t)), J (Eq. 6).
 
-    The paper gives k1 and k2 no unit. Taken per cycle, ten cycles would consume 71 % of the battery, so C and t are
-    normalised, and a robot file states what one unit is. As in the paper, the battery loss eta1 is part of this
-    equation and of Omega, not a factor of its own.
+    The paper gives k1 and k2 no unit. Taken per cycle, ten cycles would consume 71 % of the
+    battery, so C and t are normalised, and a robot file states what one unit is. As in the paper,
+    the battery loss eta1 is part of this equation and of Omega, not a factor of its own.
 
     Args:
         robot: The robot.
@@ -208,10 +216,12 @@ def ideal_range(robot: Any) -> Any:
 
 
 def composition(parts_w: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    """Minimum and maximum share of each part in the total power, by the rule of the paper's Table III.
+    """Minimum and maximum share of each part in the total power, by the rule of the paper's Table
+    III.
 
-    A share is minimal if the part is at its minimum and all others are at their maximum, and vice versa. The range that
-    the table prints for sensing, 0.46 to 0.54 %, does not follow from this rule.
+    A share is minimal if the part is at its minimum and all others are at their maximum, and vice
+    versa. The range that the table prints for sensing, 0.46 to 0.54 %, does not follow from this
+    rule.
 
     Args:
         parts_w: Minimum and maximum power of each part, W.

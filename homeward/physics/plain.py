@@ -1,4 +1,5 @@
-"""Kernels' formulas in plain Python: fast enough where one robot asks now and then, and nothing is compiled."""
+"""Kernels' formulas in plain Python: fast enough where one robot asks now and then, and nothing is
+compiled."""
 
 from __future__ import annotations
 
@@ -9,7 +10,8 @@ from numpy.typing import NDArray
 
 
 class PlainRecord(np.record):  # type: ignore[misc] # NumPy's types call the base final; NumPy itself derives from it
-    """A record as formulas expect it: fields are attributes and, as in compiled code, single precision only stores."""
+    """A record as formulas expect it: fields are attributes and, as in compiled code, single
+    precision only stores."""
 
     def __getattribute__(self, name: str) -> Any:
         value = super().__getattribute__(name)

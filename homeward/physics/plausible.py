@@ -16,7 +16,8 @@ class PlausibilityWarning(UserWarning):
 
 
 def implausible(robot: Any) -> list[str]:
-    """Parameters of a robot outside the range of known ground robots, each in a phrase with that range.
+    """Parameters of a robot outside the range of known ground robots, each in a phrase with that
+    range.
 
     >>> from homeward.physics import load_robot
     >>> implausible(load_robot("husky"))

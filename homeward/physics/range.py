@@ -1,5 +1,5 @@
-"""Range on one battery charge: the paper's Eqs. 4, 7 and 8, and the kernel's range where effects are active; and what
-a leg of a route consumes."""
+"""Range on one battery charge: the paper's Eqs. 4, 7 and 8, and the kernel's range where effects
+are active; and what a leg of a route consumes."""
 
 from __future__ import annotations
 
@@ -18,18 +18,23 @@ from homeward.physics.log_replay import Recorded, conditions
 from homeward.physics.robot import Robot
 from homeward.physics.uncertainty import Uncertainty
 
-_SPEED_GRID = 201  # chosen: a step is half a per cent of the span of speeds, and the optimum is flat
+# chosen: a step is half a per cent of the span of speeds, and the optimum is flat
+_SPEED_GRID = 201
 _SPEEDS = Bounds(0.0, np.inf, open_low=True, open_high=True)
 _DUTIES = Bounds(0.0, 1.0, open_low=True)
-_HALF_90 = 1.645  # standard deviations from the mean to either end of a normal distribution's central 90 %
-_STEP = 1e-3  # relative change of a parameter for a derivative; chosen: small, and far above rounding
+# standard deviations from the mean to either end of a normal distribution's central 90 %
+_HALF_90 = 1.645
+# relative change of a parameter for a derivative; chosen: small, and far above rounding
+_STEP = 1e-3
 _IDLE = "sensing_idle_w", "communication_w", "controller_w"
-_AT_REST = *_IDLE, "computer_w"  # what a robot that stands draws; of these, a diagnosis fits the former
+# what a robot that stands draws; of these, a diagnosis fits the former
+_AT_REST = *_IDLE, "computer_w"
 _SAMPLE = "sensing_j_per_sample", "computer_j_per_sample"
 
 
 class RouteLike(Protocol):
-    """A way cut into places of equal length, such as `homeward.envs.routes.Route`; arrays of shape (places,)."""
+    """A way cut into places of equal length, such as `homeward.envs.routes.Route`; arrays of shape
+    (places,)."""
 
     @property
     def place_m(self) -> float:
@@ -76,12 +81,17 @@ def manoeuvring_energy(force_n: Any, distance_m: Any) -> Any:
 
 
 def mission_energy(
-    robot: Robot, distance_m: Any, speed_mps: Any, grade_rad: Any = 0.0, duty: Any = 1.0, sensing_hz: Any = 0.0
+    robot: Robot,
+    distance_m: Any,
+    speed_mps: Any,
+    grade_rad: Any = 0.0,
+    duty: Any = 1.0,
+    sensing_hz: Any = 0.0,
 ) -> Any:
     """Battery energy of a mission of a given length, J (Eq. 7): d { P_anc / (v D) + F / Gamma }.
 
-    The paper also writes AE = eta4 E. That contradicts Eq. 7 and its Table I, so Eq. 7 is the model. A negative force
-    (a steep descent) consumes nothing.
+    The paper also writes AE = eta4 E. That contradicts Eq. 7 and its Table I, so Eq. 7 is the
+    model. A negative force (a steep descent) consumes nothing.
 
     Args:
         robot: The robot; its effects are not part of the equation.
@@ -100,12 +110,14 @@ def mission_energy(
     return distance_m * _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
 
 
-def optimal_speed(robot: Robot, grade_rad: Any = 0.0, duty: Any = 1.0, sensing_hz: Any = 0.0) -> Any:
+def optimal_speed(
+    robot: Robot, grade_rad: Any = 0.0, duty: Any = 1.0, sensing_hz: Any = 0.0
+) -> Any:
     """Speed with the longest range, m/s: (P_anc Gamma / (2 c D))^(1/3), within the robot's limits.
 
-    The minimum of Eq. 7 over v at a fixed duty cycle. Without drag the highest speed is optimal. On a descent that the
-    robot rolls down without power it is at least the speed at which drag balances gravity. With active effects, the
-    kernel's range is maximised instead.
+    The minimum of Eq. 7 over v at a fixed duty cycle. Without drag the highest speed is optimal. On
+    a descent that the robot rolls down without power it is at least the speed at which drag
+    balances gravity. With active effects, the kernel's range is maximised instead.
 
     Args:
         robot: The robot.
@@ -151,7 +163,8 @@ def d_max(
 ) -> Any:
     """Range on one battery charge, m (Eq. 8): E / { P_anc / (v D) + F(v) / Gamma }.
 
-    For a robot with effects the kernel drives until the battery is empty. Without effects the kernel and Eq. 8 agree.
+    For a robot with effects the kernel drives until the battery is empty. Without effects the
+    kernel and Eq. 8 agree.
 
     Args:
         robot: The robot.
@@ -159,12 +172,14 @@ def d_max(
         grade_rad: Slope angle, rad, any shape.
         duty: Duty cycle D, share of the time spent moving, in (0, 1], any shape.
         sensing_hz: Sensing rate, Hz, any shape.
-        energy_j: Energy in the battery, J, any shape; the robot's usable energy (Eq. 6) if left out.
+        energy_j: Energy in the battery, J, any shape; the robot's usable energy (Eq. 6) if left
+            out.
 
     Raises:
         ValueError: A value is outside its bounds.
 
-    The paper measured 1.368, 2.143 and 2.87 h on its box at these duty cycles; its equations, which neglect drag, give:
+    The paper measured 1.368, 2.143 and 2.87 h on its box at these duty cycles; its equations, which
+    neglect drag, give:
 
     >>> import dataclasses, homeward
     >>> rusti = dataclasses.replace(homeward.load_robot("rusti"), drag_ns2_per_m2=0.0)
@@ -189,10 +204,11 @@ def d_max(
 def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.0) -> Leg:
     """Energy that a leg from A to B consumes, with its 90 % interval.
 
-    The robot drives the route's slopes and bends at a steady speed, with a charged battery, in calm air, by the
-    compiled model with its effects; a bend is spread over its place. The interval is that of the file's table
-    `[uncertainty]`: of its parameters as they count on this leg, of what differs between runs, and of unexplained power
-    over its length. A file without it (or with one of motor charge) has generic ranges, `homeward.physics.thresholds`.
+    The robot drives the route's slopes and bends at a steady speed, with a charged battery, in calm
+    air, by the compiled model with its effects; a bend is spread over its place. The interval is
+    that of the file's table `[uncertainty]`: of its parameters as they count on this leg, of what
+    differs between runs, and of unexplained power over its length. A file without it (or with one
+    of motor charge) has generic ranges, `homeward.physics.thresholds`.
 
     Args:
         robot: The robot.
@@ -201,7 +217,8 @@ def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.
         sensing_hz: Sensing rate, Hz.
 
     Raises:
-        ValueError: A value is outside its bounds, or the file's uncertainty names a parameter that it does not have.
+        ValueError: A value is outside its bounds, or the file's uncertainty names a parameter that
+            it does not have.
 
     A kilometre uphill at 5 %, then one downhill, by a robot whose file states no uncertainty:
 
@@ -230,7 +247,9 @@ def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.
 def _driven(route: RouteLike, speed_mps: float, sensing_hz: float) -> tuple[float, Recorded]:
     """Length of a route, m, and its steady drive."""
     grade_rad = np.asarray(checked("grade_rad", route.grade_rad, model.GRADES), np.float64)
-    heading_rad = np.unwrap(np.asarray(checked("heading_rad", route.heading_rad, FINITE), np.float64))
+    heading_rad = np.unwrap(
+        np.asarray(checked("heading_rad", route.heading_rad, FINITE), np.float64)
+    )
     place_m = float(checked("place_m", route.place_m, _SPEEDS))
     length_m = place_m * len(grade_rad)
     if len(grade_rad) == 1:  # of one place: two halves, because a drive has two samples
@@ -257,7 +276,8 @@ def _variance(robot: Robot, driven: Recorded, mean_j: float, length_m: float) ->
     in_file = robot.uncertainty
 
     def per_share(name: str) -> float:
-        """Change of the energy by the relative change of a parameter, J; downwards, so that a share stays one."""
+        """Change of the energy by the relative change of a parameter, J; downwards, so that a share
+        stays one."""
         return (mean_j - _consumed(_changed(robot, name, 1.0 - _STEP), driven)) / _STEP
 
     stated = in_file
@@ -268,7 +288,9 @@ def _variance(robot: Robot, driven: Recorded, mean_j: float, length_m: float) ->
         slopes_j = np.array([per_share(name) for name in stated.fitted])
         of_parameters = float(slopes_j @ np.array(stated.covariance) @ slopes_j)
     if in_file is None or in_file.of != "energy":
-        generic_sds_j = (share * per_share(name) for name, share in _not_stated(stated.fitted).items())
+        generic_sds_j = (
+            share * per_share(name) for name, share in _not_stated(stated.fitted).items()
+        )
         generic = sum(sd_j**2 for sd_j in generic_sds_j)
         omitted_j = thresholds.OMITTED * mean_j
         return of_parameters + generic + omitted_j**2
@@ -283,7 +305,8 @@ def _variance(robot: Robot, driven: Recorded, mean_j: float, length_m: float) ->
 def _not_stated(measured: tuple[str, ...]) -> dict[str, float]:
     """Relative standard deviations of what was not measured, by name.
 
-    A payload is rolled, too; where the resistance was measured, with the load of the test, it changes the climbs alone.
+    A payload is rolled, too; where the resistance was measured, with the load of the test, it
+    changes the climbs alone.
     """
     shares = {}
     load = "mass"
@@ -308,7 +331,9 @@ def _changed(robot: Robot, name: str, factor: float) -> Robot:
         return dataclasses.replace(robot, rolling_resistance=robot.rolling_resistance * factor)
     if name == "mass":
         rolling_resistance = min(robot.rolling_resistance / factor, 1.0)
-        return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor, rolling_resistance=rolling_resistance)
+        return dataclasses.replace(
+            robot, mass_kg=robot.mass_kg * factor, rolling_resistance=rolling_resistance
+        )
     if name == "payload":
         return dataclasses.replace(robot, mass_kg=robot.mass_kg * factor)
     fields_of = {
@@ -316,20 +341,29 @@ def _changed(robot: Robot, name: str, factor: float) -> Robot:
     }  # fmt: skip
     fields = fields_of.get(name, ())
     if fields:
-        return dataclasses.replace(robot, **{field: getattr(robot, field) * factor for field in fields})
+        return dataclasses.replace(
+            robot, **{field: getattr(robot, field) * factor for field in fields}
+        )
     effect, _, parameter = name.partition(".")
     if parameter == "track_m":
         return dataclasses.replace(robot, track_m=robot.track_m * factor)
     numbers = dict(robot.effects.get(effect, {}))
     if parameter not in numbers:
-        raise ValueError(f"uncertainty.fitted names {name!r}, which robot {robot.name!r} does not have")
+        raise ValueError(
+            f"uncertainty.fitted names {name!r}, which robot {robot.name!r} does not have"
+        )
     numbers[parameter] *= factor
     return dataclasses.replace(robot, effects={**robot.effects, effect: numbers})
 
 
-def _energy_per_metre(robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any) -> Any:
+def _energy_per_metre(
+    robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any
+) -> Any:
     force_n = np.maximum(model.traction_force(robot, speed_mps, grade_rad), 0.0)
-    return model.ancillary_power(robot, sensing_hz) / (speed_mps * duty) + force_n / robot.traction_efficiency
+    return (
+        model.ancillary_power(robot, sensing_hz) / (speed_mps * duty)
+        + force_n / robot.traction_efficiency
+    )
 
 
 def _checked_way(grade_rad: Any, duty: Any, sensing_hz: Any) -> Any:
@@ -374,7 +408,8 @@ def _steady(speed_mps: float, sensing_hz: float, grade_rad: float, roughness: fl
 
 @compiled
 def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, duty: float) -> Any:
-    """Distance on one charge, m: drives and stands in turn, in cycles that consume a thousandth of the charge each."""
+    """Distance on one charge, m: drives and stands in turn, in cycles that consume a thousandth of
+    the charge each."""
     p = robots[0]
     s = states[0]
     charge_j = s.energy_j
@@ -391,13 +426,15 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
         advance(p, s, driving, duty * cycle_s)
         if duty < 1.0:
             advance(p, s, standing, (1.0 - duty) * cycle_s)
-            if s.depleted and spent_j > 0.0:  # the share of a cycle for which the rest of the charge is enough
+            # the share of a cycle for which the rest of the charge is enough
+            if s.depleted and spent_j > 0.0:
                 return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
         spent_j = before_j - s.energy_j
         # A descent may consume nothing; effects with a memory may still change that.
         if spent_j <= 0.0 and cycle_s > thresholds.LONGEST_MEMORY_S:
             return np.inf
-        if spent_j < 1e-3 * charge_j:  # longer cycles, for the number of steps; what one spends grows with it
+        # longer cycles, for the number of steps; what one spends grows with it
+        if spent_j < 1e-3 * charge_j:
             cycle_s = 2.0 * cycle_s
             spent_j = 2.0 * spent_j
     return s.distance_m

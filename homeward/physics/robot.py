@@ -1,5 +1,5 @@
-"""A robot: the parameters of the model, read from a TOML file, checked, and turned into a record for compiled
-kernels."""
+"""A robot: the parameters of the model, read from a TOML file, checked, and turned into a record
+for compiled kernels."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ from homeward.physics.uncertainty import Uncertainty, UncertaintyError, from_tab
 
 
 class RobotError(ValueError):
-    """A robot file or value that cannot be used: the message names the field, the value and what is allowed."""
+    """A robot file or value that cannot be used: the message names the field, the value and what is
+    allowed."""
 
 
 def _quantity(section: str, meaning: str, bounds: Bounds, default: float | None = None) -> Any:
@@ -40,7 +41,8 @@ def _quantity(section: str, meaning: str, bounds: Bounds, default: float | None 
     return field(default=default, metadata=metadata)
 
 
-# Chosen: far beyond any robot, and safe from overflow; `homeward.physics.plausible` has the typical ranges.
+# Chosen: far beyond any robot, and safe from overflow; `homeward.physics.plausible` has the typical
+# ranges.
 _POSITIVE = Bounds(0.0, 1e6, open_low=True)
 _NOT_NEGATIVE = Bounds(0.0, 1e6)
 _SPEED = Bounds(0.0, 100.0, open_low=True)
@@ -49,10 +51,11 @@ _LOSS = Bounds(0.0, 1.0, open_high=True)
 
 @dataclass(frozen=True)
 class Robot:
-    """A ground robot on one battery charge: the parameters of the battery-dissemination model, all in SI units.
+    """A ground robot on one battery charge: the parameters of the battery-dissemination model, all
+    in SI units.
 
-    It is frozen: `dataclasses.replace(robot, mass_kg=1.0)` returns a changed copy, checked as a file is checked.
-    Derived quantities are properties.
+    It is frozen: `dataclasses.replace(robot, mass_kg=1.0)` returns a changed copy, checked as a
+    file is checked. Derived quantities are properties.
 
     Raises:
         RobotError: A value is missing, not a number or outside what is physically allowed.
@@ -66,7 +69,9 @@ class Robot:
         "body", "rolling resistance coefficient C_rr", Bounds(0.0, 1.0, open_low=True)
     )
     drag_ns2_per_m2: float = _quantity("body", "c of the air drag c v^2, N s^2/m^2", _NOT_NEGATIVE)
-    rated_energy_j: float = _quantity("battery", "rated battery energy E_O, J", Bounds(0.0, 1e12, open_low=True))
+    rated_energy_j: float = _quantity(
+        "battery", "rated battery energy E_O, J", Bounds(0.0, 1e12, open_low=True)
+    )
     nominal_voltage_v: float = _quantity("battery", "nominal battery voltage, V", _POSITIVE)
     motor_loss: float = _quantity("drive", "motor loss eta2, a share", _LOSS)
     friction_loss: float = _quantity("drive", "internal friction loss eta3, a share", _LOSS)
@@ -77,16 +82,26 @@ class Robot:
     max_sensing_hz: float = _quantity("ancillary", "fastest sensing rate, Hz", _POSITIVE)
     communication_w: float = _quantity("ancillary", "radio, part of P_C, W", _NOT_NEGATIVE)
     controller_w: float = _quantity("ancillary", "micro-controller, part of P_C, W", _NOT_NEGATIVE)
-    computer_w: float = _quantity("ancillary", "computer when sensing starts, part of P_C, W", _NOT_NEGATIVE, 0.0)
-    computer_j_per_sample: float = _quantity("ancillary", "rise of the computer's power per Hz, J", _NOT_NEGATIVE, 0.0)
+    computer_w: float = _quantity(
+        "ancillary", "computer when sensing starts, part of P_C, W", _NOT_NEGATIVE, 0.0
+    )
+    computer_j_per_sample: float = _quantity(
+        "ancillary", "rise of the computer's power per Hz, J", _NOT_NEGATIVE, 0.0
+    )
     ancillary_loss: float = _quantity("ancillary", "ancillary loss eta4, a share", _LOSS, 0.0)
-    cycles: float = _quantity("battery", "charge cycles C, in the unit k1 is per", _NOT_NEGATIVE, 0.0)
+    cycles: float = _quantity(
+        "battery", "charge cycles C, in the unit k1 is per", _NOT_NEGATIVE, 0.0
+    )
     age: float = _quantity("battery", "age t, in the unit k2 is per", _NOT_NEGATIVE, 0.0)
     cycle_fade: float = _quantity("battery", "k1, fade per unit of cycles", _NOT_NEGATIVE, 0.0)
     age_fade: float = _quantity("battery", "k2, fade per unit of age", _NOT_NEGATIVE, 0.0)
     storage_loss: float = _quantity("battery", "battery loss eta1, a share", _LOSS, 0.0)
-    track_m: float = _quantity("body", "distance between left and right wheels, m (0: unknown)", _NOT_NEGATIVE, 0.0)
-    traction_n_per_a: float = _quantity("drive", "wheel thrust per ampere, N/A (0: unknown)", _NOT_NEGATIVE, 0.0)
+    track_m: float = _quantity(
+        "body", "distance between left and right wheels, m (0: unknown)", _NOT_NEGATIVE, 0.0
+    )
+    traction_n_per_a: float = _quantity(
+        "drive", "wheel thrust per ampere, N/A (0: unknown)", _NOT_NEGATIVE, 0.0
+    )
     rest_current_a: float = _quantity("drive", "motor current at rest, A", _NOT_NEGATIVE, 0.0)
     description: str = ""
     chemistry: str = battery.FLAT
@@ -103,7 +118,8 @@ class Robot:
         for quantity in _QUANTITIES:
             value = getattr(self, quantity.name)
             bounds = quantity.metadata["bounds"]
-            # Fits make thousands of robots, nearly all of whose numbers are floats that are allowed.
+            # Fits make thousands of robots, nearly all of whose numbers are floats that are
+            # allowed.
             if type(value) is not float or not bounds.hold(value):
                 checked = _checked(f"{quantity.metadata['section']}.{quantity.name}", value, bounds)
                 object.__setattr__(self, quantity.name, checked)
@@ -131,17 +147,21 @@ class Robot:
     def active_effects(self) -> tuple[str, ...]:
         """Ids of the active effects: those whose first parameter is not zero."""
         return tuple(
-            effect.id for effect in EFFECTS if self.effects.get(effect.id, _OFF).get(effect.switch.name, 0.0) != 0.0
+            effect.id
+            for effect in EFFECTS
+            if self.effects.get(effect.id, _OFF).get(effect.switch.name, 0.0) != 0.0
         )
 
     @property
     def traction_efficiency(self) -> float:
-        """Gamma = (1 - eta2)(1 - eta3): share of the drive's input energy that becomes traction work."""
+        """Gamma = (1 - eta2)(1 - eta3): share of the drive's input energy that becomes traction
+        work."""
         return float(model.traction_efficiency(self))
 
     @property
     def overall_efficiency(self) -> float:
-        """Omega = (1 - eta1)(1 - eta2)(1 - eta3)(1 - eta4), the paper's overall system efficiency (Table I)."""
+        """Omega = (1 - eta1)(1 - eta2)(1 - eta3)(1 - eta4), the paper's overall system efficiency
+        (Table I)."""
         return (1.0 - self.storage_loss) * self.traction_efficiency * (1.0 - self.ancillary_loss)
 
     @functools.cached_property
@@ -166,7 +186,9 @@ class Robot:
             table = self.effects.get(effect.id, _OFF)
             if table.get(effect.switch.name, 0.0) != 0.0:
                 active |= 1 << bit
-            of_effects += [table.get(parameter.name, parameter.default) for parameter in effect.parameters]
+            of_effects += [
+                table.get(parameter.name, parameter.default) for parameter in effect.parameters
+            ]
         of_robot = (getattr(self, quantity.name) for quantity in _QUANTITIES)
         squares_v2 = _squares_v2(self.chemistry, self.cells_in_series, self.open_circuit_v)
         return np.array([(active, *of_robot, *of_effects, squares_v2)], ROBOT_DTYPE)
@@ -175,16 +197,23 @@ class Robot:
         """Text of a robot file that `load_robot` reads back as an equal robot.
 
         Args:
-            comments: Comment for the line of a field, by field name; of a number of an effect as `effect.number`.
+            comments: Comment for the line of a field, by field name; of a number of an effect as
+                `effect.number`.
         """
-        lines = [f"name = {_toml_string(self.name)}", f"description = {_toml_string(self.description)}"]
+        lines = [
+            f"name = {_toml_string(self.name)}",
+            f"description = {_toml_string(self.description)}",
+        ]
         for section in ("body", "battery", "drive", "ancillary"):
             lines += ["", f"[{section}]"]
             for quantity in _QUANTITIES:
                 if quantity.metadata["section"] == section:
                     note = comments.get(quantity.name, quantity.metadata["meaning"])
-                    printable = "".join(sign if sign.isprintable() else " " for sign in note)  # nor a second line
-                    lines.append(f"{quantity.name} = {getattr(self, quantity.name)!r}  # {printable}")
+                    # nor a second line
+                    printable = "".join(sign if sign.isprintable() else " " for sign in note)
+                    lines.append(
+                        f"{quantity.name} = {getattr(self, quantity.name)!r}  # {printable}"
+                    )
             if section == "battery":
                 lines += self._curve_lines()
         for effect_id, parameters in self.effects.items():
@@ -224,26 +253,32 @@ ROBOT_DTYPE = np.dtype(
     + [("squares_v2", np.float32, (battery.CELLS + 1,))],
     align=True,
 )
-"""One robot as a record: the fields of `Robot`, the parameters of every effect, the bits of those switched on, and the
-open-circuit curve."""
+"""One robot as a record: the fields of `Robot`, the parameters of every effect, the bits of those
+switched on, and the open-circuit curve."""
 
 
 @functools.lru_cache(maxsize=64)
 def _curve(chemistry: str, cells: int, points: tuple[tuple[float, float], ...]) -> battery.Curve:
     if chemistry == battery.FLAT:
         return battery.curve_of(points)
-    return battery.curve_of([(share, cells * volts) for share, volts in battery.CHEMISTRIES[chemistry]])
+    return battery.curve_of(
+        [(share, cells * volts) for share, volts in battery.CHEMISTRIES[chemistry]]
+    )
 
 
 @functools.lru_cache(maxsize=64)
-def _squares_v2(chemistry: str, cells: int, points: tuple[tuple[float, float], ...]) -> NDArray[np.float32]:
+def _squares_v2(
+    chemistry: str, cells: int, points: tuple[tuple[float, float], ...]
+) -> NDArray[np.float32]:
     return battery.squares_of(_curve(chemistry, cells, points))
 
 
 def preset_names() -> list[str]:
     """Names of the shipped robots."""
     return sorted(
-        entry.name.removesuffix(".toml") for entry in _preset_folder().iterdir() if entry.name.endswith(".toml")
+        entry.name.removesuffix(".toml")
+        for entry in _preset_folder().iterdir()
+        if entry.name.endswith(".toml")
     )
 
 
@@ -251,7 +286,8 @@ def load_robot(robot: str | Path | Robot) -> Robot:
     """Load a robot by preset name or from a TOML file; a `Robot` is returned as it is.
 
     Args:
-        robot: Preset name (see `preset_names`), path of a TOML file ("-": standard input), or a `Robot`.
+        robot: Preset name (see `preset_names`), path of a TOML file ("-": standard input), or a
+            `Robot`.
 
     Raises:
         RobotError: Unknown name, unreadable file, or a field that is wrong, missing or unphysical.
@@ -296,11 +332,16 @@ def _from_tables(data: dict[str, Any]) -> Robot:
     sections: dict[str, dict[str, Any]] = {}
     for quantity in _QUANTITIES:
         sections.setdefault(quantity.metadata["section"], {})[quantity.name] = quantity
-    _refuse_unknown(data, ["name", "description", "effects", "uncertainty", "coast_down", *sections], "")
+    _refuse_unknown(
+        data, ["name", "description", "effects", "uncertainty", "coast_down", *sections], ""
+    )
     if "coast_down" in data:
         data = _with_coast_down(data)
     data = _with_rest_current(data)
-    values: dict[str, Any] = {"effects": data.get("effects", {}), "description": data.get("description", "")}
+    values: dict[str, Any] = {
+        "effects": data.get("effects", {}),
+        "description": data.get("description", ""),
+    }
     if "uncertainty" in data:
         values["uncertainty"] = _uncertainty_of(data["uncertainty"])
     if "name" not in data:
@@ -312,7 +353,8 @@ def _from_tables(data: dict[str, Any]) -> Robot:
 
 
 def _with_rest_current(data: dict[str, Any]) -> dict[str, Any]:
-    """Tables of a file with the motors' current at rest in `[drive]`; older files have it in `[uncertainty]`."""
+    """Tables of a file with the motors' current at rest in `[drive]`; older files have it in
+    `[uncertainty]`."""
     table = data.get("uncertainty")
     if not isinstance(table, Mapping) or "rest_current_a" not in table:
         return data
@@ -336,7 +378,9 @@ def _uncertainty_of(table: Any) -> Uncertainty:
 def _numbers_of(section: str, table: Any, quantities: Mapping[str, Any]) -> dict[str, Any]:
     """Values of a section by field; none is missing or unknown."""
     if not isinstance(table, dict):
-        raise RobotError(f"{section} = {table!r} is not a table; write [{section}] with {', '.join(quantities)}")
+        raise RobotError(
+            f"{section} = {table!r} is not a table; write [{section}] with {', '.join(quantities)}"
+        )
     of_curve = _CURVE_FIELDS if section == "battery" else ()
     _refuse_unknown(table, [*quantities, *of_curve], f"{section}.")
     values = {name: table[name] for name in of_curve if name in table}
@@ -345,7 +389,9 @@ def _numbers_of(section: str, table: Any, quantities: Mapping[str, Any]) -> dict
             values[name] = table[name]
         elif quantity.default is dataclasses.MISSING:
             meaning = quantity.metadata["meaning"]
-            raise RobotError(f"{section}.{name} is missing ({meaning}); give a number in {quantity.metadata['bounds']}")
+            raise RobotError(
+                f"{section}.{name} is missing ({meaning}); give a number in {quantity.metadata['bounds']}"
+            )
     return values
 
 
@@ -371,7 +417,9 @@ def _with_coast_down(data: dict[str, Any]) -> dict[str, Any]:
     return tables
 
 
-def _refuse_unknown(table: Mapping[str, Any], allowed: list[str], prefix: str, remedy: str = "") -> None:
+def _refuse_unknown(
+    table: Mapping[str, Any], allowed: list[str], prefix: str, remedy: str = ""
+) -> None:
     for name in table:
         if name not in allowed:
             hint = _belongs_in(str(name)) or _did_you_mean(str(name), allowed) or remedy
@@ -408,7 +456,9 @@ def _checked_curve(robot: Robot) -> tuple[tuple[float, float], ...]:
     """The points of a robot's own open-circuit curve, none if its chemistry has one."""
     allowed = (battery.FLAT, *battery.CHEMISTRIES)
     if robot.chemistry not in allowed:
-        raise RobotError(f"battery.chemistry = {robot.chemistry!r} is not known; choose {', '.join(allowed)}")
+        raise RobotError(
+            f"battery.chemistry = {robot.chemistry!r} is not known; choose {', '.join(allowed)}"
+        )
     if robot.chemistry != battery.FLAT:
         _check_cells(robot)
         return ()  # the curve is that of the chemistry
@@ -418,9 +468,14 @@ def _checked_curve(robot: Robot) -> tuple[tuple[float, float], ...]:
 
 
 def _checked_points(points: Any) -> tuple[tuple[float, float], ...]:
-    """Points (share of charge, V of the pack) of an open-circuit curve, none for a constant voltage."""
-    if not isinstance(points, list | tuple) or not all(isinstance(point, list | tuple) for point in points):
-        raise RobotError(f"battery.open_circuit_v = {points!r} is no list of [share of charge, V] pairs")
+    """Points (share of charge, V of the pack) of an open-circuit curve, none for a constant
+    voltage."""
+    if not isinstance(points, list | tuple) or not all(
+        isinstance(point, list | tuple) for point in points
+    ):
+        raise RobotError(
+            f"battery.open_circuit_v = {points!r} is no list of [share of charge, V] pairs"
+        )
     if not points:
         return ()
     checked = tuple(_checked_point(point) for point in points)
@@ -434,13 +489,17 @@ def _checked_points(points: Any) -> tuple[tuple[float, float], ...]:
     share_rises = all(low < high for low, high in itertools.pairwise(shares))
     voltage_falls = any(low > high for low, high in itertools.pairwise(volts))
     if voltage_falls or not share_rises:
-        raise RobotError("battery.open_circuit_v does not rise with the share of charge; sort its points")
+        raise RobotError(
+            "battery.open_circuit_v does not rise with the share of charge; sort its points"
+        )
     return checked
 
 
 def _checked_point(point: Any) -> tuple[float, float]:
     if len(point) != 2:
-        raise RobotError(f"battery.open_circuit_v has the point {point!r}; give [share of charge, V of the pack]")
+        raise RobotError(
+            f"battery.open_circuit_v has the point {point!r}; give [share of charge, V of the pack]"
+        )
     share = _checked("battery.open_circuit_v share", point[0], Bounds(0.0, 1.0))
     volts = _checked("battery.open_circuit_v voltage", point[1], _POSITIVE)
     return share, volts
@@ -477,7 +536,9 @@ def _checked_effects(effects: Any) -> Mapping[str, Mapping[str, float]]:
         effect = _EFFECT_BY_ID[effect_id]
         names = [parameter.name for parameter in effect.parameters]
         if not isinstance(parameters, Mapping):
-            raise RobotError(f"effects.{effect_id} = {parameters!r} is not a table with {', '.join(names)}")
+            raise RobotError(
+                f"effects.{effect_id} = {parameters!r} is not a table with {', '.join(names)}"
+            )
         _refuse_unknown(parameters, names, f"effects.{effect_id}.")
         if effect.switch.name not in parameters:
             raise RobotError(
@@ -488,7 +549,9 @@ def _checked_effects(effects: Any) -> Mapping[str, Mapping[str, float]]:
         for parameter in effect.parameters:
             value = parameters.get(parameter.name, parameter.default)
             bounds = Bounds(parameter.low, parameter.high)
-            values[parameter.name] = _checked(f"effects.{effect_id}.{parameter.name}", value, bounds)
+            values[parameter.name] = _checked(
+                f"effects.{effect_id}.{parameter.name}", value, bounds
+            )
         checked[effect_id] = values
     return checked
 
@@ -499,7 +562,8 @@ def _toml_string(text: str) -> str:
 
 
 def _escaped(sign: str) -> str:
-    """A sign of a text in TOML: quotes, backslashes and what cannot be printed by their code points."""
+    """A sign of a text in TOML: quotes, backslashes and what cannot be printed by their code
+    points."""
     if sign.isprintable() and sign not in '"\\':
         return sign
     if ord(sign) < 0x10000:

@@ -1,4 +1,5 @@
-"""Power that a meter at the battery's terminals measures: all but what is lost inside the battery."""
+"""Power that a meter at the battery's terminals measures: all but what is lost inside the
+battery."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Uncertainty of a robot file: of its parameters after a diagnosis, and of the robot's instruments."""
+"""Uncertainty of a robot file: of its parameters after a diagnosis, and of the robot's
+instruments."""
 
 from __future__ import annotations
 
@@ -22,8 +23,9 @@ _INSTRUMENTS: dict[str, float] = {
     "soc_noise": thresholds.MOST_ERROR, "soc_lag_s": thresholds.MOST_LAG_S, "speed_noise": thresholds.MOST_ERROR,
     "grade_noise": thresholds.MOST_ERROR,
 }  # fmt: skip
-"""Sizes of the instruments' errors, standard deviations unless `homeward.envs.conditions.instruments` says otherwise,
-and the upper limit of each. `reading_s` is the time between the readings of power that have its noise."""
+"""Sizes of the instruments' errors, standard deviations unless
+`homeward.envs.conditions.instruments` says otherwise, and the upper limit of each. `reading_s` is
+the time between the readings of power that have its noise."""
 
 
 class UncertaintyError(ValueError):
@@ -36,16 +38,18 @@ class Uncertainty:
 
     Attributes:
         source: Where it comes from.
-        fitted: Names of the fitted parameters: `idle_power`, `sample_energy`, `rolling`, `drag`, `mass`, `capacity`, or
-            those of effects, such as `turning.scrub`.
+        fitted: Names of the fitted parameters: `idle_power`, `sample_energy`, `rolling`, `drag`,
+            `mass`, `capacity`, or those of effects, such as `turning.scrub`.
         covariance: Covariance of their relative errors, shape (fitted, fitted).
-        between_runs: Relative standard deviation of a run's energy about the prediction; None if not known.
+        between_runs: Relative standard deviation of a run's energy about the prediction; None if
+            not known.
         unexplained: Standard deviation of unexplained power, relative to the mean power.
         unexplained_m: Correlation length of unexplained power, m.
         instruments: Sizes of the instruments' errors by name, as far as known.
-        of: `energy`, or `charge` if motor current was recorded, which follows torque and not power: shares then
-            refer to the charge; or `force` of a coast-down test and a scale (`homeward.physics.coast_down`): shares of
-            the forces at the wheels and of the mass, of which the losses of the drive are no part.
+        of: `energy`, or `charge` if motor current was recorded, which follows torque and not power:
+            shares then refer to the charge; or `force` of a coast-down test and a scale
+            (`homeward.physics.coast_down`): shares of the forces at the wheels and of the mass, of
+            which the losses of the drive are no part.
 
     Raises:
         UncertaintyError: A value is not allowed.
@@ -68,7 +72,9 @@ class Uncertainty:
         count = len(self.fitted)
         names = all(isinstance(name, str) for name in self.fitted)
         if not names or count > _MOST_NUMBERS or len(set(self.fitted)) != count:
-            raise UncertaintyError(f"fitted = {list(self.fitted)!r}; give at most {_MOST_NUMBERS} names, each once")
+            raise UncertaintyError(
+                f"fitted = {list(self.fitted)!r}; give at most {_MOST_NUMBERS} names, each once"
+            )
         self._check_covariance(count)
         if self.between_runs is not None:
             _check("between_runs", self.between_runs, highest=10.0)
@@ -89,12 +95,18 @@ class Uncertainty:
         except (TypeError, ValueError, OverflowError):
             matrix = np.full((1, 1), np.nan)  # which is refused
         if matrix.shape != (count, count) or not np.isfinite(matrix).all():
-            raise UncertaintyError(f"covariance is not a table of {count} x {count} numbers, one for each of fitted")
+            raise UncertaintyError(
+                f"covariance is not a table of {count} x {count} numbers, one for each of fitted"
+            )
         rounding = 1e-6 * max(np.abs(matrix).max(), 1e-300)
         if np.abs(matrix - matrix.T).max() > rounding:
-            raise UncertaintyError("covariance is not symmetric; give the covariance of each pair twice")
+            raise UncertaintyError(
+                "covariance is not symmetric; give the covariance of each pair twice"
+            )
         if np.linalg.eigvalsh(matrix).min() < -rounding:
-            raise UncertaintyError("covariance has a negative eigenvalue: no numbers vary so together")
+            raise UncertaintyError(
+                "covariance has a negative eigenvalue: no numbers vary so together"
+            )
 
     def variance(self, name: str) -> float | None:
         """Variance of a fitted parameter's relative error; None if it was not fitted.
@@ -108,9 +120,11 @@ class Uncertainty:
         return self.covariance[index][index]
 
     def unexplained_over(self, way_m: float) -> float:
-        """Standard deviation of unexplained power averaged over a distance, relative to the mean power.
+        """Standard deviation of unexplained power averaged over a distance, relative to the mean
+        power.
 
-        For an exponential correlation of length L, the mean over a distance x has the variance 2 L / x - 2 (L / x)^2 (1
+        For an exponential correlation of length L, the mean over a distance x has the variance 2 L
+        / x - 2 (L / x)^2 (1
         - exp(-x / L)), relative to that at a point.
 
         >>> uncertainty = Uncertainty(unexplained=0.3, unexplained_m=10.0)
@@ -134,11 +148,19 @@ class Uncertainty:
         rows = ", ".join(map(_row_text, self.covariance))
         lines.append(f"covariance = [{rows}]  # of their relative errors")
         if self.between_runs is not None:
-            lines.append(f"between_runs = {self.between_runs:.6g}  # relative standard deviation of a run's {self.of}")
-        lines.append(f"unexplained = {self.unexplained:.6g}  # relative standard deviation of unexplained power")
+            lines.append(
+                f"between_runs = {self.between_runs:.6g}  # relative standard deviation of a run's {self.of}"
+            )
+        lines.append(
+            f"unexplained = {self.unexplained:.6g}  # relative standard deviation of unexplained power"
+        )
         lines.append(f"unexplained_m = {self.unexplained_m:.6g}  # its correlation length, m")
         if self.instruments:
-            lines += ["", "[uncertainty.instruments]", *(f"{name} = {value:.6g}" for name, value in self.instruments)]
+            lines += [
+                "",
+                "[uncertainty.instruments]",
+                *(f"{name} = {value:.6g}" for name, value in self.instruments),
+            ]
         return "\n".join(lines) + "\n"
 
 
@@ -172,7 +194,9 @@ def from_table(table: Any) -> Uncertainty:
 
 def _check(name: str, value: Any, highest: float) -> None:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= highest:
-        raise UncertaintyError(f"{name} = {value!r} is not allowed; give a number in [0, {highest:g}]")
+        raise UncertaintyError(
+            f"{name} = {value!r} is not allowed; give a number in [0, {highest:g}]"
+        )
 
 
 def _row_text(row: tuple[float, ...]) -> str:

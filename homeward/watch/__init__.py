@@ -1,1 +1,2 @@
-"""Tests of the companion on recordings, replayed as if live, and predictions of routes before they are driven."""
+"""Tests of the companion on recordings, replayed as if live, and predictions of routes before they
+are driven."""

@@ -1,7 +1,8 @@
 """Charge of the motors: replay of recordings with motor current only.
 
-Motor current follows torque, not power, so there is no energy and no companion. The prediction comes from the robot
-file: the charge of the rest, scaled by the run's ratio so far within the spread between runs, and unexplained current.
+Motor current follows torque, not power, so there is no energy and no companion. The prediction
+comes from the robot file: the charge of the rest, scaled by the run's ratio so far within the
+spread between runs, and unexplained current.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 
 
 def watch_charge(run: Signals, robot: Robot) -> Watched:
-    """Replay a run with motor currents: at each moment the charge of the rest, A s, and the way still to drive.
+    """Replay a run with motor currents: at each moment the charge of the rest, A s, and the way
+    still to drive.
 
     Args:
         run: A run with motor currents.
@@ -40,7 +42,9 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
     took_as = rest_of(run.observed * step_s)
     expected_as = rest_of(current_a(run, robot) * step_s)
     if left_m[0] <= 0.0:
-        raise CompanionError(f"{run.name}: the robot stood all the time; there is no way to predict")
+        raise CompanionError(
+            f"{run.name}: the robot stood all the time; there is no way to predict"
+        )
     since_s = run.time_s - run.time_s[0]
     duration_s = float(since_s[-1])
     due_s = np.arange(0.0, duration_s, max(duration_s / WINDOWS, LEAST_WINDOW_S))
@@ -56,7 +60,9 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
         expected_so_far_as = float(expected_as[0] - expected_as[sample])
         measured_so_far_as = float(took_as[0] - took_as[sample])
         driven_m = float(left_m[0] - left_m[sample])
-        factor, variance = _factor_of_run(uncertainty, measured_so_far_as, expected_so_far_as, driven_m)
+        factor, variance = _factor_of_run(
+            uncertainty, measured_so_far_as, expected_so_far_as, driven_m
+        )
         way_m = max(float(left_m[sample]), thresholds.LEAST_WAY_M)
         unexplained = scale_of(uncertainty.unexplained_over(way_m))
         rest_as = float(expected_as[sample])
@@ -81,7 +87,8 @@ def watch_charge(run: Signals, robot: Robot) -> Watched:
 def _factor_of_run(
     uncertainty: Uncertainty, measured_as: float, expected_as: float, driven_m: float
 ) -> tuple[float, float]:
-    """The run's own factor of the expected charge: mean and variance of a prior of mean 1, updated with the run so far.
+    """The run's own factor of the expected charge: mean and variance of a prior of mean 1, updated
+    with the run so far.
 
     Args:
         uncertainty: That of the robot's file.

@@ -13,7 +13,8 @@ from homeward.watch.predictions import Array, Watched
 from homeward.watch.scores import Scores, missing, scores_of
 
 _BORDERS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)
-"""Borders of the rows: shares of a run's way left. Chosen: finer near home, where errors in metres decide."""
+"""Borders of the rows: shares of a run's way left. Chosen: finer near home, where errors in metres
+decide."""
 
 _LEAST_J = 1e-9  # to which nothing is relative; chosen: no division by zero
 
@@ -32,7 +33,8 @@ class Row:
         bias: Sum of predictions over that of measured values, less 1.
         error: Median absolute error, relative to the measured value.
         width: Median of half the interval, relative to the prediction.
-        crps: Sum of the continuous ranked probability scores over that of measured values; None without scoringrules.
+        crps: Sum of the continuous ranked probability scores over that of measured values; None
+            without scoringrules.
         interval_score: The same of the score of the 90 % interval.
     """
 

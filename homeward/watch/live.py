@@ -20,7 +20,8 @@ from homeward.companion.advice import HOME
 _PER_S = 8.0
 """Frames a second. Chosen: motion looks continuous."""
 _WARNINGS = 4
-"""Number of warnings shown; of those that differ only in numbers, the last. Chosen: a short panel."""
+"""Number of warnings shown; of those that differ only in numbers, the last. Chosen: a short
+panel."""
 
 
 def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[str, ...]) -> Panel:
@@ -42,7 +43,10 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
     grid.add_row("battery", _with_bar(share_left, _between(advice.energy_left_j), colour))
     way_home = f"{_between(advice.energy_home_j)}, {quantities.distance(advice.way_home_m)}"
     is_home = advice.home == HOME
-    grid.add_row(Text("way home" if is_home else f"way to {advice.home}"), _with_bar(share_home, way_home, "cyan"))
+    grid.add_row(
+        Text("way home" if is_home else f"way to {advice.home}"),
+        _with_bar(share_home, way_home, "cyan"),
+    )
     destination = "home" if is_home else "there"
     grid.add_row(f"probability of getting {destination}", Text(f"{advice.chance_home:.2%}"))
     for option in advice.others:
@@ -51,11 +55,15 @@ def view(name: str, advice: Advice, since_s: float, full_j: float, said: tuple[s
     if advice.turn_now:
         grid.add_row("point of no return", Text("TURN NOW", style="bold red"))
     else:
-        within = f"in {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}"
+        within = (
+            f"in {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}"
+        )
         grid.add_row("point of no return", Text(f"{within} (risk {advice.risk:g})"))
     for warning in said:
         grid.add_row("warning", Text(warning, style="yellow"))
-    return Panel(grid, title=Text(f"{name}: {quantities.duration(since_s)}"), box=box.ROUNDED, width=86)
+    return Panel(
+        grid, title=Text(f"{name}: {quantities.duration(since_s)}"), box=box.ROUNDED, width=86
+    )
 
 
 def _with_bar(share: float, text: str, style: str) -> Table:
@@ -89,7 +97,8 @@ class LiveView:
         self._speed = speed
         self._drawn_s = 0.0
         self._begun_s = time.monotonic()
-        self._said: dict[str, tuple[float, str]] = {}  # by kind: when it was first said so, and what
+        # by kind: when it was first said so, and what
+        self._said: dict[str, tuple[float, str]] = {}
         self._name = ""
 
     def __enter__(self) -> LiveView:
@@ -97,7 +106,10 @@ class LiveView:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._live.__exit__(kind, error, trace)
 
@@ -119,5 +131,7 @@ class LiveView:
         now_s = time.monotonic()
         if now_s - self._drawn_s >= 1.0 / _PER_S or since_s >= duration_s:
             self._drawn_s = now_s
-            said = tuple(f"{quantities.duration(at_s)}: {text}" for at_s, text in self._said.values())
+            said = tuple(
+                f"{quantities.duration(at_s)}: {text}" for at_s, text in self._said.values()
+            )
             self._live.update(view(name, advice, since_s, self._full_j, said), refresh=True)

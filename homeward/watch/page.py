@@ -23,12 +23,16 @@ _ROWS = 6
 """Moments of a run in the table below its plot. Chosen: a line for each fifth of the way."""
 _RESTS = {"J": "energy of the rest, kJ", "A s": "charge of the rest, kA s"}
 _BINS = 10
-"""Bars of the histogram of the probability integral transform. Chosen: the interval leaves a half of the outer ones."""
+"""Bars of the histogram of the probability integral transform. Chosen: the interval leaves a half
+of the outer ones."""
 _INK, _PREDICTED, _BAND = "#1f2933", "#0b7285", "rgba(11, 114, 133, 0.18)"
 
 
 def watch_html(
-    runs: Sequence[Watched], robot: Robot, dropped: Sequence[str] = (), notes: Sequence[tuple[str, str]] = ()
+    runs: Sequence[Watched],
+    robot: Robot,
+    dropped: Sequence[str] = (),
+    notes: Sequence[tuple[str, str]] = (),
 ) -> str:
     """The page, which needs no network; names from files are escaped.
 
@@ -71,7 +75,8 @@ def verdict(row: Row) -> str:
 
 
 def figure(runs: Sequence[Watched]) -> Markup:
-    """Energy of the rest over the way left, predicted with its interval and as measured; a panel a run."""
+    """Energy of the rest over the way left, predicted with its interval and as measured; a panel a
+    run."""
     shown = list(runs[:MOST_RUNS])
     count = len(shown)
     titles = [str(number) for number in range(1, count + 1)] if count > 1 else None
@@ -85,14 +90,22 @@ def figure(runs: Sequence[Watched]) -> Markup:
             x=around, y=band.round(4), fill="toself", fillcolor=_BAND, mode="none", name="90 % interval",
             hoverinfo="skip", showlegend=has_legend, legendgroup="band", row=row, col=1,
         )  # fmt: skip
-        for name, values, colour in (("predicted", run.mean_j, _PREDICTED), ("what it consumed", run.took_j, _INK)):
+        for name, values, colour in (
+            ("predicted", run.mean_j, _PREDICTED),
+            ("what it consumed", run.took_j, _INK),
+        ):
             panels.add_scatter(
                 x=run.left_m.round(1), y=(values / 1000.0).round(4), mode="lines", name=name,
                 line={"color": colour, "width": 1.6}, showlegend=has_legend, legendgroup=name, row=row, col=1,
             )  # fmt: skip
-        panels.update_yaxes(title_text=_RESTS[run.unit], rangemode="tozero", fixedrange=True, row=row, col=1)
-        panels.update_xaxes(title_text="way left, m", autorange="reversed", fixedrange=True, row=row, col=1)
-    panels.update_annotations(x=0.0, xanchor="left")  # in the middle, they would touch the title of the axis above
+        panels.update_yaxes(
+            title_text=_RESTS[run.unit], rangemode="tozero", fixedrange=True, row=row, col=1
+        )
+        panels.update_xaxes(
+            title_text="way left, m", autorange="reversed", fixedrange=True, row=row, col=1
+        )
+    # in the middle, they would touch the title of the axis above
+    panels.update_annotations(x=0.0, xanchor="left")
     count_word = "run" if count == 1 else "runs"
     alternative = (
         f"{_RESTS[shown[0].unit]}, over the way left in m, of {count} {count_word}: predicted with its 90 % "
@@ -108,10 +121,17 @@ def transforms_figure(runs: Sequence[Watched]) -> Markup:
     shares = counts / len(values)
     middles = 0.5 * (edges[1:] + edges[:-1])
     histogram = go.Figure()
-    histogram.add_bar(x=middles.round(3), y=(100.0 * shares).round(2), width=1.0 / _BINS, marker={"color": _PREDICTED})
+    histogram.add_bar(
+        x=middles.round(3),
+        y=(100.0 * shares).round(2),
+        width=1.0 / _BINS,
+        marker={"color": _PREDICTED},
+    )
     histogram.update_traces(marker_line={"color": "white", "width": 1})
     histogram.add_hline(100.0 / _BINS, line={"color": _INK, "width": 1.6, "dash": "dot"})
-    histogram.update_xaxes(title_text="probability of a lower consumption, by the prediction", range=[0.0, 1.0])
+    histogram.update_xaxes(
+        title_text="probability of a lower consumption, by the prediction", range=[0.0, 1.0]
+    )
     histogram.update_yaxes(title_text="moments, %", rangemode="tozero")
     in_each = ", ".join(f"{share:.0%}" for share in shares)
     alternative = (
@@ -129,15 +149,21 @@ def _image(plot: go.Figure, height_px: int, alternative: str) -> Markup:
     )  # fmt: skip
     plot.update_xaxes(fixedrange=True, **GRID)
     plot.update_yaxes(fixedrange=True, **GRID)
-    content = plot.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False})
+    content = plot.to_html(
+        full_html=False, include_plotlyjs=False, config={"displayModeBar": False}
+    )
     return described(content, alternative)
 
 
 def moments(run: Watched) -> list[tuple[float, ...]]:
-    """Rows of a run's table: way left, m; predicted mean, ends of its interval, and measured value, kJ or kA s."""
+    """Rows of a run's table: way left, m; predicted mean, ends of its interval, and measured value,
+    kJ or kA s."""
     places = np.unique(np.linspace(0, len(run.left_m) - 1, _ROWS).astype(int))
     rows = []
     for place in places:
-        in_kj = [float(values[place]) / 1000.0 for values in (run.mean_j, run.low_j, run.high_j, run.took_j)]
+        in_kj = [
+            float(values[place]) / 1000.0
+            for values in (run.mean_j, run.low_j, run.high_j, run.took_j)
+        ]
         rows.append((float(run.left_m[place]), *in_kj))
     return rows

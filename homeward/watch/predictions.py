@@ -12,12 +12,13 @@ from homeward.companion import Advice
 Array = NDArray[np.float64]
 
 WINDOWS = 40
-"""Minimum number of readings of a recording for the estimator. Chosen: a fifth of those of a whole charge; a
-recording may be a part of one."""
+"""Minimum number of readings of a recording for the estimator. Chosen: a fifth of those of a whole
+charge; a recording may be a part of one."""
 COVERED = 0.9
 """Probability of the interval of a prediction, that which the companion shows."""
 LEAST_WINDOW_S = 2.0
-"""Shortest time over which readings are averaged. Chosen: above the transients of speed and current."""
+"""Shortest time over which readings are averaged. Chosen: above the transients of speed and
+current."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """A recording replayed to a companion as if live: predicted against measured energy of the rest.
 
-The way, the speeds and the stops of the rest are taken from the recording, as if the robot had a map and a schedule.
-What is tested is the companion's estimate of the robot, the ground and the wind.
+The way, the speeds and the stops of the rest are taken from the recording, as if the robot had a
+map and a schedule. What is tested is the companion's estimate of the robot, the ground and the
+wind.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ from homeward.watch.predictions import LEAST_WINDOW_S, WINDOWS, Watched, rest_of
 Array = NDArray[np.float64]
 
 _STRETCHES = 48
-"""Stretches of a recording's way, of equal length, with uniform ground, wind and speed. Chosen: 2 % of the
-way each; more take longer."""
+"""Stretches of a recording's way, of equal length, with uniform ground, wind and speed. Chosen: 2 %
+of the way each; more take longer."""
 _MOST_FED = 20_000
-"""Maximum number of samples; longer recordings are averaged over neighbours. Chosen: an update takes 0.3 ms
-(docs/results.md), so that these take six seconds."""
+"""Maximum number of samples; longer recordings are averaged over neighbours. Chosen: an update
+takes 0.3 ms (docs/results.md), so that these take six seconds."""
 
 
 class Rest:
@@ -80,7 +81,10 @@ class Rest:
         ways = ways[is_driven & (ways["speed_mps"] > 0.0)]
         steady_j = 0.0
         for way in ways:
-            steady_j += modelled_driving(self._vehicle, float(way["sine"]), float(way["speed_mps"])) * way["way_m"]
+            steady_j += (
+                modelled_driving(self._vehicle, float(way["sine"]), float(way["speed_mps"]))
+                * way["way_m"]
+            )
         return ways, float(self._modelled_j[sample] - steady_j)
 
 
@@ -93,11 +97,14 @@ def heading_of(run: Signals) -> Array:
 
 def turns(recording: Recording) -> bool:
     """Whether a recording contains the direction of travel."""
-    return any(name in recording.channels for name in ("heading_rad", "yaw_rate_radps", "wheel_left_mps"))
+    return any(
+        name in recording.channels for name in ("heading_rad", "yaw_rate_radps", "wheel_left_mps")
+    )
 
 
 def window_of(robot: Robot, duration_s: float) -> float:
-    """Time over which readings are averaged, s: the companion's own, or less for a short recording."""
+    """Time over which readings are averaged, s: the companion's own, or less for a short
+    recording."""
     lasts_s = float(d_max(robot)) / float(optimal_speed(robot))
     return max(min(lasts_s / WINDOWS_A_CHARGE, duration_s / WINDOWS), LEAST_WINDOW_S)
 
@@ -114,7 +121,8 @@ def watch(
     cruise_mps: float | None = None,
     show: Callable[[Advice, float, float], None] | None = None,
 ) -> Watched:
-    """Replay a recording to a companion whose home is where it began; for motor currents see `watch_charge`.
+    """Replay a recording to a companion whose home is where it began; for motor currents see
+    `watch_charge`.
 
     Args:
         recording: A recording with battery power, or voltage and current.
@@ -123,13 +131,15 @@ def watch(
         prior: Prior of the estimator, instead of the one that follows from the file.
         risk: Accepted probability of not getting home.
         cutoff_v: Voltage at which the battery is cut off.
-        capacity_j: Energy that this battery gave when it was last discharged from full, J, see `Companion`.
-        cruise_mps: Speed on the way home in the advice that is shown, m/s; the rest has the recorded speeds.
+        capacity_j: Energy that this battery gave when it was last discharged from full, J, see
+            `Companion`.
+        cruise_mps: Speed on the way home in the advice that is shown, m/s; the rest has the
+            recorded speeds.
         show: Called with each advice, the time in the recording and its duration, s.
 
     Raises:
-        CompanionError: The recording has motor current only, and the file has no uncertainty of charge; the robot
-            stood; or it is too short, or in another unit.
+        CompanionError: The recording has motor current only, and the file has no uncertainty of
+            charge; the robot stood; or it is too short, or in another unit.
     """
     run = signals(recording, robot)
     if not slopes_known([run]):
@@ -148,9 +158,12 @@ def watch(
     )  # fmt: skip
     rest = Rest(run, companion)
     if rest.left_m[0] <= 0.0:
-        raise CompanionError(f"{recording.name}: the robot stood all the time; there is no way to predict")
+        raise CompanionError(
+            f"{recording.name}: the robot stood all the time; there is no way to predict"
+        )
     readings = _readings(recording, run, has_turns)
-    moments: list[tuple[float, float, float, UncertainValue]] = []  # time, way left, energy of the rest, prediction
+    # time, way left, energy of the rest, prediction
+    moments: list[tuple[float, float, float, UncertainValue]] = []
     warned_s: dict[str, float] = {}  # when first, by kind of warning
     wrong_sign = wrong_slopes([run], robot)
     if wrong_sign is not None:
@@ -172,7 +185,9 @@ def watch(
         if since_s >= next_s and rest.left_m[sample] > 0.0:
             ways, constant_j = rest.from_sample(sample)
             predicted_j = companion.ahead(ways, constant_j)
-            moments.append((since_s, float(rest.left_m[sample]), float(rest.took_j[sample]), predicted_j))
+            moments.append(
+                (since_s, float(rest.left_m[sample]), float(rest.took_j[sample]), predicted_j)
+            )
             next_s = since_s + window_s
     assert advice is not None
     predictions = [predicted_j for _, _, _, predicted_j in moments]
@@ -198,9 +213,11 @@ def _mean(values: Array) -> float | None:
 
 
 def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, Array]:
-    """Readings for the companion, arrays of shape (n,): as recorded if the robot would read them so.
+    """Readings for the companion, arrays of shape (n,): as recorded if the robot would read them
+    so.
 
-    A slope from elevations is smoothed over the drive, and a heading is integrated from turning rates.
+    A slope from elevations is smoothed over the drive, and a heading is integrated from turning
+    rates.
     """
     raw = recording.channels
     is_kept = np.isin(raw["time_s"], run.time_s)
@@ -212,7 +229,8 @@ def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, 
         channels["power_w"] = raw["power_w"][is_kept]
     if "grade_rad" in run.context:
         grade_rad = raw["grade_rad"][is_kept] if "grade_rad" in raw else run.grade_rad
-        channels["grade_rad"] = np.where(run.speed_mps < 0.0, -grade_rad, grade_rad)  # along the way it drives
+        # along the way it drives
+        channels["grade_rad"] = np.where(run.speed_mps < 0.0, -grade_rad, grade_rad)
     if has_turns:
         channels["heading_rad"] = heading_of(run)
     else:
@@ -223,7 +241,10 @@ def _readings(recording: Recording, run: Signals, has_turns: bool) -> dict[str, 
 
 
 def run_all(
-    recordings: list[Recording], robot: Robot, show: Callable[..., Any] | None = None, **keywords: Any
+    recordings: list[Recording],
+    robot: Robot,
+    show: Callable[..., Any] | None = None,
+    **keywords: Any,
 ) -> list[Watched]:
     """Replay recordings one after the other, see `watch`.
 
@@ -231,11 +252,18 @@ def run_all(
         CompanionError: As of `watch`, or some have power and others motor currents.
     """
     runs = [
-        watch(recording, robot, show=None if show is None else _named(show, recording.name), **keywords)
+        watch(
+            recording,
+            robot,
+            show=None if show is None else _named(show, recording.name),
+            **keywords,
+        )
         for recording in recordings
     ]
     if len({run.unit for run in runs}) > 1:
-        raise CompanionError("some recordings have power and others motor currents only; watch them separately")
+        raise CompanionError(
+            "some recordings have power and others motor currents only; watch them separately"
+        )
     return runs
 
 

@@ -1,4 +1,5 @@
-"""`homeward range ROBOT --route ROUTE`: energy and range with intervals, and the probability of getting home."""
+"""`homeward range ROBOT --route ROUTE`: energy and range with intervals, and the probability of
+getting home."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ Array = NDArray[np.float64]
 
 _POINTS = 60
 """Points of the plot on the way there and back. Chosen: the line looks smooth."""
-_HALVINGS = 10  # of a point of the plot, by which the point of no return is found; chosen: metres on any route
+# of a point of the plot, by which the point of no return is found; chosen: metres on any route
+_HALVINGS = 10
 _QUANTILES = (0.05, 0.5, 0.95)  # median and the 90 % interval that the companion shows
 
 
@@ -42,11 +44,12 @@ class RouteForecast:
         left_j: Quantiles of the energy left, 5, 50 and 95 %, J, shape (points, 3).
         there_j: Energy of the way to the end, J.
         both_j: Energy of the way there and back, J.
-        range_m: Quantiles of the distance driven there and back, as of `left_j`, m; infinite if the energy is enough.
-        turn_m: Point of no return: farthest position on the route from which home or a dock is reachable at the
-            accepted risk, m.
-        homes: With docks: home and the docks as of the end of the route, the advised one first; the margin is what is
-            left there of a full battery.
+        range_m: Quantiles of the distance driven there and back, as of `left_j`, m; infinite if the
+            energy is enough.
+        turn_m: Point of no return: farthest position on the route from which home or a dock is
+            reachable at the accepted risk, m.
+        homes: With docks: home and the docks as of the end of the route, the advised one first; the
+            margin is what is left there of a full battery.
     """
 
     advice: Advice
@@ -60,7 +63,11 @@ class RouteForecast:
 
 
 def forecast_along(
-    robot: Robot, route: RouteLike, speed_mps: float | None, risk: float, docks: Mapping[str, Position] | None = None
+    robot: Robot,
+    route: RouteLike,
+    speed_mps: float | None,
+    risk: float,
+    docks: Mapping[str, Position] | None = None,
 ) -> RouteForecast:
     """Predict the energy of a route at a speed, m/s, or that with the longest range.
 
@@ -69,13 +76,20 @@ def forecast_along(
         route: The route.
         speed_mps: Speed, m/s; None: that with the longest range.
         risk: Accepted probability of not getting home.
-        docks: Other homes and docks by name: metres along the route, or `(east, north)` in metres from its start.
+        docks: Other homes and docks by name: metres along the route, or `(east, north)` in metres
+            from its start.
 
     Raises:
         CompanionError: An argument is invalid.
     """
     companion = Companion(
-        robot, home=(0.0, 0.0) if docks else None, route=route, cruise_mps=speed_mps, risk=risk, soc=1.0, docks=docks
+        robot,
+        home=(0.0, 0.0) if docks else None,
+        route=route,
+        cruise_mps=speed_mps,
+        risk=risk,
+        soc=1.0,
+        docks=docks,
     )
     advice = companion.update(0.0, position=0.0)
     out = _ways(route, companion.vehicle.cruise_mps)
@@ -103,7 +117,9 @@ def forecast_along(
     return RouteForecast(advice, driven_m, left_j, there_j, both_j, range_m, turn_m, homes)
 
 
-def _from_end(companion: Companion, out: NDArray[np.void], places: Mapping[str, Position]) -> tuple[HomeOption, ...]:
+def _from_end(
+    companion: Companion, out: NDArray[np.void], places: Mapping[str, Position]
+) -> tuple[HomeOption, ...]:
     """Homes and docks as of the end of the route, the best first."""
     end_m = float(out["way_m"].sum())
     ways = {name: companion.way_to(place, end_m) for name, place in places.items()}
@@ -117,13 +133,19 @@ def _from_end(companion: Companion, out: NDArray[np.void], places: Mapping[str, 
     return tuple(options)
 
 
-def _farthest_m(companion: Companion, out: NDArray[np.void], docks: Mapping[str, Position], safe_m: float) -> float:
-    """Farthest position on the route up to which some dock is reachable, m, from a position known as safe."""
+def _farthest_m(
+    companion: Companion, out: NDArray[np.void], docks: Mapping[str, Position], safe_m: float
+) -> float:
+    """Farthest position on the route up to which some dock is reachable, m, from a position known
+    as safe."""
     ends = np.cumsum(out["way_m"])
 
     def is_safe(position_m: float) -> bool:
         driven = _beginning(out, ends, position_m)
-        ways = (np.concatenate((driven, companion.way_to(place, position_m))) for place in docks.values())
+        ways = (
+            np.concatenate((driven, companion.way_to(place, position_m)))
+            for place in docks.values()
+        )
         return any(companion.arrives(way).reachable for way in ways)
 
     for over_m in np.linspace(safe_m, float(ends[-1]), _POINTS + 1)[1:]:
@@ -165,10 +187,14 @@ def _empty_m(driven_m: Array, left_j: Array) -> float:
     if not len(below):
         return float("inf")
     point = int(below[0])
-    return float(np.interp(0.0, [left_j[point], left_j[point - 1]], [driven_m[point], driven_m[point - 1]]))
+    return float(
+        np.interp(0.0, [left_j[point], left_j[point - 1]], [driven_m[point], driven_m[point - 1]])
+    )
 
 
-def show(console: Terminal, robot: Robot, route_name: str, length_m: float, forecast: RouteForecast) -> None:
+def show(
+    console: Terminal, robot: Robot, route_name: str, length_m: float, forecast: RouteForecast
+) -> None:
     """Print the prediction."""
     advice = forecast.advice
     assert advice.chance_there_and_back is not None
@@ -181,7 +207,11 @@ def show(console: Terminal, robot: Robot, route_name: str, length_m: float, fore
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("", "expected", "90 % interval"):
         table.add_column(heading, justify="right" if heading else "left")
-    rows = {"in the battery": advice.energy_left_j, "there": forecast.there_j, "there and back": forecast.both_j}
+    rows = {
+        "in the battery": advice.energy_left_j,
+        "there": forecast.there_j,
+        "there and back": forecast.both_j,
+    }
     for name, spread in rows.items():
         table.add_row(name, quantities.energy(spread.mean), _interval(spread))
     low, median, high = (_far(range_m) for range_m in forecast.range_m)
@@ -204,7 +234,13 @@ def show(console: Terminal, robot: Robot, route_name: str, length_m: float, fore
 
 def _homes_table(homes: tuple[HomeOption, ...]) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("from the end to", "way", "expected", "90 % interval", "probability\nof getting there"):
+    for heading in (
+        "from the end to",
+        "way",
+        "expected",
+        "90 % interval",
+        "probability\nof getting there",
+    ):
         table.add_column(heading, justify="left" if heading == "from the end to" else "right")
     for option in homes:
         way = quantities.distance(option.way_m)
@@ -237,11 +273,17 @@ def picture(robot: Robot, length_m: float, forecast: RouteForecast, suffix: str)
     axis.fill_between(driven_km, low_kj, high_kj, color="#56b4e9", alpha=0.4,
                       linewidth=0.0, label="energy left, 5 to 95 %")  # fmt: skip
     axis.plot(driven_km, median_kj, color="#0072b2", label="median")
-    axis.axvline(length_m / 1000.0, color="black", linewidth=0.8, linestyle=":", label="end of the route")
+    axis.axvline(
+        length_m / 1000.0, color="black", linewidth=0.8, linestyle=":", label="end of the route"
+    )
     turn_m = forecast.turn_m
     level = float(np.interp(turn_m, forecast.driven_m, forecast.left_j[:, 1])) / 1000.0
     axis.plot(
-        [turn_m / 1000.0], [level], "o", color="#d55e00", label=f"point of no return, risk {forecast.advice.risk:g}"
+        [turn_m / 1000.0],
+        [level],
+        "o",
+        color="#d55e00",
+        label=f"point of no return, risk {forecast.advice.risk:g}",
     )
     axis.set_xlabel("driven, there and back, km")
     axis.set_ylabel("energy left, kJ")
@@ -250,7 +292,8 @@ def picture(robot: Robot, length_m: float, forecast: RouteForecast, suffix: str)
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(alpha=0.25, linewidth=0.6)
     figure.suptitle(
-        f"{robot.name}: probability of getting there and back {forecast.advice.chance_there_and_back:.1%}", fontsize=11
+        f"{robot.name}: probability of getting there and back {forecast.advice.chance_there_and_back:.1%}",
+        fontsize=11,
     )
     buffer = io.BytesIO()
     figure.savefig(buffer, format=suffix.removeprefix("."), dpi=150)

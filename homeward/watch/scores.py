@@ -1,8 +1,10 @@
-"""Proper scores of predictions, and the probability integral transform: more than how often an interval is right.
+"""Proper scores of predictions, and the probability integral transform: more than how often an
+interval is right.
 
-A proper score is lowest on average for the true distribution, so that neither wide intervals nor bold ones improve it
-(Gneiting & Raftery, Journal of the American Statistical Association 102, 2007). `scoringrules` has them, in the extra
-`scores`: its import compiles for some seconds, so that only those who want the scores pay for them.
+A proper score is lowest on average for the true distribution, so that neither wide intervals nor
+bold ones improve it (Gneiting & Raftery, Journal of the American Statistical Association 102,
+2007). `scoringrules` has them, in the extra `scores`: its import compiles for some seconds, so that
+only those who want the scores pay for them.
 """
 
 from __future__ import annotations
@@ -22,15 +24,18 @@ from homeward.watch.predictions import COVERED, Watched
 
 Array = NDArray[np.float64]
 
-_LEAST_SCALE = 1e-9  # J, of a prediction that is certain; chosen: its score is its error all the same
+# J, of a prediction that is certain; chosen: its score is its error all the same
+_LEAST_SCALE = 1e-9
 
 
 class Scores(NamedTuple):
     """Scores of predictions in the unit of what is predicted, lower is better; shape (moments,).
 
     Attributes:
-        crps: Continuous ranked probability score: the absolute error of a single number, less for a good interval.
-        interval: Score of the 90 % interval: its width, and 20 times the distance of a value outside.
+        crps: Continuous ranked probability score: the absolute error of a single number, less for a
+            good interval.
+        interval: Score of the 90 % interval: its width, and 20 times the distance of a value
+            outside.
     """
 
     crps: Array
@@ -45,7 +50,8 @@ def missing() -> str | None:
 
 
 def scales_of(run: Watched) -> Array:
-    """Scale of the Student's t of each prediction, as of `homeward.estimation.tails`, shape (moments,).
+    """Scale of the Student's t of each prediction, as of `homeward.estimation.tails`, shape
+    (moments,).
 
     By the upper end of the interval: the lower one may be held at 0.
     """
@@ -60,12 +66,15 @@ def scores_of(run: Watched) -> Scores:
     """
     scoringrules = import_module("scoringrules")
     crps = scoringrules.crps_t(run.took_j, DEGREES, run.mean_j, scales_of(run), backend="numpy")
-    interval = scoringrules.interval_score(run.took_j, run.low_j, run.high_j, 1.0 - COVERED, backend="numpy")
+    interval = scoringrules.interval_score(
+        run.took_j, run.low_j, run.high_j, 1.0 - COVERED, backend="numpy"
+    )
     return Scores(np.asarray(crps), np.asarray(interval))
 
 
 def transforms_of(run: Watched) -> Array:
-    """Probability integral transform: probability, by its prediction, of a value below the measured one.
+    """Probability integral transform: probability, by its prediction, of a value below the measured
+    one.
 
     If predictions are calibrated, it is uniform between 0 and 1 over the moments. Shape (moments,).
     """

@@ -1,7 +1,8 @@
 """Prints whether all of it works on this robot, a line each; exit code 1 if something does not.
 
-`ros2 run homeward_ros2 check --ros-args -p robot:=/etc/robot/corrected.toml -p homeward:=/opt/homeward/bin/homeward`
-with the robot's drivers running; it runs for up to two minutes, and publishes as the node does.
+`ros2 run homeward_ros2 check --ros-args -p robot:=/etc/robot/corrected.toml -p
+homeward:=/opt/homeward/bin/homeward` with the robot's drivers running; it runs for up to two
+minutes, and publishes as the node does.
 """
 
 from __future__ import annotations
@@ -30,7 +31,11 @@ class Report:
     def say(self, works, text, remedy=""):
         """Print whether something works and, if not, what to do."""
         self.failed += not works
-        print(f"{'works' if works else 'FAILS'}: {text}" + ("" if works or not remedy else f"; {remedy}"), flush=True)
+        print(
+            f"{'works' if works else 'FAILS'}: {text}"
+            + ("" if works or not remedy else f"; {remedy}"),
+            flush=True,
+        )
 
 
 class Listens(Bridge):
@@ -60,13 +65,19 @@ class Listens(Bridge):
 
 def check(node, report, longest_s=LONGEST_S):
     """Check everything, with a node."""
-    report.say(sys.version_info >= (3, 10), f"Python {sys.version.split()[0]}", "3.10 or later is needed")
+    report.say(
+        sys.version_info >= (3, 10), f"Python {sys.version.split()[0]}", "3.10 or later is needed"
+    )
     for kind in [*TYPES, *dict.fromkeys(INTERFACE["published"].values())]:
         try:
             class_of(kind)
             report.say(True, f"type {kind}")
         except UnknownType as error:
-            report.say(False, str(error), f"apt install ros-$ROS_DISTRO-{kind.split('/')[0].replace('_', '-')}")
+            report.say(
+                False,
+                str(error),
+                f"apt install ros-$ROS_DISTRO-{kind.split('/')[0].replace('_', '-')}",
+            )
     try:
         bridge = Listens(node)
     except ValueError as error:
@@ -74,11 +85,18 @@ def check(node, report, longest_s=LONGEST_S):
         return
     command = bridge.command()[0]
     if shutil.which(command) is None:
-        report.say(False, f"command {command} is not there", "set the parameter homeward to that of its environment")
+        report.say(
+            False,
+            f"command {command} is not there",
+            "set the parameter homeward to that of its environment",
+        )
         bridge.end()
         return
     version = subprocess.run([command, "watch", "--help"], capture_output=True, text=True)
-    report.say(version.returncode == 0 and "--stdin" in version.stdout, f"command {command} knows watch --stdin")
+    report.say(
+        version.returncode == 0 and "--stdin" in version.stdout,
+        f"command {command} knows watch --stdin",
+    )
     try:
         _run(node, report, bridge, longest_s)
     finally:
@@ -96,7 +114,11 @@ def _run(node, report, bridge, longest_s):
         if wanted <= said:
             break
     report.say(not bridge.wrong(), f"homeward runs: {' '.join(bridge.command())}", bridge.wrong())
-    report.say(bool(bridge.asked), "homeward subscribes", "no topic of a known type is published: are drivers running?")
+    report.say(
+        bool(bridge.asked),
+        "homeward subscribes",
+        "no topic of a known type is published: are drivers running?",
+    )
     for name, kind in sorted(bridge.asked.items()):
         report.say(name in bridge.heard(), f"messages of {name} ({kind})", "none was received")
     for name in sorted(wanted):

@@ -27,15 +27,23 @@ def class_of(kind):
 
 
 def needed(message, paths):
-    """The fields of a message that homeward reads, with lists as a whole, and what dates and names it.
+    """The fields of a message that homeward reads, with lists as a whole, and what dates and names
+    it.
 
     Args:
         message: The message.
-        paths: Such as `twist.twist.linear.x`, `measured_currents[0]` or, by the names in the field `name`,
-            `velocity[front_left_wheel]`; `packs[*].current` of each message in a list.
+        paths: Such as `twist.twist.linear.x`, `measured_currents[0]` or, by the names in the field
+            `name`, `velocity[front_left_wheel]`; `packs[*].current` of each message in a list.
     """
     content = {}
-    for path in [*paths, "header.stamp.sec", "header.stamp.nanosec", "header.frame_id", "location", "serial_number"]:
+    for path in [
+        *paths,
+        "header.stamp.sec",
+        "header.stamp.nanosec",
+        "header.frame_id",
+        "location",
+        "serial_number",
+    ]:
         if "[" in path:
             _copy(message, ["name"], content)
         _copy(message, path.split("[")[0].split("."), content)
@@ -55,16 +63,20 @@ def _copy(message, names, content):
 
 
 def _listed(value):
-    """A list of numbers or texts, which rclpy has as `array` or as an array of numpy, or of messages."""
+    """A list of numbers or texts, which rclpy has as `array` or as an array of numpy, or of
+    messages."""
     return value.tolist() if hasattr(value, "tolist") else [_plain(element) for element in value]
 
 
 def _plain(element):
-    """A number or text; of a message in a list, such as a battery among several, its numbers and texts."""
+    """A number or text; of a message in a list, such as a battery among several, its numbers and
+    texts."""
     if not hasattr(element, "get_fields_and_field_types"):
         return element
     fields = {name: getattr(element, name) for name in element.get_fields_and_field_types()}
-    return {name: value for name, value in fields.items() if isinstance(value, (bool, int, float, str))}
+    return {
+        name: value for name, value in fields.items() if isinstance(value, (bool, int, float, str))
+    }
 
 
 def filled(kind, content):

@@ -1,7 +1,9 @@
-"""The node: subscribes to what homeward asks for, passes it on, and publishes what homeward answers.
+"""The node: subscribes to what homeward asks for, passes it on, and publishes what homeward
+answers.
 
-`ros2 run homeward_ros2 node --ros-args -p robot:=/etc/robot/corrected.toml -p homeward:=/opt/homeward/bin/homeward`.
-The same topics, types and quality of service as `homeward watch --ros2`, by the table in interface.json.
+`ros2 run homeward_ros2 node --ros-args -p robot:=/etc/robot/corrected.toml -p
+homeward:=/opt/homeward/bin/homeward`. The same topics, types and quality of service as `homeward
+watch --ros2`, by the table in interface.json.
 """
 
 from __future__ import annotations
@@ -30,10 +32,12 @@ DEFAULTS = {
 
 PERIOD_S = 0.1  # as of `homeward watch --ros2`: messages are combined over so long
 LOOKS_S = 1.0
-"""Time between looks at the topics and their publishers, and between the node's own diagnostics. Chosen."""
+"""Time between looks at the topics and their publishers, and between the node's own diagnostics.
+Chosen."""
 GAP_S = 0.3
-"""Time without a message of a topic after which its publishers are looked at again before the next is passed on: one
-that has started again is told from the one before. Chosen: no process starts again within it."""
+"""Time without a message of a topic after which its publishers are looked at again before the next
+is passed on: one that has started again is told from the one before. Chosen: no process starts
+again within it."""
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 OK, WARN, ERROR, STALE = range(4)  # diagnostic_msgs/DiagnosticStatus
 UNUSABLE = 2  # exit code of homeward for input that cannot be used: no start again mends it
@@ -81,7 +85,15 @@ class Bridge:
     def command(self):
         """The command that is run, with its arguments."""
         settings = self._settings
-        command = [settings["homeward"], "watch", "--stdin", "--robot", settings["robot"], "--state", settings["state"]]
+        command = [
+            settings["homeward"],
+            "watch",
+            "--stdin",
+            "--robot",
+            settings["robot"],
+            "--state",
+            settings["state"],
+        ]
         if settings["topics_below"]:
             command += ["--namespace", settings["topics_below"]]
         return command + [word for word in settings["arguments"] if word]
@@ -139,7 +151,11 @@ class Bridge:
     def _look(self):
         """Tell homeward which topics are published, and by whom they are."""
         names = {name: kinds[0] for name, kinds in self._node.get_topic_names_and_types() if kinds}
-        topics = {name: kind for name, kind in names.items() if self._node.get_publishers_info_by_topic(name)}
+        topics = {
+            name: kind
+            for name, kind in names.items()
+            if self._node.get_publishers_info_by_topic(name)
+        }
         if self._process is not None and topics != self._topics:
             self._topics = topics
             self._process.send({"topics": topics})
@@ -150,7 +166,9 @@ class Bridge:
         """A number for the present publishers of a topic: another one after a restart."""
         infos = self._node.get_publishers_info_by_topic(name)
         if infos:  # one that has died may not be replaced yet
-            self._identity[name] = zlib.crc32(repr(sorted(list(info.endpoint_gid) for info in infos)).encode())
+            self._identity[name] = zlib.crc32(
+                repr(sorted(list(info.endpoint_gid) for info in infos)).encode()
+            )
 
     def _obey(self, line):
         if "subscribe" in line:
@@ -171,7 +189,9 @@ class Bridge:
             return
         self._identify(name)
         heard = functools.partial(self._pass_on, name)
-        self._readers[name] = self._node.create_subscription(made, name, heard, quality(INTERFACE["subscriptions"]))
+        self._readers[name] = self._node.create_subscription(
+            made, name, heard, quality(INTERFACE["subscriptions"])
+        )
 
     def _pass_on(self, name, message):
         if self._process is None:
@@ -181,11 +201,15 @@ class Bridge:
             self._identify(name)
         self._heard[name] = now_s
         content = needed(message, self._fields[name])
-        self._process.send({"topic": name, "publisher": self._identity.get(name, 0), "content": content})
+        self._process.send(
+            {"topic": name, "publisher": self._identity.get(name, 0), "content": content}
+        )
 
     def _publish(self, name, kind, content):
         if name not in self._writers:
-            made = self._node.create_publisher(class_of(kind), name, quality(INTERFACE["publications"]))
+            made = self._node.create_publisher(
+                class_of(kind), name, quality(INTERFACE["publications"])
+            )
             self._writers[name] = made
         self._writers[name].publish(filled(kind, content))
 
@@ -195,12 +219,19 @@ class Bridge:
         if self._process is not None:
             silent_s = now_s - self._process.spoke_s
             silent = silent_s > self._settings["silent_s"]
-            level, text = (STALE, f"homeward has written nothing for {silent_s:.0f} s") if silent else (OK, "runs")
+            level, text = (
+                (STALE, f"homeward has written nothing for {silent_s:.0f} s")
+                if silent
+                else (OK, "runs")
+            )
             if silent and not self._silent:
                 self._node.get_logger().warn(text)
             self._silent = silent
             if level == OK and self._process.dropped:
-                level, text = WARN, f"homeward is too slow: {self._process.dropped} messages were dropped"
+                level, text = (
+                    WARN,
+                    f"homeward is too slow: {self._process.dropped} messages were dropped",
+                )
         seconds, rest_ns = divmod(time.time_ns(), 10**9)
         status = {
             "level": level, "name": f"{self._settings['topics_below']}/homeward: process".lstrip("/"), "message": text,

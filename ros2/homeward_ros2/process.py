@@ -1,4 +1,5 @@
-"""`homeward watch --stdin` in an environment of its own: JSON lines in and out, a thread for each of its streams."""
+"""`homeward watch --stdin` in an environment of its own: JSON lines in and out, a thread for each
+of its streams."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ import threading
 import time
 
 MOST_WAITING = 5000
-"""Lines that wait until homeward reads them, and lines of homeward that wait for the node. Chosen: several seconds of
-all topics; beyond it the oldest are dropped."""
+"""Lines that wait until homeward reads them, and lines of homeward that wait for the node. Chosen:
+several seconds of all topics; beyond it the oldest are dropped."""
 ENDS_S = 10.0
 """Time in which homeward saves its state and ends, before it is killed. Chosen."""
 
@@ -41,10 +42,15 @@ class Process:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            # In a group of its own: Ctrl-C in the terminal of `ros2 launch` is for the node, which ends homeward.
+            # In a group of its own: Ctrl-C in the terminal of `ros2 launch` is for the node, which
+            # ends homeward.
             start_new_session=True,
             # What `ros2` and colcon put there is for the robot's Python, not for that of homeward.
-            env={name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")},
+            env={
+                name: value
+                for name, value in os.environ.items()
+                if name not in ("PYTHONPATH", "PYTHONHOME")
+            },
         )
         self._out = collections.deque()
         self._in = collections.deque(maxlen=MOST_WAITING)

@@ -1,4 +1,5 @@
-"""Starts the node: `ros2 launch homeward_ros2 homeward.launch.py robot:=/etc/robot/corrected.toml`."""
+"""Starts the node:
+`ros2 launch homeward_ros2 homeward.launch.py robot:=/etc/robot/corrected.toml`."""
 
 from __future__ import annotations
 
@@ -20,9 +21,14 @@ ARGUMENTS = {
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The node with the parameters of config/homeward.yaml, or another file, and those given here."""
+    """The node with the parameters of config/homeward.yaml, or another file, and those given
+    here."""
     defaults = os.path.join(get_package_share_directory("homeward_ros2"), "config", "homeward.yaml")
-    declared = [DeclareLaunchArgument("parameters", default_value=defaults, description="file of parameters")]
+    declared = [
+        DeclareLaunchArgument(
+            "parameters", default_value=defaults, description="file of parameters"
+        )
+    ]
     declared += [
         DeclareLaunchArgument(name, default_value=default, description=about)
         for name, (default, about) in ARGUMENTS.items()

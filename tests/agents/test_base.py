@@ -1,4 +1,5 @@
-"""The interface of agents: what a column of observations is called, and that no agent inherits from another."""
+"""The interface of agents: what a column of observations is called, and that no agent inherits from
+another."""
 
 from __future__ import annotations
 
@@ -44,12 +45,15 @@ def below(policy: type[Any]) -> Iterator[type[Any]]:
 
 def test_agents_are_abstract_or_final() -> None:
     for module in pkgutil.walk_packages(agents.__path__, f"{agents.__name__}."):
-        if not module.name.startswith(f"{agents.__name__}.learning."):  # slow to load, and it has no policies
+        # slow to load, and it has no policies
+        if not module.name.startswith(f"{agents.__name__}.learning."):
             with contextlib.suppress(ModuleNotFoundError):  # of an extra that is not installed
                 importlib.import_module(module.name)
     ours = [one for one in below(Policy) if one.__module__.startswith(agents.__name__)]
     assert len(ours) > 10
-    open_ended = [one for one in ours if not inspect.isabstract(one) and not getattr(one, "__final__", False)]
+    open_ended = [
+        one for one in ours if not inspect.isabstract(one) and not getattr(one, "__final__", False)
+    ]
     assert open_ended == []
 
 

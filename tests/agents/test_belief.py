@@ -1,4 +1,5 @@
-"""The belief finds what is hidden from what is observed alone, and the way home takes what it says."""
+"""The belief finds what is hidden from what is observed alone, and the way home takes what it
+says."""
 
 from __future__ import annotations
 
@@ -24,7 +25,16 @@ from homeward.envs.options import Options, known_of
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from homeward.estimation import MARGIN_DTYPE, Prior
-from homeward.estimation.prior import EAST, GAIN, GUST_EAST, GUST_NORTH, NORTH, PER_CAPACITY, ROLLING, WEIGHT
+from homeward.estimation.prior import (
+    EAST,
+    GAIN,
+    GUST_EAST,
+    GUST_NORTH,
+    NORTH,
+    PER_CAPACITY,
+    ROLLING,
+    WEIGHT,
+)
 
 MISSED = 0.02
 SEED = 7_000_001
@@ -35,9 +45,12 @@ Records = NDArray[np.void]
 
 
 class Drive:
-    """Missions that drive out at top speed, as a rule looking back, and what is believed of them."""
+    """Missions that drive out at top speed, as a rule looking back, and what is believed of
+    them."""
 
-    def __init__(self, count: int, mission: str = "OutAndBack", *, looks_back: bool = True, **options: Any) -> None:
+    def __init__(
+        self, count: int, mission: str = "OutAndBack", *, looks_back: bool = True, **options: Any
+    ) -> None:
         self.options = Options(mission, **options)
         self.env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(self.options))
         self.known = known_of(self.options)
@@ -50,7 +63,9 @@ class Drive:
         """Go on for some decisions; each observation is shown so often."""
         for _ in range(decisions):
             s = self.known.shared[0]
-            actions = encode_actions(self.known, s["cruise_mps"], sensing_hz, np.full(self.count, mode))
+            actions = encode_actions(
+                self.known, s["cruise_mps"], sensing_hz, np.full(self.count, mode)
+            )
             if self._looks_back:
                 actions[self.belief.looks_back(self.observations)] = self.belief.back_action
             self.observations, *_ = self.env.step(actions)
@@ -63,12 +78,15 @@ class Drive:
         return np.asarray(self.belief.margin(self.belief.plans(self.observations), RISK).total)
 
     def way_home_j(self) -> Array:
-        """What the way home takes in truth, J; the missions stay as they are, with a battery that suffices."""
+        """What the way home takes in truth, J; the missions stay as they are, with a battery that
+        suffices."""
         env = copy.deepcopy(self.env)
         m = env.batch.records
         m["energy_j"] = m["capacity_j"] = 1e3 * m["capacity_j"]
         before_j = m["energy_j"].copy()
-        actions = encode_actions(self.known, np.full(self.count, self.known.shared["cruise_mps"][0]), 0.0, RETURN)
+        actions = encode_actions(
+            self.known, np.full(self.count, self.known.shared["cruise_mps"][0]), 0.0, RETURN
+        )
         for _ in range(int(self.known.shared["max_decisions"][0])):
             if m["over"].all():
                 break
@@ -108,7 +126,9 @@ def test_the_way_home_takes_what_it_says(
     assert total["cost_share_sd"].mean() < 5.0 * np.sqrt(np.mean(error**2))
     margin_j = (m["energy_j"] - home_j) * m["meter_gain"]
     assert (margin_j < total["margin_low_j"]).mean() < 0.03
-    by_the_file = np.abs(drive.observations[:, INDEX["home_cost"]] * drive.known.shared["usable_j"][0] - home_j)
+    by_the_file = np.abs(
+        drive.observations[:, INDEX["home_cost"]] * drive.known.shared["usable_j"][0] - home_j
+    )
     assert np.median(np.abs(error * m["capacity_j"])) < 0.4 * np.median(by_the_file)
 
 
@@ -135,7 +155,10 @@ def test_it_finds_the_robot_and_the_wind() -> None:
     }
     for which, true in truth.items():
         gusts = {EAST: GUST_EAST, NORTH: GUST_NORTH}
-        found = [one[:, which] + (one[:, gusts[which]] if which in gusts else 0.0) for one in (before, after)]
+        found = [
+            one[:, which] + (one[:, gusts[which]] if which in gusts else 0.0)
+            for one in (before, after)
+        ]
         wrong = [np.median(np.abs(one - true)) for one in found]
         assert wrong[1] < (0.9 if which in gusts else 0.5) * wrong[0]
     assert np.median(np.abs(after[:, PER_CAPACITY] - truth[PER_CAPACITY])) < 1e-3
@@ -179,7 +202,12 @@ def test_a_patrol_to_and_fro_is_learned_from() -> None:
     mean = drive.belief.estimate().mean
     assert np.median(np.abs(mean[:, ROLLING] - _rolling(drive))) < 0.5 * np.median(before)
     usable_j = drive.known.shared["usable_j"][0]
-    assert np.median(np.abs(mean[:, PER_CAPACITY] * drive.env.batch.records["capacity_j"] / usable_j - 1.0)) < 2e-3
+    assert (
+        np.median(
+            np.abs(mean[:, PER_CAPACITY] * drive.env.batch.records["capacity_j"] / usable_j - 1.0)
+        )
+        < 2e-3
+    )
 
 
 def _rolling(drive: Drive) -> Array:
@@ -198,11 +226,15 @@ def test_missions_that_show_the_same_are_believed_the_same(difficulty: str) -> N
     batch.records["gust_kick"] *= 3.0  # from the next decision on
     assert state(one.belief) == state(other.belief)
     plans = [drive.belief.plans(drive.observations) for drive in (one, other)]
-    totals = [drive.belief.margin(plan, RISK).total for drive, plan in zip((one, other), plans, strict=True)]
+    totals = [
+        drive.belief.margin(plan, RISK).total
+        for drive, plan in zip((one, other), plans, strict=True)
+    ]
     assert totals[0].tobytes() == totals[1].tobytes()
     for drive in (one, other):
         drive.go(1)
-    np.testing.assert_array_equal(one.observations, other.observations)  # gusts change after the decision
+    # gusts change after the decision
+    np.testing.assert_array_equal(one.observations, other.observations)
     assert state(one.belief) == state(other.belief)
     one.go(10)
     other.go(10)
@@ -221,22 +253,33 @@ def test_what_is_known_beforehand_does_not_tell_what_is_hidden(hidden: dict[str,
     plain = {name: value for name, value in hidden.items() if name == "difficulty"}
     there, here = known_of(Options("Survey", **hidden)), known_of(Options("Survey", **plain))
     assert there.shared.tobytes() == here.shared.tobytes()
-    assert (there.robot, there.difficulty, there.instruments) == (here.robot, here.difficulty, here.instruments)
+    assert (there.robot, there.difficulty, there.instruments) == (
+        here.robot,
+        here.difficulty,
+        here.instruments,
+    )
     assert prior_of(there, MISSED) == prior_of(here, MISSED)
 
 
 def test_generic_priors_are_those_of_uncertain_missions() -> None:
-    """Estimation and companion know no environments, so that they have these numbers of their own."""
+    """Estimation and companion know no environments, so that they have these numbers of their
+    own."""
     unsure = dataclasses.replace(load_robot("rusti"), uncertainty=None)
     own = ("slope_within_place", "slope_offset", "model_knows_slopes", "model_error", "soc_error")
-    for generic, instruments in ((Prior(), "exact"), (companion_knows(unsure, True).prior, "meter")):
-        missions = prior_of(known_of(Options("OutAndBack", instruments=instruments)), generic.missed)
+    for generic, instruments in (
+        (Prior(), "exact"),
+        (companion_knows(unsure, True).prior, "meter"),
+    ):
+        missions = prior_of(
+            known_of(Options("OutAndBack", instruments=instruments)), generic.missed
+        )
         for name, value in generic._asdict().items():
             assert name in own or value == pytest.approx(getattr(missions, name), rel=5e-3), name
 
 
 def test_it_follows_from_the_observations_alone() -> None:
-    """Replayed to another belief, made from what is known without an environment, they lead to the same."""
+    """Replayed to another belief, made from what is known without an environment, they lead to the
+    same."""
     drive = Drive(8, difficulty="harsh")
     again = Belief(pickle.loads(pickle.dumps(known_of(drive.options))), MISSED)
     again.learn(drive.observations, np.ones(8, np.bool_))
@@ -249,7 +292,9 @@ def test_it_follows_from_the_observations_alone() -> None:
 @pytest.mark.parametrize("instruments", ["exact", "gauge"])
 @pytest.mark.parametrize("mission", ["OutAndBack", "Patrol"])
 def test_what_is_shown_twice_counts_once(mission: str, instruments: str) -> None:
-    once, twice = (Drive(8, mission, instruments=instruments).go(30, looks=looks) for looks in (1, 2))
+    once, twice = (
+        Drive(8, mission, instruments=instruments).go(30, looks=looks) for looks in (1, 2)
+    )
     assert state(once.belief) == state(twice.belief)
 
 
@@ -273,7 +318,9 @@ def test_a_new_mission_begins_anew_and_leaves_the_others() -> None:
     assert (drive.now()["margin_sd_j"] > 0.0).all() and np.isfinite(drive.now()["cost_j"]).all()
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))], ids=["copy", "pickle"])
+@pytest.mark.parametrize(
+    "copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))], ids=["copy", "pickle"]
+)
 @pytest.mark.parametrize("name", ["dmax_belief", "planner", "dmax_adaptive", "shield"])
 def test_copied_policies_go_on_alike(name: str, copied: Any) -> None:
     options = Options("Survey")
@@ -305,7 +352,10 @@ def test_to_stand_still_is_learned_from_and_breaks_nothing() -> None:
 @pytest.mark.parametrize("mission", ["OutAndBack", "Survey", "Patrol"])
 @pytest.mark.parametrize("difficulty", ["known", "uncertain", "harsh"])
 def test_observations_that_cannot_be_leave_numbers(mission: str, difficulty: str) -> None:
-    rng, belief = np.random.default_rng(3), Belief(known_of(Options(mission, difficulty=difficulty)), MISSED)
+    rng, belief = (
+        np.random.default_rng(3),
+        Belief(known_of(Options(mission, difficulty=difficulty)), MISSED),
+    )
     for decision in range(30):
         observations = rng.uniform(-10.0, 10.0, (64, len(NAMES))).astype(np.float32)
         observations[:, INDEX["time"]] = decision / 400.0
@@ -316,12 +366,15 @@ def test_observations_that_cannot_be_leave_numbers(mission: str, difficulty: str
 
 
 def test_what_is_shown_twice_at_the_start_is_read_none_the_less() -> None:
-    """Nothing is taken in where a mission begins; the slope there must be read by the next decision."""
+    """Nothing is taken in where a mission begins; the slope there must be read by the next
+    decision."""
     once, twice = Drive(8), Drive(8)
     twice.belief.learn(twice.observations, np.zeros(8, np.bool_))
     for drive in (once, twice):
         drive.go(3)
-    np.testing.assert_array_equal(once.belief.estimator.state["places"], twice.belief.estimator.state["places"])
+    np.testing.assert_array_equal(
+        once.belief.estimator.state["places"], twice.belief.estimator.state["places"]
+    )
     assert (once.belief.estimator.state["places"]["readings"][:, 0] == 1.0).all()
 
 
@@ -338,7 +391,8 @@ def weights(belief: Belief) -> Array:
 
 
 def test_a_stand_says_nothing_about_the_wind() -> None:
-    """Whether it coasted is asked once for all hypotheses: by noise alone, one of them took all weight."""
+    """Whether it coasted is asked once for all hypotheses: by noise alone, one of them took all
+    weight."""
     drive = Drive(64, looks_back=False, weather="still").go(12)
     before = weights(drive.belief)
     drive.go(15, STOP)
@@ -346,14 +400,18 @@ def test_a_stand_says_nothing_about_the_wind() -> None:
 
 
 def test_to_coast_in_a_tail_wind_does_not_end_the_doubt_about_it() -> None:
-    """A density of one hypothesis must not outweigh the probability of another: one took all weight on this slope."""
+    """A density of one hypothesis must not outweigh the probability of another: one took all weight
+    on this slope."""
     options = Options("OutAndBack", route="hidden_wind")
     known = known_of(options)
-    assert run_episodes(Shield(Onward(known), known, risk=1e-6), options, [3_000_963]).episodes.home.all()
+    assert run_episodes(
+        Shield(Onward(known), known, risk=1e-6), options, [3_000_963]
+    ).episodes.home.all()
 
 
 def test_every_place_between_the_posts_is_mapped() -> None:
-    """The first decision of a patrol passes the place at home unseen; later ones see it on the way out."""
+    """The first decision of a patrol passes the place at home unseen; later ones see it on the way
+    out."""
     drive = Drive(8, "Patrol", looks_back=False, instruments="exact", weather="still").go(4)
     places = drive.belief.estimator.state["places"]
     assert (np.hypot(places["east"], places["north"]) > 0.99).all()

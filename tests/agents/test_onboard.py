@@ -26,7 +26,8 @@ def compare(mission: str, start: str, seed: int = SEED) -> tuple[list[str], int,
     """Drive a mission by a policy in the environment, and ask the same on board what it would do.
 
     Returns:
-        Modes that were asked for, how many decisions differed, and the largest difference of a feature.
+        Modes that were asked for, how many decisions differed, and the largest difference of a
+        feature.
     """
     robot = ReadRobot(mission, seed)
     known = robot.env.batch.known
@@ -95,7 +96,9 @@ class Obedient(Driven):
         self.update(abs(speed_mps))
 
 
-@pytest.mark.parametrize(("every_s", "share", "soc"), [(3.0, 1.0, 1.0), (7.0, 0.8, 1.0), (30.0, 1.0, 0.6)])
+@pytest.mark.parametrize(
+    ("every_s", "share", "soc"), [(3.0, 1.0, 1.0), (7.0, 0.8, 1.0), (30.0, 1.0, 0.6)]
+)
 def test_it_comes_home_at_any_rate_of_readings_slower_than_told_and_with_half_a_battery(
     every_s: float, share: float, soc: float
 ) -> None:
@@ -146,7 +149,11 @@ def test_a_restart_goes_on_as_if_nothing_had_been() -> None:
     other = Companion(robot.robot, policy=load_onboard("ppo", "OutAndBack"))
     other.restore(json.loads(json.dumps(robot.companion.state())))
     for _ in range(100):
-        reads = {"soc": robot.left_j / robot.full_j, "power_w": robot.power_w(1.0), "speed_mps": 1.0}
+        reads = {
+            "soc": robot.left_j / robot.full_j,
+            "power_w": robot.power_w(1.0),
+            "speed_mps": 1.0,
+        }
         again = other.update(robot.time_s, position=float(robot.xy[0]), **reads)
         assert again.action == robot.advice.action
         robot.step()
@@ -158,7 +165,9 @@ def test_a_restart_goes_on_as_if_nothing_had_been() -> None:
 
 
 def test_without_a_forecast_any_wind_is_possible() -> None:
-    calm, unknown = (load_onboard("ppo", "OutAndBack", forecast_mps=forecast) for forecast in ((0.0, 0.0), None))
+    calm, unknown = (
+        load_onboard("ppo", "OutAndBack", forecast_mps=forecast) for forecast in ((0.0, 0.0), None)
+    )
     for onboard in (calm, unknown):
         onboard.update(0.0, 0.0)
     beliefs: list[Any] = [one._beliefs for one in (calm, unknown)]
@@ -175,13 +184,17 @@ def test_another_battery_begins_another_mission() -> None:
     robot.used_j = 0.0
     robot.step()
     observer = robot.companion._policy._observer  # type: ignore[union-attr]
-    assert observer._records["decisions"][0] == 0 and observer._records["position_m"][0] == robot.xy[0]
+    assert (
+        observer._records["decisions"][0] == 0 and observer._records["position_m"][0] == robot.xy[0]
+    )
     assert observer._records["mapped"][0] > 1  # the way home is known
 
 
 def test_what_cannot_be_used_takes_one_line() -> None:
     onboard = load_onboard("ppo", "OutAndBack")
-    with pytest.raises(CompanionError, match="the policy is for robot 'rusti_computer', whose parameters differ"):
+    with pytest.raises(
+        CompanionError, match="the policy is for robot 'rusti_computer', whose parameters differ"
+    ):
         Companion("husky", policy=onboard)
     with pytest.raises(AgentError, match="mission = None is not allowed; choose from OutAndBack"):
         load_onboard("ppo")

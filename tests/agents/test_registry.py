@@ -23,7 +23,10 @@ from tests.agents.rules.shown import mode, observed
 @pytest.mark.parametrize("name", sorted(AGENTS.keys() - FROM_FILES))
 def test_actions_are_in_the_space(name: str, action_type: str) -> None:
     env = gym.make_vec(
-        "homeward/Survey-v0", num_envs=5, vectorization_mode="vector_entry_point", action_type=action_type
+        "homeward/Survey-v0",
+        num_envs=5,
+        vectorization_mode="vector_entry_point",
+        action_type=action_type,
     )
     observations, _ = env.reset(seed=0)
     assert env.action_space.contains(make_policy(name, env).act(observations, np.ones(5, np.bool_)))
@@ -87,6 +90,7 @@ def test_wrong_requests_say_what_is_allowed() -> None:
 
 def test_flat_actions_are_no_actions_of_agents() -> None:
     with pytest.raises(
-        AgentError, match="three parts of an action, not its flat number; choose action_type 'discrete'"
+        AgentError,
+        match="three parts of an action, not its flat number; choose action_type 'discrete'",
     ):
         make_policy("dmax", HomewardVectorEnv(2, action_type="flat"))

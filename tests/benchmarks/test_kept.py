@@ -1,4 +1,5 @@
-"""Results that benchmarks keep: a run that was killed goes on, and what is of other settings or code is dropped."""
+"""Results that benchmarks keep: a run that was killed goes on, and what is of other settings or
+code is dropped."""
 
 from pathlib import Path
 

@@ -28,13 +28,19 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_each_fault_changes_one_place(checkout: Path) -> None:
     file = checkout / "homeward" / "double.py"
-    faults = [mutant_of(file, number) for numbers in changeable(file).values() for number in numbers]
+    faults = [
+        mutant_of(file, number) for numbers in changeable(file).values() for number in numbers
+    ]
     assert {(fault.line, fault.after) for fault in faults} == {
         (2, "if number <= 3:"), (2, "if number > 4:"), (3, "return number - number"), (4, "return 2 / number"),
         (4, "return 3 * number"),
     }  # fmt: skip
     for fault in faults:  # comments and layout stay
-        lines = [new for new, old in zip(fault.source.splitlines(), SOURCE.splitlines(), strict=True) if new != old]
+        lines = [
+            new
+            for new, old in zip(fault.source.splitlines(), SOURCE.splitlines(), strict=True)
+            if new != old
+        ]
         assert len(lines) == 1
 
 
@@ -56,7 +62,9 @@ def test_the_same_seed_draws_the_same_faults(checkout: Path) -> None:
     assert drawn(4, np.random.default_rng(1))[:2] == first
 
 
-@pytest.mark.parametrize(("test", "by"), [(NEGLIGENT, ""), (CAREFUL, "tests/test_double.py::test_it")])
+@pytest.mark.parametrize(
+    ("test", "by"), [(NEGLIGENT, ""), (CAREFUL, "tests/test_double.py::test_it")]
+)
 def test_a_fault_is_noticed_where_a_test_asks(checkout: Path, test: str, by: str) -> None:
     (checkout / "tests" / "test_double.py").write_text(test)
     file = checkout / "homeward" / "double.py"

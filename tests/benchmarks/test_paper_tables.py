@@ -15,7 +15,9 @@ RUSTI = load_robot("rusti")
 NO_DRAG = dataclasses.replace(RUSTI, drag_ns2_per_m2=0.0)
 
 
-@pytest.mark.parametrize(("mission", "hours"), list(zip(MISSIONS[:3], [1.64, 4.02, 4.95], strict=True)))
+@pytest.mark.parametrize(
+    ("mission", "hours"), list(zip(MISSIONS[:3], [1.64, 4.02, 4.95], strict=True))
+)
 def test_box_hours_at_1_mps_and_078_kg(mission: paper_tables.FieldTest, hours: float) -> None:
     assert round(mission_hours(NO_DRAG, mission), 2) == hours
 

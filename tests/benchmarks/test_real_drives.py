@@ -15,19 +15,28 @@ from tests.diagnosis.fit.test_predictive import CAR, SUMMER_C, WINTER_C, drives
 
 @pytest.fixture(scope="module")
 def winter_and_summer() -> tuple[Runs, Runs]:
-    robot = dataclasses.replace(CAR, effects={"inertia": {"mass_factor": 1.0}, "regeneration": {"share": 0.8}})
-    before, later = (average(usable_runs(drives(robot, seed, c), CAR)[0]) for seed, c in ((0, WINTER_C), (1, SUMMER_C)))
+    robot = dataclasses.replace(
+        CAR, effects={"inertia": {"mass_factor": 1.0}, "regeneration": {"share": 0.8}}
+    )
+    before, later = (
+        average(usable_runs(drives(robot, seed, c), CAR)[0])
+        for seed, c in ((0, WINTER_C), (1, SUMMER_C))
+    )
     return before, later
 
 
-def test_both_regressions_predict_a_car_that_they_were_not_told_of(winter_and_summer: tuple[Runs, Runs]) -> None:
+def test_both_regressions_predict_a_car_that_they_were_not_told_of(
+    winter_and_summer: tuple[Runs, Runs],
+) -> None:
     before, later = winter_and_summer
     for predicted in (ridge(before, later), formula(before, later)):
         errors = errors_of(predicted, later)
         assert errors.r2 > 0.95 and errors.total_pct < 5.0
 
 
-def test_a_drive_counts_by_its_energy_and_at_most_a_half(winter_and_summer: tuple[Runs, Runs]) -> None:
+def test_a_drive_counts_by_its_energy_and_at_most_a_half(
+    winter_and_summer: tuple[Runs, Runs],
+) -> None:
     _, later = winter_and_summer
     predicted = later.observed * np.where(later.run == 0, 3.0, 1.1)
     missed = missed_of(predicted, later)
@@ -42,7 +51,9 @@ def test_what_is_not_at_hand_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         splits("bmw")
 
 
-def test_a_split_is_diagnosed_and_its_file_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_split_is_diagnosed_and_its_file_replayed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The file as it is written: what it lacks, the later drives would show."""
     heavier = dataclasses.replace(CAR, rolling_resistance=1.5 * CAR.rolling_resistance)
     (tmp_path / "car.toml").write_text(CAR.to_toml())

@@ -23,13 +23,17 @@ def test_actions_are_any_speed_and_rate_with_few_stops_and_returns() -> None:
     actions = np.array(some_actions(1000))
     assert actions.shape == (100, 1000, 3)
     for column, levels in ((0, 5), (1, 5)):
-        np.testing.assert_allclose(np.bincount(actions[..., column].ravel()) / 1e5, 1.0 / levels, rtol=0.05)
+        np.testing.assert_allclose(
+            np.bincount(actions[..., column].ravel()) / 1e5, 1.0 / levels, rtol=0.05
+        )
     stops, goes, returns = np.bincount(actions[..., 2].ravel()) / 1e5
     assert (stops, goes) == (pytest.approx(0.098, rel=0.05), pytest.approx(0.9, rel=0.01))
     assert returns == pytest.approx(0.002, rel=0.3)
 
 
-def test_a_ratio_is_the_median_over_pairs_and_no_ratio_of_medians(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ratio_is_the_median_over_pairs_and_no_ratio_of_medians(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The median pair has ours twice as fast; the medians are of different pairs."""
     monkeypatch.setattr(speed, "PAIRS", 3)
     clock_s = itertools.accumulate([0.0, 2.0, 0.0, 1.0, 0.0, 4.0, 0.0, 4.0, 0.0, 40.0, 0.0, 10.0])

@@ -7,7 +7,9 @@ from homeward.diagnosis import thresholds
 def test_every_threshold_is_counted_with_its_readers() -> None:
     readers = named()
     all_names = {name for name in vars(thresholds) if name.isupper()}
-    assert set(readers) <= all_names and "NO_WORSE" in all_names - set(readers), "it follows from another"
+    assert set(readers) <= all_names and "NO_WORSE" in all_names - set(readers), (
+        "it follows from another"
+    )
     assert "explain/conditions.py" in readers["SMALLEST_GAIN_TO_NAME"]
     assert set(readers) > NO_LIMITS
 

@@ -25,7 +25,10 @@ from homeward.physics.robot import preset_names
 
 
 def call(
-    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], width: int = 100
+    arguments: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    width: int = 100,
 ) -> tuple[int, str, str]:
     """Exit code, output and errors of `homeward ARGUMENTS`."""
     monkeypatch.setattr(sys, "argv", ["/somewhere/bin/homeward", *arguments.split()])
@@ -79,7 +82,11 @@ def test_it_is_installed_and_works_anywhere(tmp_path: Path) -> None:
     ],
 )
 def test_bad_input_takes_one_line(
-    arguments: str, says: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    arguments: str,
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     code, out, err = call(arguments, monkeypatch, capsys)
@@ -92,20 +99,28 @@ def test_range_prints_the_estimate_of_the_paper(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     picture = tmp_path / "new" / "range.png"
-    code, out, err = call(f"range rusti --grade 5.71 --duty 0.367 --plot {picture}", monkeypatch, capsys)
+    code, out, err = call(
+        f"range rusti --grade 5.71 --duty 0.367 --plot {picture}", monkeypatch, capsys
+    )
     assert (code, err) == (0, "")
     range_m = float(d_max(load_robot("rusti"), grade_rad=np.radians(5.71), duty=0.367))
     assert f"rusti: {range_m / 1000:.2f} km on one charge, in 2 h 10 min" in out
     shares = dict(re.findall(r"^ +(\w+) .* ([\d.]+)%", out, re.MULTILINE))
     assert shares["rolling"] == shares["grade"] == "45.5"  # tan 5.71 deg = 0.1 = C_rr
     assert shares["total"] == "100.0"
-    assert sum(float(share) for name, share in shares.items() if name != "total") == pytest.approx(100.0, abs=0.3)
+    assert sum(float(share) for name, share in shares.items() if name != "total") == pytest.approx(
+        100.0, abs=0.3
+    )
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("preset", preset_names())
-@pytest.mark.parametrize(("grade_rad", "duty", "sensing_hz"), [(0.1, 0.4, 5.0), (-0.02, 1.0, 0.0), (-0.4, 0.9, 5.0)])
-def test_parts_add_up_to_the_equation(preset: str, grade_rad: float, duty: float, sensing_hz: float) -> None:
+@pytest.mark.parametrize(
+    ("grade_rad", "duty", "sensing_hz"), [(0.1, 0.4, 5.0), (-0.02, 1.0, 0.0), (-0.4, 0.9, 5.0)]
+)
+def test_parts_add_up_to_the_equation(
+    preset: str, grade_rad: float, duty: float, sensing_hz: float
+) -> None:
     robot = load_robot(preset)
     parts = Mission(robot, grade_rad, duty, sensing_hz).parts_j_per_m(robot.max_speed_mps)
     whole = mission_energy(robot, 1.0, robot.max_speed_mps, grade_rad, duty, sensing_hz)
@@ -114,11 +129,17 @@ def test_parts_add_up_to_the_equation(preset: str, grade_rad: float, duty: float
 
 @pytest.mark.parametrize("duty", [1.0, 0.4])
 def test_parts_by_the_kernel_add_up_to_the_range(duty: float) -> None:
-    effects = {"standby": {"power_w": 5.0}, "internal_resistance": {"ohm": 0.05}, "viscous": {"drag_ns_per_m": 20.0}}
+    effects = {
+        "standby": {"power_w": 5.0},
+        "internal_resistance": {"ohm": 0.05},
+        "viscous": {"drag_ns_per_m": 20.0},
+    }
     mission = Mission(dataclasses.replace(load_robot("husky"), effects=effects), 0.03, duty, 0.0)
     parts = mission.parts_j_per_m(0.8)
     assert set(effects) <= set(parts)
-    assert sum(parts.values()) * mission.range_m(0.8) == pytest.approx(mission.robot.usable_energy_j, rel=2e-3)
+    assert sum(parts.values()) * mission.range_m(0.8) == pytest.approx(
+        mission.robot.usable_energy_j, rel=2e-3
+    )
 
 
 def test_parts_by_the_kernel_are_those_of_the_paper_where_both_speak() -> None:
@@ -163,7 +184,9 @@ def test_routes_are_listed_measured_and_drawn(
     code, out, _ = call(f"routes incline --robot rusti --plot {picture}", monkeypatch, capsys)
     assert code == 0 and "5.71 °" in out
     assert b"<svg" in picture.read_bytes()
-    code, out, _ = call(f"routes generated --draws 20 --plot {tmp_path / 'many.png'}", monkeypatch, capsys)
+    code, out, _ = call(
+        f"routes generated --draws 20 --plot {tmp_path / 'many.png'}", monkeypatch, capsys
+    )
     assert code == 0 and "3,627 m" in out
 
 
@@ -171,13 +194,18 @@ def test_figures_of_a_route(tmp_path: Path) -> None:
     file = tmp_path / "hill.csv"
     file.write_text("distance_m,elevation_m\n0,0\n100,10\n200,4\n")
     robot = load_robot("rusti")
-    found = {name: (float(values[0]), unit) for name, (values, unit) in figures([load_route(file, 1.0)], robot).items()}
+    found = {
+        name: (float(values[0]), unit)
+        for name, (values, unit) in figures([load_route(file, 1.0)], robot).items()
+    }
     assert found["length"] == (200.0, "m")
     assert found["climb on the way out"][0] == pytest.approx(10.0)
     assert found["descent on the way out"][0] == pytest.approx(6.0)
     assert found["steepest climb"][0] == pytest.approx(np.degrees(np.arcsin(0.1)))
     up, down = (mission_energy(robot, 100.0, 1.0, np.arcsin(sine)) for sine in (0.1, -0.06))
-    assert found["energy there, rusti at 1.00 m/s"][0] == pytest.approx(100.0 * (up + down) / robot.usable_energy_j)
+    assert found["energy there, rusti at 1.00 m/s"][0] == pytest.approx(
+        100.0 * (up + down) / robot.usable_energy_j
+    )
 
 
 def test_generated_routes_are_those_of_the_environments() -> None:
@@ -205,7 +233,9 @@ def test_datasets_are_listed_and_fetched(
 def test_scripts_run_as_subcommands(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    code, out, _ = call(f"evaluate --agents soc50 --episodes 2 --out {tmp_path}", monkeypatch, capsys)
+    code, out, _ = call(
+        f"evaluate --agents soc50 --episodes 2 --out {tmp_path}", monkeypatch, capsys
+    )
     assert code == 0 and "soc50" in out
     assert (tmp_path / "evaluation.json").is_file()
 
@@ -215,10 +245,17 @@ def test_columns_are_proposed_and_written(
 ) -> None:
     table = pd.DataFrame({"t (ms)": np.arange(100) * 100, "v [km/h]": 3.6, "P (W)": 50.0, "x": 0.0})
     path, mapping = tmp_path / "run.csv", tmp_path / "map.toml"
-    table.rename(columns={"P (W)": "power (W)", "v [km/h]": "speed [km/h]"}).to_csv(path, index=False, sep=";")
+    table.rename(columns={"P (W)": "power (W)", "v [km/h]": "speed [km/h]"}).to_csv(
+        path, index=False, sep=";"
+    )
     code, out, err = call(f"columns {path}", monkeypatch, capsys)
     assert (code, err) == (0, "")
-    assert "certain" in out and "its name says km/h" in out and "Not used: x" in out and "semicolons" in out
+    assert (
+        "certain" in out
+        and "its name says km/h" in out
+        and "Not used: x" in out
+        and "semicolons" in out
+    )
     assert "With it the file reads: 100 samples over 9.9 s." in out and "[columns]" in out
     code, out, err = call(f"columns {path} --out {mapping}", monkeypatch, capsys)
     assert (code, err) == (0, "") and "--columns" in out
@@ -227,16 +264,23 @@ def test_columns_are_proposed_and_written(
     assert (code, err) == (0, "") and "100 samples over 9.9 s." in out
     speed = next(line.split() for line in out.splitlines() if line.strip().startswith("speed_mps"))
     assert speed[:6] == ["speed_mps", "1", "1", "1", "100%", "m/s"]
-    code, _, err = call(f"columns {path} --columns {mapping} --out {tmp_path}/new.toml", monkeypatch, capsys)
+    code, _, err = call(
+        f"columns {path} --columns {mapping} --out {tmp_path}/new.toml", monkeypatch, capsys
+    )
     assert code == 2 and "give one of them" in err
     before = mapping.read_bytes()
     code, _, err = call(f"columns {path} --out {mapping}", monkeypatch, capsys)
     assert code == 2 and "is not replaced" in err and mapping.read_bytes() == before
-    ready = pd.DataFrame({"time_s": 1714564800000 + np.arange(100) * 100, "speed_mps": 0.5, "power_w": 50.0})
+    ready = pd.DataFrame(
+        {"time_s": 1714564800000 + np.arange(100) * 100, "speed_mps": 0.5, "power_w": 50.0}
+    )
     ready.to_csv(path, index=False)
     code, out, err = call(f"columns {path}", monkeypatch, capsys)
     assert (
-        (code, err) == (0, "") and "time_s is in ms" in out and "A mapping is not needed" in out and "--out" not in out
+        (code, err) == (0, "")
+        and "time_s is in ms" in out
+        and "A mapping is not needed" in out
+        and "--out" not in out
     )
     table[["x"]].to_csv(path, index=False)
     code, _, err = call(f"columns {path}", monkeypatch, capsys)
@@ -250,7 +294,11 @@ def test_columns_are_proposed_and_written(
      "evaluate --agents soc50 dmax_adaptive --episodes 4 --out OUT"],
 )  # fmt: skip
 def test_tables_fit_the_terminal(
-    arguments: str, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    arguments: str,
+    width: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
 ) -> None:
     code, out, _ = call(arguments.replace("OUT", str(tmp_path)), monkeypatch, capsys, width)
     assert code == 0

@@ -40,7 +40,11 @@ def run_with(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
 
 
 def test_docks_of_the_command_line_are_those_of_the_environment() -> None:
-    given: dict[str, Any] = {"env": "homeward/Patrol-v0", "docks": "120:20,0:15", "time_limit": 9_000.0}
+    given: dict[str, Any] = {
+        "env": "homeward/Patrol-v0",
+        "docks": "120:20,0:15",
+        "time_limit": 9_000.0,
+    }
     for options in (evaluate._options(Args(**given)), train._options(train.Args(**given))):
         assert options.docks == ((0.0, 15.0), (120.0, 20.0)) and options.time_limit_s == 9_000.0
 
@@ -58,7 +62,13 @@ def test_files_and_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         scores = [float(row["score"]) for row in rows if row["agent"] == name]
         assert sum(scores) / 12 == pytest.approx(one["score_mean"])
     shown = capsys.readouterr().out
-    for text in ("12 episodes, seed 3", "uncertain, rusti_computer", "numpy", "dmax_adaptive", "minus random"):
+    for text in (
+        "12 episodes, seed 3",
+        "uncertain, rusti_computer",
+        "numpy",
+        "dmax_adaptive",
+        "minus random",
+    ):
         assert text in shown
     assert max(map(len, shown.splitlines())) <= 80 + len(str(out))
 
@@ -72,13 +82,19 @@ def test_twice_the_same_but_for_the_clock(tmp_path: Path) -> None:
             del agent["decision_us"]
         contents.append(content)
     assert contents[0] == contents[1]
-    assert (tmp_path / "a" / "episodes.csv").read_bytes() == (tmp_path / "b" / "episodes.csv").read_bytes()
+    assert (tmp_path / "a" / "episodes.csv").read_bytes() == (
+        tmp_path / "b" / "episodes.csv"
+    ).read_bytes()
 
 
-def test_the_number_of_jobs_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_jobs_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(evaluation_tasks, "SIDE_BY_SIDE", 8)  # so that there are several tasks
     for jobs in (1, 2):
-        main(Args(agents=("random", "dmax+shield"), episodes=20, jobs=jobs, out=tmp_path / str(jobs)))
+        main(
+            Args(agents=("random", "dmax+shield"), episodes=20, jobs=jobs, out=tmp_path / str(jobs))
+        )
     alone, together = ((tmp_path / str(jobs) / "episodes.csv").read_bytes() for jobs in (1, 2))
     assert alone == together
 
@@ -91,7 +107,9 @@ def test_an_agent_that_fails_takes_one_line(
 
     monkeypatch.setattr(evaluation_tasks, "run_episodes", fail)
     assert run_with(monkeypatch, *SMALL, "--out", str(tmp_path)) == 2
-    expected = "evaluate.py: dmax, training seed 0, episodes from 0: FloatingPointError: no number\n"
+    expected = (
+        "evaluate.py: dmax, training seed 0, episodes from 0: FloatingPointError: no number\n"
+    )
     assert capsys.readouterr().err == expected
 
 
@@ -101,8 +119,23 @@ def test_options_reach_the_environment(tmp_path: Path, monkeypatch: pytest.Monke
         "action_type": "continuous",
         "decision_s": 120.0,
     }  # fmt: skip
-    arguments = [text for name, value in chosen.items() for text in (f"--{name.replace('_', '-')}", str(value))]
-    assert run_with(monkeypatch, *SMALL, "--env", "homeward/OutAndBack-v0", "--out", str(tmp_path), *arguments) == 0
+    arguments = [
+        text
+        for name, value in chosen.items()
+        for text in (f"--{name.replace('_', '-')}", str(value))
+    ]
+    assert (
+        run_with(
+            monkeypatch,
+            *SMALL,
+            "--env",
+            "homeward/OutAndBack-v0",
+            "--out",
+            str(tmp_path),
+            *arguments,
+        )
+        == 0
+    )
     content = json.loads((tmp_path / "evaluation.json").read_text())
     assert content["env"] == "homeward/OutAndBack-v0"
     assert content["options"].items() >= chosen.items()
@@ -126,7 +159,10 @@ def test_a_bad_file_of_instruments_takes_one_line(
 ) -> None:
     file = tmp_path / "mine.toml"
     file.write_bytes(content)
-    assert run_with(monkeypatch, *SMALL, "--out", str(tmp_path / "out"), "--instruments", str(file)) == 2
+    assert (
+        run_with(monkeypatch, *SMALL, "--out", str(tmp_path / "out"), "--instruments", str(file))
+        == 2
+    )
     error = capsys.readouterr().err
     assert error.startswith(f"evaluate.py: {file}: ") and error.count("\n") == 1
     assert expected in error
@@ -138,16 +174,37 @@ def test_instruments_come_from_a_file(tmp_path: Path) -> None:
     for name, sizes in (("none", ""), ("coarse", "soc_step = 0.2\nsoc_noise = 0.1\n")):
         file = tmp_path / f"{name}.toml"
         file.write_text(sizes)
-        args = Args(("soc50",), "homeward/OutAndBack-v0", episodes=12, instruments=str(file), out=tmp_path / name)
+        args = Args(
+            ("soc50",),
+            "homeward/OutAndBack-v0",
+            episodes=12,
+            instruments=str(file),
+            out=tmp_path / name,
+        )
         left.append(main(args).runs["soc50"][0].episodes.energy_left_j)
-    exact = Args(("soc50",), "homeward/OutAndBack-v0", episodes=12, instruments="exact", out=tmp_path / "exact")
+    exact = Args(
+        ("soc50",),
+        "homeward/OutAndBack-v0",
+        episodes=12,
+        instruments="exact",
+        out=tmp_path / "exact",
+    )
     assert (left[0] == main(exact).runs["soc50"][0].episodes.energy_left_j).all()
     assert left[1].std() > left[0].std()
 
 
 def test_a_sweep_writes_curves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     agents = ("random", "soc50", "dmax_belief", "soc50+shield")
-    result = main(Args(agents, "homeward/OutAndBack-v0", episodes=6, margins=True, decision_s=120.0, out=tmp_path))
+    result = main(
+        Args(
+            agents,
+            "homeward/OutAndBack-v0",
+            episodes=6,
+            margins=True,
+            decision_s=120.0,
+            out=tmp_path,
+        )
+    )
     assert (tmp_path / "margins.png").read_bytes().startswith(b"\x89PNG")
     curves = json.loads((tmp_path / "margins.json").read_text())
     assert list(curves) == list(agents)
@@ -161,8 +218,12 @@ def test_a_sweep_writes_curves(tmp_path: Path, capsys: pytest.CaptureFixture[str
     }
     assert curves["random"] == {"reserve": [None], "score": [means["random"]], "stranded": [0.0]}
     assert curves["soc50"]["reserve"] == list(SWEPT["soc50"])
-    assert curves["soc50"]["score"][curves["soc50"]["reserve"].index(0.5)] == pytest.approx(means["soc50"])
-    assert curves["dmax_belief"]["score"][SWEPT["dmax_belief"].index(3.0)] == pytest.approx(means["dmax_belief"])
+    assert curves["soc50"]["score"][curves["soc50"]["reserve"].index(0.5)] == pytest.approx(
+        means["soc50"]
+    )
+    assert curves["dmax_belief"]["score"][SWEPT["dmax_belief"].index(3.0)] == pytest.approx(
+        means["dmax_belief"]
+    )
     assert curves["soc50+shield"]["reserve"] == [10.0**-k for k in range(1, 9)]
     shown = " ".join(capsys.readouterr().out.split())
     assert "at a stranding rate of at most" in shown and "margins.json" in shown
@@ -174,10 +235,14 @@ def test_without_a_sweep_there_are_no_curves(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("margins*"))
 
 
-def test_decisions_come_as_often_as_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decisions_come_as_often_as_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     decisions = []
     for decision_s in (60.0, 120.0):
-        args = Args(("dmax",), "homeward/OutAndBack-v0", episodes=20, out=tmp_path, decision_s=decision_s)
+        args = Args(
+            ("dmax",), "homeward/OutAndBack-v0", episodes=20, out=tmp_path, decision_s=decision_s
+        )
         decisions.append(main(args).runs["dmax"][0].episodes.decisions.sum())
         assert f"discrete actions every {decision_s:g} s" in capsys.readouterr().out
     assert decisions[0] == pytest.approx(2 * decisions[1], rel=0.1)
@@ -188,7 +253,9 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A policy of hardly any training: every 120 s, without shaping."""
     tiny = PPOSettings(n_envs=16, n_steps=16, batch_size=128, epochs=1, hidden=8)
     out = tmp_path_factory.mktemp("trained") / "run"
-    return train.main(train.Args(out=out, steps=tiny.rollout, ppo=tiny, decision_s=120.0, shaping="none"))
+    return train.main(
+        train.Args(out=out, steps=tiny.rollout, ppo=tiny, decision_s=120.0, shaping="none")
+    )
 
 
 @pytest.mark.parametrize(
@@ -202,7 +269,16 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
             ["env homeward/OutAndBack-v0 (trained with homeward/Survey-v0)"],
         ),
         (
-            ["--decision-s", "120", "--robot", "husky", "--difficulty", "harsh", "--route", "hidden_wind"],
+            [
+                "--decision-s",
+                "120",
+                "--robot",
+                "husky",
+                "--difficulty",
+                "harsh",
+                "--route",
+                "hidden_wind",
+            ],
             [
                 "route hidden_wind (trained with generated)",
                 "difficulty harsh (trained with uncertain)",
@@ -220,17 +296,33 @@ def test_a_policy_that_meets_another_environment_is_said_to(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     agents = ["--agents", "soc50", f"ppo={trained}"]
-    assert run_with(monkeypatch, *agents, "--episodes", "2", "--out", str(tmp_path), *arguments) == 0
-    transfer = f"evaluate.py: warning: ppo meets {', '.join(met)}; its figures are those of a transfer\n"
+    assert (
+        run_with(monkeypatch, *agents, "--episodes", "2", "--out", str(tmp_path), *arguments) == 0
+    )
+    transfer = (
+        f"evaluate.py: warning: ppo meets {', '.join(met)}; its figures are those of a transfer\n"
+    )
     assert capsys.readouterr().err == (transfer if met else "")
     assert (tmp_path / "evaluation.json").is_file()
 
 
 def test_a_robot_is_known_by_its_numbers(
-    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    trained: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     file = tmp_path / "rusti_computer.toml"
-    arguments = ["--agents", f"ppo={trained}", "--episodes", "2", "--decision-s", "120", "--out", str(tmp_path)]
+    arguments = [
+        "--agents",
+        f"ppo={trained}",
+        "--episodes",
+        "2",
+        "--decision-s",
+        "120",
+        "--out",
+        str(tmp_path),
+    ]
     file.write_text(load_robot("rusti_computer").to_toml())
     assert run_with(monkeypatch, *arguments, "--robot", str(file)) == 0
     assert capsys.readouterr().err == ""
@@ -240,7 +332,10 @@ def test_a_robot_is_known_by_its_numbers(
 
 
 def test_decision_times_that_follow_from_the_robots_are_not_remarked_on(
-    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    trained: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     folder = tmp_path / "policy"
     shutil.copytree(trained, folder)
@@ -259,7 +354,10 @@ def test_a_shielded_agent_stands_beside_the_bare_one(tmp_path: Path) -> None:
     result = main(Args(agents=("dmax_mapped", "dmax_mapped+shield"), episodes=6, out=tmp_path))
     assert list(result.runs) == ["dmax_mapped", "dmax_mapped+shield"]
     assert result.runs["dmax_mapped+shield"][0].episodes.stranded.sum() == 0
-    assert "dmax_mapped+shield - dmax_mapped" in json.loads((tmp_path / "evaluation.json").read_text())["paired"]
+    assert (
+        "dmax_mapped+shield - dmax_mapped"
+        in json.loads((tmp_path / "evaluation.json").read_text())["paired"]
+    )
 
 
 @pytest.mark.parametrize("form", ["list", "folder"])
@@ -272,7 +370,9 @@ def test_several_training_seeds_are_one_agent(form: str, trained: Path, tmp_path
     agents = json.loads((tmp_path / "out" / "evaluation.json").read_text())["agents"]
     assert (agents["ppo"]["training_seeds"], agents["soc50"]["training_seeds"]) == (2, 1)
     rows = list(csv.DictReader((tmp_path / "out" / "episodes.csv").read_text().splitlines()))
-    assert [(row["run"], row["episode"]) for row in rows[3:]] == [(run, str(k)) for run in "01" for k in range(3)]
+    assert [(row["run"], row["episode"]) for row in rows[3:]] == [
+        (run, str(k)) for run in "01" for k in range(3)
+    ]
     assert [row["score"] for row in rows[3:6]] == [row["score"] for row in rows[6:]]
 
 
@@ -282,7 +382,9 @@ def test_a_label_names_an_agent_and_the_curve_ends_at_its_level(
     """A policy that got worse after half of its training: the run kept the better one."""
     tiny = PPOSettings(start="scratch", n_envs=16, n_steps=16, batch_size=128, epochs=1, hidden=8)
     run_folder = tmp_path / "run"
-    train.main(train.Args(out=run_folder, steps=9 * tiny.rollout, curve=9, ppo=tiny, decision_s=120.0))
+    train.main(
+        train.Args(out=run_folder, steps=9 * tiny.rollout, curve=9, ppo=tiny, decision_s=120.0)
+    )
     points = read_curve(run_folder)
     kept = json.loads((run_folder / DESCRIPTION).read_text())["after_steps"]
     assert points[best_so_far(points)[-1]].steps == kept
@@ -300,10 +402,15 @@ def test_a_label_names_an_agent_and_the_curve_ends_at_its_level(
         (folder / DESCRIPTION).unlink()
     capsys.readouterr()
     main(Args(agents=agents, episodes=2, decision_s=120.0, out=tmp_path / "out"))
-    assert f"{run_folder} lacks policies of its learning curve, as older runs do" in capsys.readouterr().err
+    assert (
+        f"{run_folder} lacks policies of its learning curve, as older runs do"
+        in capsys.readouterr().err
+    )
 
 
-def test_the_optimum_is_found_where_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_optimum_is_found_where_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     env = "homeward/OutAndBack-v0"
     result = main(Args(("dmax",), env, episodes=2, optimum=True, decision_s=120.0, out=tmp_path))
     assert result.optimum is not None
@@ -316,14 +423,26 @@ def test_the_optimum_is_found_where_asked(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_spaces_that_do_not_fit_are_refused(
-    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    trained: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    arguments = ["--agents", f"ppo={trained}", "--action-type", "continuous", "--out", str(tmp_path / "out")]
+    arguments = [
+        "--agents",
+        f"ppo={trained}",
+        "--action-type",
+        "continuous",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert run_with(monkeypatch, *arguments) == 2
     assert "choose the action_type that it was trained with" in capsys.readouterr().err
 
 
-def test_a_policy_is_evaluated_without_the_libraries_it_was_trained_with(trained: Path, tmp_path: Path) -> None:
+def test_a_policy_is_evaluated_without_the_libraries_it_was_trained_with(
+    trained: Path, tmp_path: Path
+) -> None:
     code = """
 import sys
 
@@ -336,7 +455,16 @@ sys.meta_path.insert(0, Missing())
 import evaluate
 sys.exit(evaluate.run())
 """
-    arguments = ["--agents", f"ppo={trained}", "--episodes", "2", "--decision-s", "120", "--out", str(tmp_path)]
+    arguments = [
+        "--agents",
+        f"ppo={trained}",
+        "--episodes",
+        "2",
+        "--decision-s",
+        "120",
+        "--out",
+        str(tmp_path),
+    ]
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -353,7 +481,10 @@ sys.exit(evaluate.run())
         (["--agents", "dmax", "dmax"], "given twice"),
         (["--agents", "mine:dmax", "mine:soc50"], "an agent or a label is given twice"),
         (["--agents", ":dmax"], ":dmax has an empty label: give LABEL:NAME, or NAME alone"),
-        (["--agents", "dmax", "--action-type", "flat"], "three parts of an action, not its flat number"),
+        (
+            ["--agents", "dmax", "--action-type", "flat"],
+            "three parts of an action, not its flat number",
+        ),
         (["--agents", "ppo=no/such/folder"], "no/such/folder"),
         (["--env", "CartPole-v1"], "unknown env 'CartPole-v1'; choose from homeward/OutAndBack-v0"),
         (["--difficulty", "hard"], "choose from known, uncertain, harsh"),

@@ -1,4 +1,5 @@
-"""Sweeps and fleets: the same results in one process and in several, and resumed where they stopped."""
+"""Sweeps and fleets: the same results in one process and in several, and resumed where they
+stopped."""
 
 from __future__ import annotations
 
@@ -27,15 +28,22 @@ from tests.parallel_cases import SETTINGS, STEPS, policies, write_recording
 
 def test_a_sweep_is_every_setting_with_every_seed(tmp_path: Path) -> None:
     base = train.Args(out=tmp_path, ppo=SETTINGS)
-    runs = sweep.runs_of(sweep.Args((0, 1), ("learning_rate=1e-3,1e-2", "start=scratch,dmax"), train=base))
+    runs = sweep.runs_of(
+        sweep.Args((0, 1), ("learning_rate=1e-3,1e-2", "start=scratch,dmax"), train=base)
+    )
     assert {name: (run.ppo.learning_rate, run.ppo.start, run.seed) for name, run in runs.items()} == {
         f"learning_rate={rate}_start={start}/seed_{seed}": (rate, start, seed)
         for rate in (0.001, 0.01) for start in ("scratch", "dmax") for seed in (0, 1)
     }  # fmt: skip
-    assert all(run.out == tmp_path / name and run.ppo.hidden == SETTINGS.hidden for name, run in runs.items())
+    assert all(
+        run.out == tmp_path / name and run.ppo.hidden == SETTINGS.hidden
+        for name, run in runs.items()
+    )
 
 
-def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sweep_trains_the_same_policies_wherever_it_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("stable_baselines3")
 
     def args(jobs: int) -> sweep.Args:
@@ -45,12 +53,15 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path, capsy
     for jobs in (1, 2):
         sweep.main(args(jobs))
     alone, together = policies(tmp_path / "1"), policies(tmp_path / "2")
-    assert list(alone) == [f"learning_rate={rate}/seed_0/policy.safetensors" for rate in ("0.001", "0.01")]
+    assert list(alone) == [
+        f"learning_rate={rate}/seed_0/policy.safetensors" for rate in ("0.001", "0.01")
+    ]
     assert len(set(alone.values())) == 2
     assert together == alone
     files = {file: file.stat().st_mtime_ns for file in (tmp_path / "1").rglob("policy.safetensors")}
     sweep.main(args(1))
-    assert {file: file.stat().st_mtime_ns for file in files} == files  # finished: nothing is trained anew
+    # finished: nothing is trained anew
+    assert {file: file.stat().st_mtime_ns for file in files} == files
     capsys.readouterr()
     sweep.main(args(1))
     printed = capsys.readouterr()
@@ -58,27 +69,44 @@ def test_a_sweep_trains_the_same_policies_wherever_it_runs(tmp_path: Path, capsy
     assert "too few" not in printed.err
     for rate in ("0.001", "0.01"):
         points = read_curve(tmp_path / "1" / f"learning_rate={rate}" / "seed_0")
-        (row,) = (line.split() for line in printed.out.splitlines() if line.split()[:1] == [f"learning_rate={rate}"])
+        (row,) = (
+            line.split()
+            for line in printed.out.splitlines()
+            if line.split()[:1] == [f"learning_rate={rate}"]
+        )
         assert row[1:3] == ["1", f"{points[-1].score:.4g}"]
     (tmp_path / "1" / "learning_rate=0.01" / "seed_0" / "curve.csv").unlink()
-    with pytest.raises(TrainingError, match=r"learning_rate=0.01/seed_0 has no learning curve any more"):
+    with pytest.raises(
+        TrainingError, match=r"learning_rate=0.01/seed_0 has no learning curve any more"
+    ):
         sweep.main(args(1))
 
 
 def test_seeds_without_varied_settings_are_one_row_and_too_few_steps_are_said_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    points = [Point(0, 0.0, 9.0, 0.0, 0.0), Point(64, 1.0, 5.0, 0.5, 0.0), Point(128, 2.0, 3.0, 0.0, 0.0)]
+    points = [
+        Point(0, 0.0, 9.0, 0.0, 0.0),
+        Point(64, 1.0, 5.0, 0.5, 0.0),
+        Point(128, 2.0, 3.0, 0.0, 0.0),
+    ]
 
     def trained(args: train.Args) -> Path:
-        write_curve(args.out, [dataclasses.replace(point, score=point.score + args.seed) for point in points])
+        write_curve(
+            args.out,
+            [dataclasses.replace(point, score=point.score + args.seed) for point in points],
+        )
         return args.out
 
     monkeypatch.setattr(sweep, "train_quietly", trained)
-    sweep.main(sweep.Args((0, 1), train=train.Args(steps=6 * SETTINGS.rollout, out=tmp_path, ppo=SETTINGS)))
+    sweep.main(
+        sweep.Args((0, 1), train=train.Args(steps=6 * SETTINGS.rollout, out=tmp_path, ppo=SETTINGS))
+    )
     printed = capsys.readouterr()
     assert printed.err.count("384 steps are too few to learn anything") == 1
-    (row,) = (line.split() for line in printed.out.splitlines() if line.split()[:2] == ["as", "given"])
+    (row,) = (
+        line.split() for line in printed.out.splitlines() if line.split()[:2] == ["as", "given"]
+    )
     assert row[2:] == ["2", "5.5", "5", "to", "6", "50.0%", "3.5"]
 
 
@@ -107,18 +135,32 @@ def test_a_search_that_was_killed_goes_on_with_the_same_trials(
     for row in rows:
         folder = tmp_path / "whole" / f"trial_{row['trial']}" / "seed_0"
         settings = json.loads((folder / RUN).read_text())["settings"]
-        assert [settings["learning_rate"], settings["epochs"]] == [float(row["learning_rate"]), int(row["epochs"])]
-        assert float(row["score"]) == max(point.score for point in read_curve(folder) if point.steps)
-        assert not (folder / PREVIOUS).exists()  # but at the end there is no checkpoint, so that a kill leaves none
+        assert [settings["learning_rate"], settings["epochs"]] == [
+            float(row["learning_rate"]),
+            int(row["epochs"]),
+        ]
+        assert float(row["score"]) == max(
+            point.score for point in read_curve(folder) if point.steps
+        )
+        # but at the end there is no checkpoint, so that a kill leaves none
+        assert not (folder / PREVIOUS).exists()
     best = max(rows, key=lambda row: float(row["score"]))
-    shown = [words for line in printed.out.splitlines() if (words := line.split()) and words[0].isdigit()]
-    assert [words[0] for words in shown] == sorted("0123", key=lambda one: -float(rows[int(one)]["score"]))
-    assert f"best: --learning-rate {best['learning_rate']} --epochs {best['epochs']} --start scratch" in printed.err
+    shown = [
+        words for line in printed.out.splitlines() if (words := line.split()) and words[0].isdigit()
+    ]
+    assert [words[0] for words in shown] == sorted(
+        "0123", key=lambda one: -float(rows[int(one)]["score"])
+    )
+    assert (
+        f"best: --learning-rate {best['learning_rate']} --epochs {best['epochs']} --start scratch"
+        in printed.err
+    )
 
     def killed_in_trial_2(options: Any, *given: Any, **more: Any) -> Any:
         trained = train_for_real(options, *given, **more)
         if "trial_2" in str(given[3]):
-            for name in ("policy.json", "policy.safetensors", CHECKPOINT):  # as it is found after a kill on the way
+            # as it is found after a kill on the way
+            for name in ("policy.json", "policy.safetensors", CHECKPOINT):
                 (given[3] / name).unlink()
             raise KeyboardInterrupt
         return trained
@@ -131,14 +173,22 @@ def test_a_search_that_was_killed_goes_on_with_the_same_trials(
         sweep.main(searched(tmp_path / "killed"))
     first = (tmp_path / "killed" / "trial_0" / "seed_0" / "policy.safetensors").stat().st_mtime_ns
     sweep.main(searched(tmp_path / "killed"))
-    assert (tmp_path / "killed" / sweep.TRIALS).read_text() == (tmp_path / "whole" / sweep.TRIALS).read_text()
+    assert (tmp_path / "killed" / sweep.TRIALS).read_text() == (
+        tmp_path / "whole" / sweep.TRIALS
+    ).read_text()
     assert policies(tmp_path / "killed") == policies(tmp_path / "whole")
-    assert (tmp_path / "killed" / "trial_0" / "seed_0" / "policy.safetensors").stat().st_mtime_ns == first
-    with pytest.raises(TaskError, match=r"trial_0/seed_0: .*holds a run with other settings .*choose another --out"):
+    assert (
+        tmp_path / "killed" / "trial_0" / "seed_0" / "policy.safetensors"
+    ).stat().st_mtime_ns == first
+    with pytest.raises(
+        TaskError, match=r"trial_0/seed_0: .*holds a run with other settings .*choose another --out"
+    ):
         sweep.main(searched(tmp_path / "killed", vary=("learning_rate=1e-5..1e-2",)))
 
 
-def test_a_trial_that_diverges_does_not_end_the_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_trial_that_diverges_does_not_end_the_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("optuna")
 
     def diverge(args: train.Args) -> Path:
@@ -153,15 +203,24 @@ def test_a_trial_that_diverges_does_not_end_the_search(tmp_path: Path, monkeypat
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"optuna": None}, r"--vary learning_rate=1e-4\.\.1e-2: a range is searched with --optuna N"),
+        (
+            {"optuna": None},
+            r"--vary learning_rate=1e-4\.\.1e-2: a range is searched with --optuna N",
+        ),
         ({"optuna": 0}, "optuna = 0 is not allowed; give at least 1"),
         ({"vary": ()}, r"--optuna searches what --vary names: give NAME=LOW\.\.HIGH"),
         ({"vary": ("clip=0.3..0.1",)}, r"--vary clip=0\.3\.\.0\.1: 0\.3\.\.0\.1 is no range"),
         ({"vary": ("clip=0.1..a",)}, "give float values, as clip=0.2"),
         ({"vary": ("clip=0.1..2",)}, "clip = 2.0 is not allowed"),
         ({"vary": ("epochs=0..3",)}, "epochs = 0 is not allowed"),
-        ({"vary": ("start=scratch..dmax",)}, "is not searched between ends; give values, as start=dmax"),
-        ({"vary": ("batch_size=8..64",)}, "is not searched between ends; give values, as batch_size=4096"),
+        (
+            {"vary": ("start=scratch..dmax",)},
+            "is not searched between ends; give values, as start=dmax",
+        ),
+        (
+            {"vary": ("batch_size=8..64",)},
+            "is not searched between ends; give values, as batch_size=4096",
+        ),
         ({"vary": ("batch_size=32,48",)}, "batch_size = 48 does not divide"),
         ({"vary": ("clip=0.1..0.2", "clip=0.2..0.3")}, "names a setting twice"),
     ],
@@ -178,7 +237,10 @@ def test_a_bad_search_is_refused(given: dict[str, Any], message: str, tmp_path: 
         ({"vary": ("speed=1",)}, "there is no setting 'speed'; choose from"),
         ({"vary": ("clip=a",)}, "give float values, as clip=0.2"),
         ({"vary": ("clip=2",)}, "clip = 2.0 is not allowed"),
-        ({"vary": ("start=planner",)}, "start = 'planner' is not allowed; choose from scratch, dmax"),
+        (
+            {"vary": ("start=planner",)},
+            "start = 'planner' is not allowed; choose from scratch, dmax",
+        ),
         ({"vary": ("clip=0.1,0.10",)}, "gives clip=0.1/seed_0 twice; give each value once"),
         ({"seeds": (1, 1)}, "give each seed once"),
         ({"seeds": ()}, "give each seed once, and at least one"),
@@ -191,7 +253,9 @@ def test_a_bad_sweep_is_refused(given: dict[str, Any], message: str, tmp_path: P
 
 
 def test_a_node_that_does_not_see_the_folder_says_so(tmp_path: Path) -> None:
-    with pytest.raises(TrainingError, match="not visible from this node: give an --out that all nodes share"):
+    with pytest.raises(
+        TrainingError, match="not visible from this node: give an --out that all nodes share"
+    ):
         sweep.train_quietly(train.Args(out=tmp_path / "elsewhere" / "seed_0"))
 
 
@@ -216,24 +280,33 @@ def test_a_fleet_is_diagnosed_the_same_wherever_it_runs(garage: Path, tmp_path: 
         }  # fmt: skip
     with (tmp_path / "1" / "fleet.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [(row["robot"], row["verdict"]) for row in rows] == [(name, one.verdict) for name, one in alone.items()]
+    assert [(row["robot"], row["verdict"]) for row in rows] == [
+        (name, one.verdict) for name, one in alone.items()
+    ]
 
 
 NOTHING_TO_TEST = Diagnosis("rusti", (), "not_testable", "nothing was usable").to_json().encode()
-AS_FILED = Diagnosis("rusti", (RecordingInfo("run.csv", "0", 60.0, 600),), "no_mismatch", "all is as the file says")
+AS_FILED = Diagnosis(
+    "rusti", (RecordingInfo("run.csv", "0", 60.0, 600),), "no_mismatch", "all is as the file says"
+)
 
 
 def test_a_fleet_of_which_nothing_is_usable_says_so_when_all_is_written(
     garage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(fleet, "diagnose_one", lambda case: {fleet.DIAGNOSIS: NOTHING_TO_TEST})
-    with pytest.raises(RecordingError, match=r"no recording of any robot can be used: .*fleet.csv says why"):
+    with pytest.raises(
+        RecordingError, match=r"no recording of any robot can be used: .*fleet.csv says why"
+    ):
         fleet.main(fleet.Args(garage, robot="rusti", out=tmp_path / "out"))
     assert (tmp_path / "out" / "fleet.csv").read_text().count("nothing was usable") == 2
 
 
 def test_only_what_has_changed_is_diagnosed_again(
-    garage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    garage: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     asked: list[str] = []
 
@@ -305,12 +378,22 @@ def test_a_fleet_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["evaluate", "sweep", "fleet"])
 def test_a_cluster_that_does_not_answer_takes_one_line(
-    name: str, garage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    garage: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     pytest.importorskip("ray")
-    given = {"evaluate": ["--agents", "dmax"], "sweep": [], "fleet": [str(garage), "--robot", "rusti"]}[name]
+    given = {
+        "evaluate": ["--agents", "dmax"],
+        "sweep": [],
+        "fleet": [str(garage), "--robot", "rusti"],
+    }[name]
     out = tmp_path / "out"
-    monkeypatch.setattr(sys, "argv", ["homeward", name, *given, "--cluster", "127.0.0.1:1", "--out", str(out)])
+    monkeypatch.setattr(
+        sys, "argv", ["homeward", name, *given, "--cluster", "127.0.0.1:1", "--out", str(out)]
+    )
     assert command.run() == 2
     captured = capsys.readouterr()
     assert captured.err == (

@@ -76,7 +76,9 @@ def test_a_run_leaves_a_policy_checkpoints_and_logs(finished: Path) -> None:
     assert {"homeward", "torch", "stable-baselines3"} <= set(description["versions"])
 
 
-def test_the_learning_curve_goes_from_first_to_last_and_the_best_after_the_first_is_kept(finished: Path) -> None:
+def test_the_learning_curve_goes_from_first_to_last_and_the_best_after_the_first_is_kept(
+    finished: Path,
+) -> None:
     curve = read_curve(finished)
     assert [point.steps for point in curve] == [0, STEPS // 2, STEPS]
     assert 0.0 == curve[0].steps < curve[1].trained_s < curve[2].trained_s
@@ -84,7 +86,10 @@ def test_the_learning_curve_goes_from_first_to_last_and_the_best_after_the_first
     best = max(curve[1:], key=lambda point: (point.score, point.steps))
     policy = load_policy(finished, known)
     assert policy.description["after_steps"] == best.steps
-    assert [load_policy(finished / name).description["after_steps"] for name in (FIRST, LAST)] == [0, STEPS]
+    assert [load_policy(finished / name).description["after_steps"] for name in (FIRST, LAST)] == [
+        0,
+        STEPS,
+    ]
     kept = measure(policy, Options("Survey", decision_s=120.0), STEPS, 0.0)
     assert kept.score == pytest.approx(best.score, rel=1e-5)
 
@@ -104,19 +109,25 @@ def test_the_seed_decides_everything(finished: Path, tmp_path: Path) -> None:
 
 
 def command(out: Path) -> list[str]:
-    options = "--start scratch --n-envs 32 --n-steps 16 --batch-size 128 --epochs 2 --hidden 16 --curve 2"
+    options = (
+        "--start scratch --n-envs 32 --n-steps 16 --batch-size 128 --epochs 2 --hidden 16 --curve 2"
+    )
     more = ("--steps", str(STEPS), "--decision-s", "120", "--checkpoints", "8")
     return [sys.executable, "train.py", "--out", str(out), *options.split(), *more]
 
 
-def test_a_killed_run_goes_on_and_ends_as_one_that_was_not(finished: Path, tmp_path: Path, root: Path) -> None:
+def test_a_killed_run_goes_on_and_ends_as_one_that_was_not(
+    finished: Path, tmp_path: Path, root: Path
+) -> None:
     out = tmp_path / "run"
     script = (
         f"from homeward.agents.evaluation import learning_curve; learning_curve.EPISODES = {learning_curve.EPISODES}; "
         "import train; train.run()"
     )
     short = [sys.executable, "-c", script, *command(out)[2:]]
-    process = subprocess.Popen(short, cwd=root, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        short, cwd=root, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     deadline = time.monotonic() + 120.0
     while not (out / PREVIOUS).is_file() and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.001)
@@ -128,7 +139,8 @@ def test_a_killed_run_goes_on_and_ends_as_one_that_was_not(finished: Path, tmp_p
             main(tiny(out))
     main(tiny(out, resume=True))
     assert load_policy(out / LAST).description["after_steps"] == STEPS
-    assert logged_steps(out) == [TINY.rollout * update for update in range(1, 9)]  # none twice, none left out
+    # none twice, none left out
+    assert logged_steps(out) == [TINY.rollout * update for update in range(1, 9)]
     assert [point.steps for point in read_curve(out)] == [0, STEPS // 2, STEPS]
     for weights in (Path(WEIGHTS), Path(LAST, WEIGHTS)):
         assert (out / weights).read_bytes() == (finished / weights).read_bytes()
@@ -181,7 +193,8 @@ def as_stable_baselines_writes_it(trap: Trap) -> bytes:
 def within_safetensors(trap: Trap) -> bytes:
     """A checkpoint in all but what its header holds."""
     return save(
-        {"policy.torch": np.frombuffer(pickle.dumps(trap), np.uint8)}, {"homeward": pickle.dumps(trap, 0).decode()}
+        {"policy.torch": np.frombuffer(pickle.dumps(trap), np.uint8)},
+        {"homeward": pickle.dumps(trap, 0).decode()},
     )
 
 
@@ -196,7 +209,11 @@ def within_safetensors(trap: Trap) -> bytes:
     ],
 )
 def test_a_planted_pickle_is_not_run(
-    finished: Path, tmp_path: Path, written: Callable[[Trap], bytes], name: str, capsys: pytest.CaptureFixture[str]
+    finished: Path,
+    tmp_path: Path,
+    written: Callable[[Trap], bytes],
+    name: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = copied(finished, tmp_path / "run", RUN, PREVIOUS)
     (out / name).write_bytes(written(Trap(tmp_path / "sprung")))
@@ -245,7 +262,10 @@ def test_resuming_an_empty_folder_begins(tmp_path: Path, finished: Path) -> None
 
 
 def test_other_settings_need_another_folder(finished: Path) -> None:
-    with pytest.raises(TrainingError, match=r"other settings \(difficulty 'uncertain', seed 0\): choose another --out"):
+    with pytest.raises(
+        TrainingError,
+        match=r"other settings \(difficulty 'uncertain', seed 0\): choose another --out",
+    ):
         main(tiny(finished, seed=1, difficulty="known"))
     with pytest.raises(TrainingError, match=rf"other settings \(steps {STEPS}\)"):
         main(tiny(finished, steps=STEPS - 1, resume=True))
@@ -278,7 +298,10 @@ def test_a_run_of_other_code_is_neither_reused_nor_continued(
 ) -> None:
     out = copied(finished, tmp_path / "run", *names)
     before = contents(out)
-    with pytest.raises(TrainingError, match=r"made before a change of physics: choose another --out, or .* --replace"):
+    with pytest.raises(
+        TrainingError,
+        match=r"made before a change of physics: choose another --out, or .* --replace",
+    ):
         main(tiny(out, resume=resume))
     assert contents(out) == before
 
@@ -289,7 +312,10 @@ def test_replacing_trains_anew_once_and_says_so(
 ) -> None:
     out = copied(finished, tmp_path / "run")
     (out / "notes.txt").write_text("mine")
-    for expected in ("contained a run with other settings or of other code: removed, training anew", "nothing to do"):
+    for expected in (
+        "contained a run with other settings or of other code: removed, training anew",
+        "nothing to do",
+    ):
         main(tiny(out, resume=True, replace=True))
         assert expected in capsys.readouterr().err
     assert (out / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
@@ -298,7 +324,9 @@ def test_replacing_trains_anew_once_and_says_so(
     assert load_policy(out).description["made_with"]["physics"] == "changed"
 
 
-def test_a_robot_file_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_robot_file_that_changed_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     robot, out = tmp_path / "robot.toml", tmp_path / "run"
     robot.write_text(load_robot("rusti_computer").to_toml())
     main(tiny(out, robot=str(robot), steps=1))
@@ -324,7 +352,9 @@ def test_an_edit_of_the_code_changes_its_hash(
     tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch, file: str, part: str
 ) -> None:
     package = tmp_path / "homeward"
-    shutil.copytree(root / "homeward", package, ignore=shutil.ignore_patterns("__pycache__", "recordings"))
+    shutil.copytree(
+        root / "homeward", package, ignore=shutil.ignore_patterns("__pycache__", "recordings")
+    )
     monkeypatch.setattr(homeward, "__file__", str(package / "__init__.py"))
     before = provenance._code.__wrapped__()
     with (package / file).open("a") as source:
@@ -337,13 +367,16 @@ def test_more_steps_continue_a_finished_run(tmp_path: Path) -> None:
     half = STEPS // 2
     main(tiny(tmp_path, steps=half))
     short = (tmp_path / WEIGHTS).read_bytes()
-    with pytest.raises(TrainingError, match=f"holds this run, of {half} steps: continue it with --resume"):
+    with pytest.raises(
+        TrainingError, match=f"holds this run, of {half} steps: continue it with --resume"
+    ):
         main(tiny(tmp_path))
     main(tiny(tmp_path, resume=True))
     assert (tmp_path / WEIGHTS).read_bytes() != short
     description = load_policy(tmp_path).description
     assert (description["steps"], description["extended_from"]) == (STEPS, [half])
-    assert logged_steps(tmp_path) == [TINY.rollout * update for update in range(1, 9)]  # none twice, none left out
+    # none twice, none left out
+    assert logged_steps(tmp_path) == [TINY.rollout * update for update in range(1, 9)]
     main(tiny(tmp_path))  # finished
 
 
@@ -359,7 +392,8 @@ def test_a_run_killed_before_its_policy_was_written_writes_it(
 def test_ctrl_c_takes_one_line_and_the_run_goes_on(
     tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
-    # A shell lets what it starts in the background ignore Ctrl-C, and children inherit that; a handler they do not.
+    # A shell lets what it starts in the background ignore Ctrl-C, and children inherit that; a
+    # handler they do not.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     monkeypatch.setenv("PYTHONFAULTHANDLER", "1")  # a crash says where
     try:
@@ -370,15 +404,23 @@ def test_ctrl_c_takes_one_line_and_the_run_goes_on(
     finally:
         signal.signal(signal.SIGINT, before)
     deadline = time.monotonic() + 120.0
-    while not (tmp_path / "run" / CHECKPOINT).is_file() and time.monotonic() < deadline and process.poll() is None:
+    while (
+        not (tmp_path / "run" / CHECKPOINT).is_file()
+        and time.monotonic() < deadline
+        and process.poll() is None
+    ):
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60.0)
     assert (process.returncode, error) == (130, "train.py: interrupted: continue with --resume\n")
 
 
-def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tmp_path: Path) -> None:
-    args = tiny(tmp_path, env="homeward/OutAndBack-v0", steps=1, ppo=dataclasses.replace(TINY, start="dmax"))
+def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(
+    tmp_path: Path,
+) -> None:
+    args = tiny(
+        tmp_path, env="homeward/OutAndBack-v0", steps=1, ppo=dataclasses.replace(TINY, start="dmax")
+    )
     options = Options("OutAndBack", decision_s=120.0)
     first = load_policy(main(args) / FIRST, known_of(options))
     rule = AGENTS["dmax_belief"](Request(known_of(options)))
@@ -390,9 +432,18 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("--env homeward/Nowhere-v0", "unknown env 'homeward/Nowhere-v0'; choose from homeward/OutAndBack-v0"),
-        ("--difficulty easy", "difficulty = 'easy' is not allowed; choose from known, uncertain, harsh"),
-        ("--instruments perfect", "instruments = 'perfect'; choose exact, meter, gauge, any_gauge or name a TOML file"),
+        (
+            "--env homeward/Nowhere-v0",
+            "unknown env 'homeward/Nowhere-v0'; choose from homeward/OutAndBack-v0",
+        ),
+        (
+            "--difficulty easy",
+            "difficulty = 'easy' is not allowed; choose from known, uncertain, harsh",
+        ),
+        (
+            "--instruments perfect",
+            "instruments = 'perfect'; choose exact, meter, gauge, any_gauge or name a TOML file",
+        ),
         ("--instruments no/such.toml", "no/such.toml"),
         ("--weather windy", "weather = 'windy' is not allowed; choose from still, changing"),
         ("--randomise wide", "randomise = 'wide' is not allowed; choose from generic, file"),
@@ -401,7 +452,10 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
         ("--steps 0", "steps = 0 is not allowed; give at least 1"),
         ("--seed -1", "seed = -1 is not allowed; give a whole number from 0 to 4294967295"),
         ("--seed 4294967296", "seed = 4294967296 is not allowed"),
-        ("--n-envs 1099511627776", "n_envs * n_steps = 70368744177664 is not allowed; give at most 16,777,216"),
+        (
+            "--n-envs 1099511627776",
+            "n_envs * n_steps = 70368744177664 is not allowed; give at most 16,777,216",
+        ),
         ("--checkpoints 0", "checkpoints = 0 is not allowed"),
         ("--batch-size 1000", "batch_size = 1000 does not divide"),
         ("--n-envs 0", "n_envs = 0 is not allowed"),
@@ -410,14 +464,23 @@ def test_a_run_from_dmax_begins_with_the_rule_and_ends_with_what_sees_beliefs(tm
         ("--stranding-cost -1", "stranding_cost = -1.0 is not allowed"),
         ("--start planner", "start = 'planner' is not allowed; choose from scratch, dmax"),
         ("--curve 0", "curve = 0 is not allowed; give at least 1"),
-        ("--action-type flat", "action_type = 'flat' is for learners of one list of actions; train with 'discrete'"),
+        (
+            "--action-type flat",
+            "action_type = 'flat' is for learners of one list of actions; train with 'discrete'",
+        ),
         ("--discount 1.5", "discount = 1.5 is not allowed"),
     ],
 )
 def test_bad_input_is_one_line(
-    arguments: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    arguments: str,
+    message: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["train.py", "--out", str(tmp_path / "run"), *arguments.split()])
+    monkeypatch.setattr(
+        sys, "argv", ["train.py", "--out", str(tmp_path / "run"), *arguments.split()]
+    )
     assert run() == 2
     error = capsys.readouterr().err
     assert error.startswith("train.py: ") and error.count("\n") == 1
@@ -437,19 +500,32 @@ def test_an_unwritable_folder_is_one_line(
 
 @pytest.mark.parametrize("missing", ["torch", "stable_baselines3", "tensorboard"])
 def test_a_missing_library_says_what_to_install(
-    missing: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    missing: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("homeward.agents.learning.ppo")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, missing, None)
     monkeypatch.setattr(sys, "argv", ["train.py", "--out", str(tmp_path / "run")])
     assert run() == 2
-    assert capsys.readouterr().err == f"train.py: training needs {missing}: pip install 'homeward[train]'\n"
+    assert (
+        capsys.readouterr().err
+        == f"train.py: training needs {missing}: pip install 'homeward[train]'\n"
+    )
 
 
 def test_it_learns_to_come_home(tmp_path: Path) -> None:
     ppo = PPOSettings(start="scratch", n_envs=128, n_steps=32, batch_size=512, epochs=8)
-    args = Args(env="homeward/OutAndBack-v0", out=tmp_path, difficulty="known", steps=64_000, decision_s=120.0, ppo=ppo)
+    args = Args(
+        env="homeward/OutAndBack-v0",
+        out=tmp_path,
+        difficulty="known",
+        steps=64_000,
+        decision_s=120.0,
+        ppo=ppo,
+    )
     main(args)
     first, last = (np.mean(home_rates(tmp_path)[part]) for part in (slice(0, 3), slice(-3, None)))
     assert last > 0.9 > 0.7 > first

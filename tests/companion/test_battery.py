@@ -1,4 +1,5 @@
-"""What is believed of the battery: bounds of age and cold, what was drawn, the voltage, and a counter that errs."""
+"""What is believed of the battery: bounds of age and cold, what was drawn, the voltage, and a
+counter that errs."""
 
 from __future__ import annotations
 
@@ -23,26 +24,41 @@ RATE_PER_H = 0.3
 NOTHING = math.nan
 
 
-def belief(robot: Robot, *, temperature_c: float = NOTHING, cutoff_v: float | None = None) -> BatteryBelief:
+def belief(
+    robot: Robot, *, temperature_c: float = NOTHING, cutoff_v: float | None = None
+) -> BatteryBelief:
     battery = BatteryBelief(cells_of(robot), PRIOR, False, cutoff_v)
     battery.begin(Start(), Conditions(temperature_c=temperature_c, rate_per_h=RATE_PER_H))
     return battery
 
 
 def discharge(
-    battery: BatteryBelief, robot: Robot, capacity: float, to: float, *, ohm: float = 0.0, learned: float | None = None
+    battery: BatteryBelief,
+    robot: Robot,
+    capacity: float,
+    to: float,
+    *,
+    ohm: float = 0.0,
+    learned: float | None = None,
 ) -> float:
     """Draw from a full battery of a capacity, 1 % a window; returns the energy left.
 
-    With `ohm`, voltage and current are read; with `learned`, a counter that takes this for a full charge.
+    With `ohm`, voltage and current are read; with `learned`, a counter that takes this for a full
+    charge.
     """
     curve, used = robot.curve, 0.0
     for used in np.arange(0.01, to, 0.01):
         charge = float(charge_share(curve, 1.0 - used / capacity))
         volts = float(open_circuit_v(curve, charge))
-        current_a = RATE_PER_H * (1.0 + 0.5 * math.sin(40.0 * used)) * cells_of(robot).rated_as / 3600.0
+        current_a = (
+            RATE_PER_H * (1.0 + 0.5 * math.sin(40.0 * used)) * cells_of(robot).rated_as / 3600.0
+        )
         shown = NOTHING if learned is None else 1.0 - (1.0 - charge) * capacity / learned
-        read = (volts - ohm * current_a, current_a, current_a) if ohm else (NOTHING, NOTHING, -math.inf)
+        read = (
+            (volts - ohm * current_a, current_a, current_a)
+            if ohm
+            else (NOTHING, NOTHING, -math.inf)
+        )
         battery.see(Witnesses(float(used), 0.0, *read, shown))
     return capacity - float(used)
 
@@ -74,7 +90,9 @@ def test_a_charge_says_nothing_of_the_capacity_and_loses_nothing_that_is_known()
 def test_cold_batteries_hold_less(temperature_c: float) -> None:
     warm, here = belief(LEAD), belief(LEAD, temperature_c=temperature_c)
     # Beside the charge, what a resistance takes that is larger in the cold.
-    assert here.total == pytest.approx(warm.total * (1.0 - 0.008 * (25.0 - temperature_c)), rel=0.05)
+    assert here.total == pytest.approx(
+        warm.total * (1.0 - 0.008 * (25.0 - temperature_c)), rel=0.05
+    )
 
 
 def test_the_voltage_tells_resistance_and_charge() -> None:
@@ -100,14 +118,29 @@ def test_a_cut_off_under_load_keeps_more_in_a_battery_of_higher_resistance() -> 
 def test_a_battery_whose_voltage_under_load_is_near_its_cut_off_may_be_empty_at_once(
     robot: Robot, volts: tuple[float, float]
 ) -> None:
-    """A cold one of either file: its charge is hardly touched, but half of the voltage above the cut-off is sag."""
-    safe, near = belief(robot, temperature_c=-5.0, cutoff_v=15.0), belief(robot, temperature_c=-5.0, cutoff_v=20.0)
+    """A cold one of either file: its charge is hardly touched, but half of the voltage above the
+    cut-off is sag."""
+    safe, near = (
+        belief(robot, temperature_c=-5.0, cutoff_v=15.0),
+        belief(robot, temperature_c=-5.0, cutoff_v=20.0),
+    )
     rest_v, loaded_v = volts
     current_a = 2.0 * cells_of(robot).rated_as / 3600.0
     for battery in (safe, near):
         for minute in range(1, 10):
-            battery.see(Witnesses(0.003 * minute, 0.0, 0.5 * (rest_v + loaded_v), 0.5 * current_a, -math.inf, NOTHING))
-            battery.see(Witnesses(0.003 * minute + 0.001, 0.0, loaded_v, current_a, current_a, NOTHING))
+            battery.see(
+                Witnesses(
+                    0.003 * minute,
+                    0.0,
+                    0.5 * (rest_v + loaded_v),
+                    0.5 * current_a,
+                    -math.inf,
+                    NOTHING,
+                )
+            )
+            battery.see(
+                Witnesses(0.003 * minute + 0.001, 0.0, loaded_v, current_a, current_a, NOTHING)
+            )
     assert safe.totals[1] > 0.4
     assert near.totals[1] < 0.1
 
@@ -121,7 +154,9 @@ def test_what_the_robots_own_model_loses_in_the_cold_is_not_lost_twice() -> None
 
 
 @pytest.mark.parametrize("capacity", [0.6, 0.75, 0.85])
-def test_a_counter_that_may_not_know_rate_and_cold_does_not_tell_the_capacity(capacity: float) -> None:
+def test_a_counter_that_may_not_know_rate_and_cold_does_not_tell_the_capacity(
+    capacity: float,
+) -> None:
     """It has learned the charge of slow discharges in the warm."""
     battery = belief(LEAD, temperature_c=5.0)
     left = discharge(battery, LEAD, capacity, 0.35, learned=0.9)

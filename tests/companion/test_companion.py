@@ -1,4 +1,5 @@
-"""The companion knows how far home is and how sure that is, says when to turn, and takes what happens to robots."""
+"""The companion knows how far home is and how sure that is, says when to turn, and takes what
+happens to robots."""
 
 import dataclasses
 import json
@@ -37,7 +38,8 @@ def test_it_learns_what_home_takes_and_what_is_left(rolling: float, health: floa
     takes_j = robot.power_w() * 2000.0
     assert advice.way_home_m == pytest.approx(2000.0, rel=1e-3)
     assert advice.energy_home_j.low < takes_j < advice.energy_home_j.high
-    assert advice.energy_home_j.mean == pytest.approx(takes_j, rel=0.07)  # the wind of the way home it cannot know
+    # the wind of the way home it cannot know
+    assert advice.energy_home_j.mean == pytest.approx(takes_j, rel=0.07)
     # A counter's gain is known within 2 %, and nobody knows how full it was within 1 %.
     assert advice.energy_left_j.low < robot.left_j < advice.energy_left_j.high
     assert advice.energy_left_j.mean == pytest.approx(robot.left_j, rel=0.05)
@@ -56,11 +58,17 @@ def test_a_computer_that_draws_more_or_less_than_in_the_file_is_no_wind(idles: f
 
 
 def drive_at(one: Companion, pace_mps: float, **other: Any) -> tuple[Advice, float]:
-    """Drive a Husky straight out for 2,000 s, and return the advice and what the same way back takes, J."""
+    """Drive a Husky straight out for 2,000 s, and return the advice and what the same way back
+    takes, J."""
     power_w, every_s = Driven().power_w(pace_mps), 10.0
     for step in range(201):
         at_s = every_s * step
-        read = {"speed_mps": pace_mps, "power_w": power_w, "heading_rad": 0.0, "grade_rad": 0.0} | other
+        read = {
+            "speed_mps": pace_mps,
+            "power_w": power_w,
+            "heading_rad": 0.0,
+            "grade_rad": 0.0,
+        } | other
         advice = one.update(at_s, position=(pace_mps * at_s, 0.0), **read)
     return advice, power_w * 2000.0
 
@@ -69,14 +77,22 @@ def drive_at(one: Companion, pace_mps: float, **other: Any) -> tuple[Advice, flo
 def test_the_way_home_takes_as_long_as_the_way_out(speed_mps: float) -> None:
     """A slow robot stands longer by its power at rest, which is half of a Husky's."""
     one = companion(soc=1.0)
-    assert "the speed with the longest range, until the robot has driven" in " ".join(one.update(0.0).rests_on)
+    assert "the speed with the longest range, until the robot has driven" in " ".join(
+        one.update(0.0).rests_on
+    )
     advice, takes_j = drive_at(one, speed_mps)
     assert advice.energy_home_j.mean == pytest.approx(takes_j, rel=0.02)
-    assert f"the way home at {speed_mps:g} m/s, as it was driven on the way out" in " ".join(advice.rests_on)
-    stood = one.update(2600.0, speed_mps=0.0, power_w=Driven().power_w(0.0), position=(speed_mps * 2000.0, 0.0))
+    assert f"the way home at {speed_mps:g} m/s, as it was driven on the way out" in " ".join(
+        advice.rests_on
+    )
+    stood = one.update(
+        2600.0, speed_mps=0.0, power_w=Driven().power_w(0.0), position=(speed_mps * 2000.0, 0.0)
+    )
     assert stood.energy_home_j.mean == pytest.approx(advice.energy_home_j.mean, rel=0.02)
     told, _takes_j = drive_at(companion(soc=1.0, cruise_mps=1.0), speed_mps)
-    assert told.energy_home_j.mean < advice.energy_home_j.mean and "1 m/s (given)" in " ".join(told.rests_on)
+    assert told.energy_home_j.mean < advice.energy_home_j.mean and "1 m/s (given)" in " ".join(
+        told.rests_on
+    )
 
 
 def test_without_a_speed_the_pace_is_that_of_the_positions() -> None:
@@ -87,19 +103,26 @@ def test_without_a_speed_the_pace_is_that_of_the_positions() -> None:
 def test_a_capacity_that_was_measured_is_taken_and_what_cannot_be_is_refused() -> None:
     full_j = HUSKY.usable_energy_j
     plain, told = (
-        companion(soc=1.0, **given).update(0.0, position=(0.0, 0.0)) for given in ({}, {"capacity_j": 0.85 * full_j})
+        companion(soc=1.0, **given).update(0.0, position=(0.0, 0.0))
+        for given in ({}, {"capacity_j": 0.85 * full_j})
     )
-    assert told.energy_left_j.mean < plain.energy_left_j.mean and told.energy_left_j.sd < 0.7 * plain.energy_left_j.sd
+    assert (
+        told.energy_left_j.mean < plain.energy_left_j.mean
+        and told.energy_left_j.sd < 0.7 * plain.energy_left_j.sd
+    )
     assert "a measured capacity of 85%" in " ".join(told.rests_on)
     with pytest.raises(CompanionError, match=r"capacity_j = .* is not allowed; give a number in"):
         companion(capacity_j=1.1 * full_j)
 
 
 def test_without_a_meter_the_battery_is_as_unsure_as_the_models_power() -> None:
-    """Rolling resistance and payload are unsure for the part that drives, the power at rest for the other."""
+    """Rolling resistance and payload are unsure for the part that drives, the power at rest for the
+    other."""
     at_rest_only = dataclasses.replace(HUSKY, controller_w=2000.0)
     sds = [
-        Driven(robot).drive(Companion(robot, home=(0.0, 0.0)), 0.0, 200.0, power_w=None).energy_home_j
+        Driven(robot)
+        .drive(Companion(robot, home=(0.0, 0.0)), 0.0, 200.0, power_w=None)
+        .energy_home_j
         for robot in (HUSKY, at_rest_only)
     ]
     shares = [estimate.sd / estimate.mean for estimate in sds]
@@ -114,7 +137,9 @@ def test_the_way_home_begins_with_turning_round() -> None:
 
 
 @pytest.mark.parametrize(("home", "place"), [((0.0, 0.0), (500.0, 0.0)), (None, 500.0)])
-def test_a_robot_that_starts_away_from_home_has_that_way_to_go_and_has_not_driven_it(home: Any, place: Any) -> None:
+def test_a_robot_that_starts_away_from_home_has_that_way_to_go_and_has_not_driven_it(
+    home: Any, place: Any
+) -> None:
     companion = Companion(HUSKY, home=home, soc=0.05)
     first, second = (companion.update(at_s, position=place, speed_mps=0.0) for at_s in (0.0, 0.1))
     assert first.energy_home_j.mean == pytest.approx(second.energy_home_j.mean, rel=0.01)
@@ -147,7 +172,11 @@ def turned(one: Companion, robot: Driven, **other: Any) -> Advice:
 
 
 def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
-    rng, one, robot = np.random.default_rng(0), companion(), Driven(rolling=1.2, health=0.85, every_s=5.0)
+    rng, one, robot = (
+        np.random.default_rng(0),
+        companion(),
+        Driven(rolling=1.2, health=0.85, every_s=5.0),
+    )
     turned(one, robot)
     while robot.xy[0] > 0.5:
         robot.every_s = 5.0 if robot.xy[0] > 200.0 else 1.0
@@ -156,7 +185,10 @@ def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
         assert back.turn_now or robot.xy[0] < 12.0, robot.xy
     stood = [one.update(robot.time_s + k, speed_mps=0.0, power_w=20.0, position=tuple(rng.normal(scale=1.5, size=2)))
              for k in range(1, 60)]  # fmt: skip
-    assert not any(advice.turn_now for advice in stood) and max(advice.way_home_m for advice in stood) < POSITION_M
+    assert (
+        not any(advice.turn_now for advice in stood)
+        and max(advice.way_home_m for advice in stood) < POSITION_M
+    )
     assert stood[-1].warnings == ()  # noise is not absurd
 
 
@@ -164,7 +196,8 @@ def test_who_reckons_its_way_does_not_know_that_it_has_arrived() -> None:
     one, robot = companion(), Driven(every_s=5.0, rolling=1.2, health=0.85)
     turned(one, robot, position=None)
     back = robot.drive(one, HOME, robot.xy[0], position=None)
-    assert back.way_home_m < 6.0 and back.turn_now  # it does not know of the way to its first reading
+    # it does not know of the way to its first reading
+    assert back.way_home_m < 6.0 and back.turn_now
     assert not robot.drive(one, HOME, 5.0).turn_now  # a position says it
 
 
@@ -205,16 +238,23 @@ def test_it_imports_no_learning_library() -> None:
         "import sys, homeward.companion, homeward.agents.onboard; "
         "print([name for name in ('torch', 'pandas', 'plotly') if name in sys.modules])"
     )
-    run = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True
+    )
     assert (run.returncode, run.stdout.strip()) == (0, "[]"), run.stdout + run.stderr
 
 
 def test_generic_ranges_are_those_of_uncertain_missions() -> None:
     expected = prior_of(known_env_of(Options("OutAndBack", difficulty="uncertain")), 0.2)
     ours = known_of(load_robot("husky"), has_forecast=True).prior
-    # Routes of the environments are as even as their maps, states of charge have no lasting error, slopes no tilt,
-    # and their robots are what the model says.
-    for name in set(expected._fields) - {"slope_within_place", "soc_error", "slope_offset", "model_error"}:
+    # Routes of the environments are as even as their maps, states of charge have no lasting error,
+    # slopes no tilt, and their robots are what the model says.
+    for name in set(expected._fields) - {
+        "slope_within_place",
+        "soc_error",
+        "slope_offset",
+        "model_error",
+    }:
         assert getattr(ours, name) == pytest.approx(getattr(expected, name), rel=5e-3), name
 
 
@@ -241,7 +281,13 @@ def test_what_is_missing_widens_and_is_said() -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("power_w", 1e6), ("speed_mps", 40.0), ("soc", 87.0), ("grade_rad", 5.7), ("position", (1e5, 0.0))],
+    [
+        ("power_w", 1e6),
+        ("speed_mps", 40.0),
+        ("soc", 87.0),
+        ("grade_rad", 5.7),
+        ("position", (1e5, 0.0)),
+    ],
 )
 def test_absurd_readings_are_left_out_and_said(name: str, value: Any) -> None:
     one, robot = companion(), Driven(every_s=5.0)
@@ -250,7 +296,9 @@ def test_absurd_readings_are_left_out_and_said(name: str, value: Any) -> None:
     after = robot.drive(one, 0.0, 3.0, **{name: value})
     assert after.way_home_m == pytest.approx(before.way_home_m + 3.0, abs=1.0)
     assert after.energy_left_j.mean == pytest.approx(before.energy_left_j.mean, rel=0.01)
-    assert any(one.startswith(f"impossible {name} left out") for one in after.warnings), after.warnings
+    assert any(one.startswith(f"impossible {name} left out") for one in after.warnings), (
+        after.warnings
+    )
 
 
 def test_repeated_and_late_readings_count_once_and_a_clock_set_back_goes_on() -> None:
@@ -259,7 +307,9 @@ def test_repeated_and_late_readings_count_once_and_a_clock_set_back_goes_on() ->
     again = one.update(900.0, **robot.reads(0.0))
     late = one.update(890.0, **robot.reads(0.0))
     assert again.energy_left_j == late.energy_left_j == before.energy_left_j
-    assert any("repeated" in text for text in again.warnings) and any("late" in text for text in late.warnings)
+    assert any("repeated" in text for text in again.warnings) and any(
+        "late" in text for text in late.warnings
+    )
     robot.time_s = 100.0  # the clock was set back
     after = robot.drive(one, 0.0, 60.0)
     assert after.way_home_m == pytest.approx(960.0, abs=1.0)
@@ -278,7 +328,9 @@ def test_voltage_times_current_is_power() -> None:
     watts, amps = companion(), companion()
     by_power = Driven(every_s=5.0).drive(watts, 0.0, 600.0)
     robot = Driven(every_s=5.0)
-    by_current = robot.drive(amps, 0.0, 600.0, power_w=None, voltage_v=24.0, current_a=robot.power_w() / 24.0)
+    by_current = robot.drive(
+        amps, 0.0, 600.0, power_w=None, voltage_v=24.0, current_a=robot.power_w() / 24.0
+    )
     # The first window ends with the first voltage.
     assert by_current.energy_home_j.mean == pytest.approx(by_power.energy_home_j.mean, rel=1e-3)
 
@@ -294,7 +346,8 @@ def test_a_swapped_battery_is_full_again_and_unlatches() -> None:
     after = robot.drive(one, 0.0, 30.0)
     assert not after.turn_now
     assert after.energy_left_j.low < robot.full_j < after.energy_left_j.high * 1.02
-    assert after.energy_home_j.mean == pytest.approx(cost_j, rel=0.05)  # of the robot it forgets nothing
+    # of the robot it forgets nothing
+    assert after.energy_home_j.mean == pytest.approx(cost_j, rel=0.05)
 
 
 def test_a_battery_that_is_not_full_at_the_start() -> None:
@@ -302,7 +355,9 @@ def test_a_battery_that_is_not_full_at_the_start() -> None:
     robot.used_j = 0.6 * robot.full_j
     advice = robot.drive(one, 0.0, 600.0)
     assert advice.energy_left_j.low < robot.left_j < advice.energy_left_j.high
-    assert companion(soc=0.4).update(0.0, position=(0.0, 0.0)).energy_left_j.mean < 0.5 * robot.full_j
+    assert (
+        companion(soc=0.4).update(0.0, position=(0.0, 0.0)).energy_left_j.mean < 0.5 * robot.full_j
+    )
 
 
 def test_home_that_moves() -> None:
@@ -336,13 +391,25 @@ def test_of_several_homes_the_nearer_is_advised_and_one_out_of_reach_is_listed()
     assert [other.reachable for other in near_bay.others] == [True, True, False]
     for other in near_bay.others:
         assert other.margin_j.mean < near_bay.margin_j.mean
-        assert other.energy_j.mean + other.margin_j.mean == pytest.approx(near_bay.energy_left_j.mean, rel=1e-6)
+        assert other.energy_j.mean + other.margin_j.mean == pytest.approx(
+            near_bay.energy_left_j.mean, rel=1e-6
+        )
     home, hut, town = near_bay.others
     alone = Driven(every_s=25.0).drive(companion(), 0.0, 1000.0)
-    assert (home.way_m, home.energy_j, home.chance) == (alone.way_home_m, alone.energy_home_j, alone.chance_home)
-    assert hut.way_m == pytest.approx(1.3 * math.hypot(1000.0, 50.0), rel=0.02) and town.chance < 0.01
-    assert any("the way to the dock leads along the way driven" in text for text in near_bay.rests_on)
-    assert "; the way to bay, 100 m, consumes" in str(near_bay) and "; town: 24.7 km, 0.00%" in str(near_bay)
+    assert (home.way_m, home.energy_j, home.chance) == (
+        alone.way_home_m,
+        alone.energy_home_j,
+        alone.chance_home,
+    )
+    assert (
+        hut.way_m == pytest.approx(1.3 * math.hypot(1000.0, 50.0), rel=0.02) and town.chance < 0.01
+    )
+    assert any(
+        "the way to the dock leads along the way driven" in text for text in near_bay.rests_on
+    )
+    assert "; the way to bay, 100 m, consumes" in str(near_bay) and "; town: 24.7 km, 0.00%" in str(
+        near_bay
+    )
     assert json.loads(json.dumps(near_bay.to_json()))["others"][2]["reachable"] is False
     advice = turned(one, robot)
     assert advice.home == "hut" and robot.xy[0] > 4500.0
@@ -352,18 +419,23 @@ def test_of_several_homes_the_nearer_is_advised_and_one_out_of_reach_is_listed()
 
 
 def test_none_in_reach_the_likeliest_is_advised() -> None:
-    advice = companion(docks={"far": (9000.0, 0.0), "farther": (9900.0, 0.0)}, home=(-9500.0, 0.0), soc=0.5).update(
-        0.0, position=(0.0, 0.0)
-    )
+    advice = companion(
+        docks={"far": (9000.0, 0.0), "farther": (9900.0, 0.0)}, home=(-9500.0, 0.0), soc=0.5
+    ).update(0.0, position=(0.0, 0.0))
     assert advice.home == "home" and advice.turn_now
-    assert [(other.name, other.reachable) for other in advice.others] == [("far", False), ("farther", False)]
+    assert [(other.name, other.reachable) for other in advice.others] == [
+        ("far", False),
+        ("farther", False),
+    ]
     assert advice.chance_home > advice.others[0].chance > advice.others[1].chance
 
 
 def test_a_dock_ahead_on_a_route_is_reached_over_its_slopes() -> None:
     """By metres and by coordinates alike; a home that has moved ahead had no way at all."""
     by = route([0.0] * 20 + [0.05] * 20)
-    one = Companion(HUSKY, home=(0.0, 0.0), route=by, docks={"metres": 1500.0, "beside": (1500.0, 30.0)})
+    one = Companion(
+        HUSKY, home=(0.0, 0.0), route=by, docks={"metres": 1500.0, "beside": (1500.0, 30.0)}
+    )
     advice = Driven(every_s=5.0).drive(one, 0.0, 500.0)
     options = {other.name: other for other in advice.others}
     assert advice.home == "home"
@@ -389,7 +461,10 @@ def test_a_dock_ahead_on_a_route_is_reached_over_its_slopes() -> None:
         ({"docks": {"bay": "near"}}, "dock 'bay' = 'near' is not allowed; give metres"),
         ({"docks": {"bay": (1e6, 0.0)}}, r"dock 'bay' = \(1000000.0, 0.0\) is not allowed"),
         ({"docks": {"bay": (math.nan, 0.0)}}, "dock 'bay' = .* is not allowed"),
-        ({"docks": {"bay": (5.0, 0.0)}, "home": None}, r"give metres from home along the way, 0 to 1.087e\+05"),
+        (
+            {"docks": {"bay": (5.0, 0.0)}, "home": None},
+            r"give metres from home along the way, 0 to 1.087e\+05",
+        ),
         ({"docks": {"bay": -1.0}, "home": None}, "dock 'bay' = -1.0 is not allowed; give metres"),
         ({"docks": {"bay": 2e6}, "home": "here"}, "dock 'bay' = 2000000.0 is not allowed; give"),
     ],
@@ -401,7 +476,8 @@ def test_docks_that_cannot_be_are_refused_in_one_line(keywords: dict[str, Any], 
 
 
 def test_after_a_charge_on_the_way_the_mission_goes_on() -> None:
-    """What is known of robot, ground and battery stays; an hour at the charger consumes nothing, and nothing rises."""
+    """What is known of robot, ground and battery stays; an hour at the charger consumes nothing,
+    and nothing rises."""
     one, robot = companion(soc=1.0), Driven(rolling=1.2, health=0.85, every_s=25.0)
     before = robot.drive(one, 0.0, 3000.0)
     one.charged(0.9)
@@ -412,26 +488,37 @@ def test_after_a_charge_on_the_way_the_mission_goes_on() -> None:
     restored = companion(soc=1.0)
     restored.restore(state)
     assert restored.update(robot.time_s, **robot.reads(0.0)) == after
-    assert after.time_s == before.time_s + 3625.0 and after.way_home_m == pytest.approx(3025.0, abs=13.0)
+    assert after.time_s == before.time_s + 3625.0 and after.way_home_m == pytest.approx(
+        3025.0, abs=13.0
+    )
     assert after.energy_home_j.mean == pytest.approx(before.energy_home_j.mean, rel=0.01)
     assert after.energy_left_j.low < robot.left_j < after.energy_left_j.high
     elsewhere = companion(soc=1.0)
     elsewhere.restore(state)
-    away = elsewhere.update(robot.time_s, **robot.reads(0.0) | {"position": (2000.0, 0.0), "speed_mps": None})
-    assert away.way_home_m == pytest.approx(2000.0, abs=9.0) and away.energy_left_j == after.energy_left_j
+    away = elsewhere.update(
+        robot.time_s, **robot.reads(0.0) | {"position": (2000.0, 0.0), "speed_mps": None}
+    )
+    assert (
+        away.way_home_m == pytest.approx(2000.0, abs=9.0)
+        and away.energy_left_j == after.energy_left_j
+    )
     swapped = companion(soc=1.0)
     Driven(rolling=1.2, health=0.85, every_s=25.0).drive(swapped, 0.0, 3000.0)
     swapped.swap_battery(0.9)
     dropped = swapped.update(3625.0, **robot.reads(0.0))
     assert after.energy_left_j.sd < 0.8 * dropped.energy_left_j.sd
-    assert not any("clock" in text or "no reading" in text or "rises" in text for text in after.warnings)
+    assert not any(
+        "clock" in text or "no reading" in text or "rises" in text for text in after.warnings
+    )
     left_j = after.energy_left_j.mean
     for _ in range(20):
         advice = robot.drive(one, 0.0, 75.0)
         assert advice.energy_left_j.mean < left_j and advice.warnings == ()
         left_j = advice.energy_left_j.mean
     fuller = robot.drive(one, 0.0, 75.0, soc=0.95)  # nobody charged it again
-    assert fuller.energy_left_j.mean < left_j + 0.01 * robot.full_j or any("rises" in text for text in fuller.warnings)
+    assert fuller.energy_left_j.mean < left_j + 0.01 * robot.full_j or any(
+        "rises" in text for text in fuller.warnings
+    )
 
 
 def test_a_gauge_that_rose_at_the_charger_is_believed_afterwards() -> None:
@@ -453,7 +540,10 @@ def test_a_charge_that_was_told_before_the_first_reading_counts() -> None:
     for event in (Companion.charged, Companion.swap_battery):
         one = companion(soc=1.0)
         event(one, 0.3)
-        assert one.update(0.0, position=(0.0, 0.0), soc=0.8).energy_left_j.mean < 0.4 * HUSKY.usable_energy_j
+        assert (
+            one.update(0.0, position=(0.0, 0.0), soc=0.8).energy_left_j.mean
+            < 0.4 * HUSKY.usable_energy_j
+        )
 
 
 def route(sines: Any, place_m: float = 50.0) -> Route:
@@ -481,7 +571,9 @@ def test_another_way_home_is_costed_by_its_slopes_and_grows_shorter() -> None:
     r = robot.robot
     climbs_j = r.mass_kg * 9.81 * 0.05 * 1500.0 / r.traction_efficiency
     assert steep.way_home_m == pytest.approx(1500.0, abs=2.0)
-    assert steep.energy_home_j.mean == pytest.approx(1.5 * flat.energy_home_j.mean + climbs_j, rel=0.1)
+    assert steep.energy_home_j.mean == pytest.approx(
+        1.5 * flat.energy_home_j.mean + climbs_j, rel=0.1
+    )
     assert robot.drive(one, 0.0, 100.0).way_home_m == pytest.approx(1400.0, abs=3.0)
 
 
@@ -504,9 +596,13 @@ def test_a_route_that_ends_where_it_begins_is_said() -> None:
     loop = Companion("husky", route=Route(50.0, nothing, nothing, nothing, heading))
     straight = Companion("husky", route=route([0.0] * 40))
     assert any("ends where it begins" in text for text in loop.update(0.0, position=0.0).rests_on)
-    assert not any("ends where it begins" in text for text in straight.update(0.0, position=0.0).rests_on)
+    assert not any(
+        "ends where it begins" in text for text in straight.update(0.0, position=0.0).rests_on
+    )
     for place in range(40):
-        advice = loop.update(50.0 * (place + 1), speed_mps=1.0, power_w=150.0, heading_rad=float(heading[place]))
+        advice = loop.update(
+            50.0 * (place + 1), speed_mps=1.0, power_w=150.0, heading_rad=float(heading[place])
+        )
     assert advice.way_home_m == pytest.approx(2000.0)  # back along it
 
 
@@ -517,7 +613,9 @@ def with_curve(*points: tuple[float, float]) -> Robot:
 
 def test_a_cut_off_voltage_keeps_energy_in_the_battery() -> None:
     falls = with_curve((0.0, 19.0), (1.0, 25.0))
-    free, bound = (Companion(falls, home=(0.0, 0.0), soc=1.0, cutoff_v=volts) for volts in (None, 21.0))
+    free, bound = (
+        Companion(falls, home=(0.0, 0.0), soc=1.0, cutoff_v=volts) for volts in (None, 21.0)
+    )
     answers = []
     for one in (free, bound):
         robot = Driven(health=0.9, every_s=5.0)
@@ -525,7 +623,10 @@ def test_a_cut_off_voltage_keeps_energy_in_the_battery() -> None:
             advice = robot.drive(one, 0.0, 60.0, soc=None, power_w=None, **electric(robot, falls))
         answers.append(advice)
     # At 6 A and 0.05 Ohm, 21.3 V at rest are left: 38 % of the charge, and 35 % of the energy.
-    left = float(energy_share(falls.curve, 1.0) - energy_share(falls.curve, 2.3 / 6.0)) * robot.full_j - robot.used_j
+    left = (
+        float(energy_share(falls.curve, 1.0) - energy_share(falls.curve, 2.3 / 6.0)) * robot.full_j
+        - robot.used_j
+    )
     assert answers[1].energy_left_j.low < left < answers[1].energy_left_j.high
     assert answers[1].turn_in_m < answers[0].turn_in_m
     assert answers[1].chance_home <= answers[0].chance_home
@@ -597,12 +698,18 @@ def test_arguments_that_cannot_be_used(keywords: dict[str, Any], said: str) -> N
 
 
 @pytest.mark.parametrize("home", [(0.0, 0.0), "here", None])
-@pytest.mark.parametrize("read", [{"power_w": 60.0}, {"soc": 0.5}, {"power_w": 60.0, "heading_rad": 0.1}, {}])
-def test_a_robot_whose_motion_is_never_read_is_not_taken_to_be_at_home(home: Any, read: dict[str, float]) -> None:
+@pytest.mark.parametrize(
+    "read", [{"power_w": 60.0}, {"soc": 0.5}, {"power_w": 60.0, "heading_rad": 0.1}, {}]
+)
+def test_a_robot_whose_motion_is_never_read_is_not_taken_to_be_at_home(
+    home: Any, read: dict[str, float]
+) -> None:
     one = Companion("husky", home=home)
     advice = one.update(0.0, **read)
     assert advice.warnings == ("neither speed nor position was read yet: assumed to stand",)
-    with pytest.raises(CompanionError, match=r"neither speed nor position was read in 61 s: give position="):
+    with pytest.raises(
+        CompanionError, match=r"neither speed nor position was read in 61 s: give position="
+    ):
         for time_s in range(1, 100):
             one.update(float(time_s), **read)
 
@@ -614,7 +721,8 @@ def test_a_speed_that_falls_silent_is_said_where_there_are_no_positions() -> Non
     assert before.warnings == ()
     for time_s in range(600, 700):
         after = one.update(float(time_s), power_w=100.0)
-    assert after.way_home_m == pytest.approx(before.way_home_m + 100.0, abs=2.0)  # the safer of both
+    # the safer of both
+    assert after.way_home_m == pytest.approx(before.way_home_m + 100.0, abs=2.0)
     assert "neither speed nor position for 100 s: assumed to drive on as before" in after.warnings
 
 
@@ -660,11 +768,14 @@ def test_positions_that_freeze_are_said_and_the_way_is_reckoned() -> None:
     frozen = robot.drive(one, 0.0, 500.0, position=(500.0, 0.0))
     assert any(text.startswith("the positions stay within 0.2 m while") for text in frozen.warnings)
     assert frozen.way_home_m == pytest.approx(1000.0, rel=0.05)
-    assert robot.drive(one, 0.0, 60.0).way_home_m == pytest.approx(1060.0, rel=0.01)  # they are heard again
+    # they are heard again
+    assert robot.drive(one, 0.0, 60.0).way_home_m == pytest.approx(1060.0, rel=0.01)
 
 
 @pytest.mark.parametrize("stops", [True, False])
-def test_a_battery_that_is_swapped_untold_for_an_emptier_one_is_believed_and_said(stops: bool) -> None:
+def test_a_battery_that_is_swapped_untold_for_an_emptier_one_is_believed_and_said(
+    stops: bool,
+) -> None:
     """If it stood before the reading fell; a gauge that falls on the way is at fault itself."""
     one, robot = companion(), Driven(every_s=5.0)
     robot.drive(one, 0.0, 1000.0)
@@ -673,7 +784,10 @@ def test_a_battery_that_is_swapped_untold_for_an_emptier_one_is_believed_and_sai
     robot.used_j = 0.6 * robot.full_j
     advised = [robot.drive(one, 0.0, 25.0) for _ in range(12)]
     said = [text for advice in advised for text in advice.warnings]
-    assert any("less than the energy drawn implies: another battery?" in text for text in said) is stops
+    assert (
+        any("less than the energy drawn implies: another battery?" in text for text in said)
+        is stops
+    )
     left = advised[-1].energy_left_j
     assert (left.low < robot.left_j < left.high) is stops
 
@@ -712,22 +826,30 @@ def test_a_state_of_charge_that_sticks_is_said_and_not_believed() -> None:
     after = robot.drive(one, 0.0, 3500.0, soc=stuck)
     assert abs(after.energy_left_j.mean - robot.left_j) < 2.0 * after.energy_left_j.sd
     assert after.energy_left_j.mean < 0.9 * stuck * robot.full_j
-    assert any("has jumped or stays" in text and "power alone is used" in text for text in after.warnings)
+    assert any(
+        "has jumped or stays" in text and "power alone is used" in text for text in after.warnings
+    )
 
 
 def test_a_wind_that_turns_against_the_way_home_is_allowed_for() -> None:
-    """Of 1.5 m/s, the standard deviation of what the companion expects of a wind that nobody forecast."""
+    """Of 1.5 m/s, the standard deviation of what the companion expects of a wind that nobody
+    forecast."""
     one, robot = Companion(HUSKY, home=(0.0, 0.0)), Driven(every_s=5.0)
-    drag = robot.robot.drag_ns2_per_m2 / ((1.0 - robot.robot.motor_loss) * (1.0 - robot.robot.friction_loss))
+    drag = robot.robot.drag_ns2_per_m2 / (
+        (1.0 - robot.robot.motor_loss) * (1.0 - robot.robot.friction_loss)
+    )
     calm_w = robot.power_w()
-    out = robot.drive(one, 0.0, 1500.0, power_w=calm_w + drag * (0.5**2 - 1.0))  # it helps on the way out
+    # it helps on the way out
+    out = robot.drive(one, 0.0, 1500.0, power_w=calm_w + drag * (0.5**2 - 1.0))
     home_j = (calm_w + drag * (2.5**2 - 1.0)) * out.way_home_m  # and hurts on the way home
     assert out.energy_home_j.low < home_j < out.energy_home_j.quantile(0.999)
 
 
 def electric(robot: Driven, file: Robot) -> dict[str, float]:
     """Voltage and current of a battery with 0.05 Ohm and the curve of its file."""
-    rest_v = float(open_circuit_v(file.curve, charge_share(file.curve, robot.left_j / robot.full_j)))
+    rest_v = float(
+        open_circuit_v(file.curve, charge_share(file.curve, robot.left_j / robot.full_j))
+    )
     current_a = robot.power_w() / (rest_v - 0.3)
     return {"voltage_v": rest_v - 0.05 * current_a, "current_a": current_a}
 
@@ -762,13 +884,17 @@ def test_a_clock_that_is_set_forward_by_an_hour_draws_no_energy() -> None:
 
 
 def test_instruments_whose_first_readings_come_one_by_one() -> None:
-    """The gauge's first reading says how full the battery is, the first temperature how cold, whenever they come."""
+    """The gauge's first reading says how full the battery is, the first temperature how cold,
+    whenever they come."""
     at_once, later = (companion() for _ in range(2))
     for second in range(300):
         soc, temperature_c = 0.6 - second / 11_520, -5.0
         moves = {"speed_mps": 1.0, "power_w": 150.0, "heading_rad": 0.0}
         together = at_once.update(float(second), soc=soc, temperature_c=temperature_c, **moves)
-        lacking = {"soc": None if second < 5 else soc, "temperature_c": None if second < 9 else temperature_c}
+        lacking = {
+            "soc": None if second < 5 else soc,
+            "temperature_c": None if second < 9 else temperature_c,
+        }
         apart = later.update(float(second), **moves, **lacking)
     assert apart.energy_left_j.mean == pytest.approx(together.energy_left_j.mean, rel=0.02)
     assert apart.warnings == together.warnings == ()
@@ -777,10 +903,18 @@ def test_instruments_whose_first_readings_come_one_by_one() -> None:
 def test_what_is_assumed_of_cells_slopes_and_positions_is_said() -> None:
     cold, robot = companion(), Driven(every_s=5.0)
     rests_on = robot.drive(cold, 0.0, 60.0, temperature_c=-5.0).rests_on
-    assert "cells of unknown chemistry, at -5 C, at 0.33 charges an hour: 70% to 100% of the label" in rests_on
-    assert "slopes from a sensor that is mounted within 0.2 degrees, one standard deviation" in rests_on
+    assert (
+        "cells of unknown chemistry, at -5 C, at 0.33 charges an hour: 70% to 100% of the label"
+        in rests_on
+    )
+    assert (
+        "slopes from a sensor that is mounted within 0.2 degrees, one standard deviation"
+        in rests_on
+    )
     assert "positions filtered by speed and heading, which takes their noise away" in rests_on
-    unsaid = Driven(every_s=5.0).drive(companion(), 0.0, 60.0, grade_rad=None, position=None).rests_on
+    unsaid = (
+        Driven(every_s=5.0).drive(companion(), 0.0, 60.0, grade_rad=None, position=None).rests_on
+    )
     assert any("warm, as no temperature was read" in text for text in unsaid)
     assert not any(text.startswith(("slopes from", "positions filtered")) for text in unsaid)
 
@@ -813,7 +947,10 @@ def test_at_its_cut_off_voltage_nothing_is_left() -> None:
 
 def test_advice_can_be_written_as_json_and_read_by_people() -> None:
     advice = Driven().drive(companion(), 0.0, 60.0)
-    assert json.loads(json.dumps(advice.to_json()))["energy_left_j"]["mean"] == advice.energy_left_j.mean
+    assert (
+        json.loads(json.dumps(advice.to_json()))["energy_left_j"]["mean"]
+        == advice.energy_left_j.mean
+    )
     assert "the way home, 60 m, consumes" in str(advice) and "turn within" in str(advice)
 
 
@@ -822,7 +959,9 @@ def test_a_robot_file_that_says_how_sure_it_is() -> None:
 
     def of(**sizes: Any) -> Advice:
         sure = Uncertainty(source="a test", **sizes)
-        return Driven().drive(Companion(dataclasses.replace(husky, uncertainty=sure), home=(0.0, 0.0)), 0.0, 120.0)
+        return Driven().drive(
+            Companion(dataclasses.replace(husky, uncertainty=sure), home=(0.0, 0.0)), 0.0, 120.0
+        )
 
     known: dict[str, Any] = {
         "fitted": ("rolling", "mass"), "covariance": ((1e-4, 0.0), (0.0, 1e-4)), "between_runs": 0.0
@@ -831,19 +970,28 @@ def test_a_robot_file_that_says_how_sure_it_is() -> None:
     differs = of(**(known | {"between_runs": 0.2}))
     generic = Driven().drive(companion(), 0.0, 120.0)
     charge = of(of="charge", **known)
-    assert charge.energy_home_j == generic.energy_home_j and any("generic" in text for text in charge.rests_on)
+    assert charge.energy_home_j == generic.energy_home_j and any(
+        "generic" in text for text in charge.rests_on
+    )
     one_run = of(**(known | {"between_runs": None}))  # how others will differ from it is not known
     assert one_run.energy_home_j.sd > 2.0 * narrow.energy_home_j.sd
-    fitted = {"fitted": ("rolling", "mass", "drag"), "covariance": tuple(map(tuple, (1e-4 * np.eye(3)).tolist()))}
-    heavy = dataclasses.replace(husky, drag_ns2_per_m2=5.0)  # which no air makes of a robot of 50 kg
+    fitted = {
+        "fitted": ("rolling", "mass", "drag"),
+        "covariance": tuple(map(tuple, (1e-4 * np.eye(3)).tolist())),
+    }
+    # which no air makes of a robot of 50 kg
+    heavy = dataclasses.replace(husky, drag_ns2_per_m2=5.0)
     still, windy = (
-        known_of(dataclasses.replace(heavy, uncertainty=Uncertainty(**sizes)), False).prior.wind_sd_mps
+        known_of(
+            dataclasses.replace(heavy, uncertainty=Uncertainty(**sizes)), False
+        ).prior.wind_sd_mps
         for sizes in (fitted, known)
     )
     assert still < 0.2 * windy
     assert narrow.energy_home_j.sd < generic.energy_home_j.sd
     assert uneven.energy_home_j.sd > 2.0 * narrow.energy_home_j.sd
     assert differs.energy_home_j.sd > narrow.energy_home_j.sd
-    assert of(between_runs=0.4).energy_home_j.sd > of(between_runs=0.1).energy_home_j.sd  # nothing fitted
+    # nothing fitted
+    assert of(between_runs=0.4).energy_home_j.sd > of(between_runs=0.1).energy_home_j.sd
     assert any("uncertainty from the robot's file: a test" in text for text in narrow.rests_on)
     assert any("generic ranges" in text for text in generic.rests_on)

@@ -1,4 +1,5 @@
-"""A gauge that jumps, stays or maps the voltage is said and not believed, and one that is right again is used again."""
+"""A gauge that jumps, stays or maps the voltage is said and not believed, and one that is right
+again is used again."""
 
 from __future__ import annotations
 
@@ -16,15 +17,20 @@ from homeward.companion.gauge import FOLLOWS, GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_share, open_circuit_v
 
-NMC = dataclasses.replace(load_robot("husky"), chemistry="nmc", cells_in_series=6, nominal_voltage_v=22.2)
+NMC = dataclasses.replace(
+    load_robot("husky"), chemistry="nmc", cells_in_series=6, nominal_voltage_v=22.2
+)
 CAPACITY = 0.9  # of the rated energy, as the battery of the drives below has
 OHM = 0.05
 Gauge = Callable[[float, float, float], float]
 """Reading of a gauge: by the time, s, the true state of charge and the voltage under load, V."""
 
 
-def drive(gauge: Gauge, *, until_turn: bool = True, seconds: int = 9000) -> list[tuple[Advice, float]]:
-    """Advice every 10 s of a drive straight out on level ground, and the energy that is truly left, J."""
+def drive(
+    gauge: Gauge, *, until_turn: bool = True, seconds: int = 9000
+) -> list[tuple[Advice, float]]:
+    """Advice every 10 s of a drive straight out on level ground, and the energy that is truly left,
+    J."""
     companion, rng = Companion(NMC, home=(0.0, 0.0)), np.random.default_rng(0)
     left_j = full_j = CAPACITY * NMC.usable_energy_j
     given: list[tuple[Advice, float]] = []
@@ -67,7 +73,8 @@ def maps_the_voltage(second: float, charge: float, volts: float) -> float:
 
 
 def maps_in_pieces(second: float, charge: float, volts: float) -> float:
-    """The six straight pieces of a driver of a robot with 10 cells (husarion_ugv_battery, battery.hpp)."""
+    """The six straight pieces of a driver of a robot with 10 cells (husarion_ugv_battery,
+    battery.hpp)."""
     pack_v = volts / 6.0 * 10.0
     pieces = ((41.25, 8.665, -258.73), (37.0, 9.153, -278.861), (36.0, 19.8, -672.6), (35.0, 22.84, -782.04),
               (33.7, 10.538, -351.47), (-math.inf, 0.989, -29.669))  # fmt: skip
@@ -83,7 +90,9 @@ def test_a_gauge_that_follows_the_charge_is_believed_and_narrows_the_energy_left
     assert last.low < given[-1][1] < last.high
 
 
-@pytest.mark.parametrize("gauge", [steps_up, is_reset_to_full, stays, maps_the_voltage, maps_in_pieces])
+@pytest.mark.parametrize(
+    "gauge", [steps_up, is_reset_to_full, stays, maps_the_voltage, maps_in_pieces]
+)
 def test_one_that_does_not_is_said_and_strands_nobody(gauge: Gauge) -> None:
     given = drive(gauge)
     advice, left_j = given[-1]
@@ -96,7 +105,8 @@ def test_one_that_does_not_is_said_and_strands_nobody(gauge: Gauge) -> None:
 
 @pytest.mark.parametrize("gauge", [follows, steps_up, is_reset_to_full, stays, maps_in_pieces])
 def test_the_energy_left_rises_only_within_what_was_said_before_and_says_so(gauge: Gauge) -> None:
-    """Energy left falls as it is used; where a reading is believed anew, the mean stays within the last interval."""
+    """Energy left falls as it is used; where a reading is believed anew, the mean stays within the
+    last interval."""
     given = [advice for advice, _ in drive(gauge)]
     for before, after in itertools.pairwise(given[1:]):
         assert after.energy_left_j.mean < before.energy_left_j.high
@@ -117,7 +127,12 @@ def test_one_that_is_right_again_is_used_again() -> None:
 def test_what_is_left_is_never_more_than_the_battery_holds() -> None:
     for gauge in (maps_the_voltage, is_reset_to_full):
         for advice, _ in drive(gauge):
-            assert 0.0 <= advice.energy_left_j.low <= advice.energy_left_j.mean <= advice.energy_left_j.high
+            assert (
+                0.0
+                <= advice.energy_left_j.low
+                <= advice.energy_left_j.mean
+                <= advice.energy_left_j.high
+            )
             assert advice.energy_left_j.high <= NMC.usable_energy_j
 
 

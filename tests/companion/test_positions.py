@@ -1,4 +1,5 @@
-"""Noise of positions does not lengthen the trail, and wrong dead reckoning does not lead away from them."""
+"""Noise of positions does not lengthen the trail, and wrong dead reckoning does not lead away from
+them."""
 
 from __future__ import annotations
 
@@ -14,8 +15,11 @@ from homeward.companion.way import Way
 STEP_M, STEPS = 1.0, 600
 
 
-def follow(noise_m: float, *, heading_off_rad: float = 0.0, gain: float = 1.0) -> tuple[float, float]:
-    """Drive in a wide bend; returns the length of the filtered trail over the true one, and the last error, m."""
+def follow(
+    noise_m: float, *, heading_off_rad: float = 0.0, gain: float = 1.0
+) -> tuple[float, float]:
+    """Drive in a wide bend; returns the length of the filtered trail over the true one, and the
+    last error, m."""
     rng = np.random.default_rng(1)
     place = np.zeros(2)
     positions, trail = PositionFilter(np.zeros(2)), [np.zeros(2)]
@@ -38,9 +42,12 @@ def test_the_trail_is_as_long_as_the_way(noise_m: float) -> None:
     assert error_m <= 0.5 * noise_m
 
 
-@pytest.mark.parametrize(("heading_off_rad", "gain"), [(math.pi, 1.0), (0.5, 1.0), (0.0, 0.0), (0.0, 2.0)])
+@pytest.mark.parametrize(
+    ("heading_off_rad", "gain"), [(math.pi, 1.0), (0.5, 1.0), (0.0, 0.0), (0.0, 2.0)]
+)
 def test_wrong_dead_reckoning_is_found_out(heading_off_rad: float, gain: float) -> None:
-    """A compass that is off, wheels that slip or do not turn: positions within a metre are followed."""
+    """A compass that is off, wheels that slip or do not turn: positions within a metre are
+    followed."""
     length, error_m = follow(1.0, heading_off_rad=heading_off_rad, gain=gain)
     assert error_m < 3.0
     assert length < 1.8
@@ -55,7 +62,8 @@ def test_a_jump_of_the_positions_is_followed() -> None:
 
 
 def ways_home_m(home: tuple[float, float] | str, noise_m: float, seed: int) -> tuple[float, float]:
-    """Way home of a slow robot that drove 100 m out, its heading unread for a while, and its standard deviation."""
+    """Way home of a slow robot that drove 100 m out, its heading unread for a while, and its
+    standard deviation."""
     rng = np.random.default_rng(seed)
     way = Way(home, None, crumb_m=1.0, most_m=1e4)
     for step in range(501):

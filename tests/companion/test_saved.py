@@ -1,4 +1,5 @@
-"""A companion that goes on from a saved state is as one that was never stopped; damage is refused in one line."""
+"""A companion that goes on from a saved state is as one that was never stopped; damage is refused
+in one line."""
 
 import copy
 import dataclasses
@@ -58,7 +59,11 @@ def step(companion: Companion, kind: str, second: int) -> Advice:
         "heading_rad": 0.3 * math.sin(0.02 * second) + (0.0 if outwards else math.pi),
     }  # fmt: skip
     power_w = 150.0 + 20.0 * rng.normal()
-    reading |= {"voltage_v": 24.0, "current_a": power_w / 24.0} if kind == "cut-off" else {"power_w": power_w}
+    reading |= (
+        {"voltage_v": 24.0, "current_a": power_w / 24.0}
+        if kind == "cut-off"
+        else {"power_w": power_w}
+    )
     if kind == "metres":
         reading["position"] = way_m
     elif kind not in ("route", "dead reckoning") and second % 90 < 80:
@@ -72,7 +77,8 @@ def step(companion: Companion, kind: str, second: int) -> Advice:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_restart_at_any_moment_changes_nothing(kind: str, tmp_path: Path) -> None:
-    """Before the first reading, in the middle of a window, in a gap, after home moved, after a swap.
+    """Before the first reading, in the middle of a window, in a gap, after home moved, after a
+    swap.
 
     One kind is restarted at all of these moments, and the others each at every second one, in turn.
     """
@@ -93,7 +99,8 @@ def test_a_restart_at_any_moment_changes_nothing(kind: str, tmp_path: Path) -> N
         other.load(tmp_path / f"{moment}.json")
         for second in range(moment, moment + AFTER):
             assert step(other, kind, second) == advised[second], (moment, second)
-        assert json.dumps(other.state()) == states[moment + AFTER], moment  # NaN is not equal to itself, its text is
+        # NaN is not equal to itself, its text is
+        assert json.dumps(other.state()) == states[moment + AFTER], moment
 
 
 def test_a_state_does_not_change_with_its_companion() -> None:
@@ -108,7 +115,11 @@ def test_a_state_does_not_change_with_its_companion() -> None:
 
 
 def test_another_way_home_goes_on_too() -> None:
-    first, second, way = Companion("husky", home=(0.0, 0.0)), Companion("husky", home=(0.0, 0.0)), hill()
+    first, second, way = (
+        Companion("husky", home=(0.0, 0.0)),
+        Companion("husky", home=(0.0, 0.0)),
+        hill(),
+    )
     for moment in range(100):
         step(first, "positions", moment)
         if moment == 50:
@@ -123,7 +134,9 @@ def paths(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     if isinstance(value, dict):
         return [deeper for name, inner in value.items() for deeper in paths(inner, (*path, name))]
     if isinstance(value, list):
-        return [deeper for index, inner in enumerate(value) for deeper in paths(inner, (*path, index))]
+        return [
+            deeper for index, inner in enumerate(value) for deeper in paths(inner, (*path, index))
+        ]
     return [path]
 
 
@@ -149,7 +162,13 @@ def test_no_damage_is_taken_for_a_state(driven: Companion) -> None:
         step(other, "cut-off", second)
     before = other.state()
     wrong = st.one_of(
-        st.none(), st.booleans(), st.floats(), st.integers(), st.text(max_size=5), st.just([]), st.just({})
+        st.none(),
+        st.booleans(),
+        st.floats(),
+        st.integers(),
+        st.text(max_size=5),
+        st.just([]),
+        st.just({}),
     )
 
     @settings(max_examples=100, deadline=None)
@@ -174,7 +193,9 @@ def test_no_damage_is_taken_for_a_state(driven: Companion) -> None:
 
 
 @pytest.mark.parametrize("at", range(0, 4000, 97))
-def test_a_file_that_was_cut_or_flipped_is_refused(driven: Companion, at: int, tmp_path: Path) -> None:
+def test_a_file_that_was_cut_or_flipped_is_refused(
+    driven: Companion, at: int, tmp_path: Path
+) -> None:
     driven.save(tmp_path / "state.json")
     content = bytearray((tmp_path / "state.json").read_bytes())
     flipped = content.copy()
@@ -195,17 +216,24 @@ def test_a_file_that_was_cut_or_flipped_is_refused(driven: Companion, at: int, t
             {"robot": "husky", "home": (0.0, 0.0), "docks": {"bay": (9.0, 0.0)}},
             "of another robot file, version or route",
         ),
-        ({"robot": "husky", "home": (0.0, 0.0), "place_m": 99.0}, "of another robot file, version or route"),
+        (
+            {"robot": "husky", "home": (0.0, 0.0), "place_m": 99.0},
+            "of another robot file, version or route",
+        ),
         ({"robot": "husky", "home": (0.0, 0.0)}, "of another robot file, version or route"),
     ],
 )
-def test_a_state_of_other_arguments_is_refused(driven: Companion, keywords: dict[str, Any], said: str) -> None:
+def test_a_state_of_other_arguments_is_refused(
+    driven: Companion, keywords: dict[str, Any], said: str
+) -> None:
     with pytest.raises(CompanionError, match=said):
         Companion(**keywords).restore(driven.state())
 
 
 def test_an_older_state_is_refused_in_one_line() -> None:
-    with pytest.raises(CompanionError, match=r"^the state is of another version than 3, or is none$"):
+    with pytest.raises(
+        CompanionError, match=r"^the state is of another version than 3, or is none$"
+    ):
         Companion("husky").restore({"schema": 1, "robot": "husky"})
 
 

@@ -1,4 +1,5 @@
-"""Thresholds of the companion: those that are derived are what is derived, and limits of one thing are in order."""
+"""Thresholds of the companion: those that are derived are what is derived, and limits of one thing
+are in order."""
 
 import math
 
@@ -14,9 +15,13 @@ def test_numbers_that_are_derived_are_what_is_derived() -> None:
     assert thresholds.MOST_CUTOFF > 4.2 / 3.6
     assert thresholds.OFF_ROUTE_M == 10.0 * POSITION_M
     assert thresholds.STANDS_WINDOWS / WINDOWS == 0.015
-    assert pytest.approx(0.1 * thresholds.DEAD_RECKONING_ERROR) == thresholds.STILL_M / thresholds.DRIVEN_M
+    assert (
+        pytest.approx(0.1 * thresholds.DEAD_RECKONING_ERROR)
+        == thresholds.STILL_M / thresholds.DRIVEN_M
+    )
     assert 1.0 - math.cos(math.radians(32.0)) == pytest.approx(thresholds.STRAIGHT, abs=0.005)
-    assert pytest.approx(2.0 * 0.5 * 1.2 * 1.2 * 0.03, rel=0.1) == thresholds.MOST_AIR  # air, drag coefficient, area
+    # air, drag coefficient, area
+    assert pytest.approx(2.0 * 0.5 * 1.2 * 1.2 * 0.03, rel=0.1) == thresholds.MOST_AIR
 
 
 def test_limits_of_one_thing_are_in_order() -> None:

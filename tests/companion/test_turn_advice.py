@@ -1,4 +1,5 @@
-"""The latest place to turn lies where the margin ends, and a robot is told in time to turn there."""
+"""The latest place to turn lies where the margin ends, and a robot is told in time to turn
+there."""
 
 import pytest
 
@@ -11,7 +12,9 @@ def margin_j(onwards_m: float) -> float:
 
 
 def asked(reaction_s: float = 10.0, draws_w: float = 1.0, now_j: float = 1000.0) -> Turn:
-    return when_to_turn(margin_j, now_j, most_m=5000.0, pace_mps=1.0, draws_w=draws_w, reaction_s=reaction_s)
+    return when_to_turn(
+        margin_j, now_j, most_m=5000.0, pace_mps=1.0, draws_w=draws_w, reaction_s=reaction_s
+    )
 
 
 def test_it_turns_where_its_margin_ends() -> None:

@@ -1,4 +1,5 @@
-"""Whatever instruments say, the advice stays finite, in order and within what a battery can hold."""
+"""Whatever instruments say, the advice stays finite, in order and within what a battery can
+hold."""
 
 import dataclasses
 import json
@@ -25,12 +26,18 @@ NUMBERS = st.one_of(
     st.none(),
     st.floats(),
     st.floats(-10.0, 10.0),
-    st.sampled_from([TINY, -TINY, 1e-300, 3.4e38, 1e300, -1e300, 1e308, 10**400, -(10**400), FAR_M, 0.7 * FAR_M]),
+    st.sampled_from(
+        [TINY, -TINY, 1e-300, 3.4e38, 1e300, -1e300, 1e308, 10**400, -(10**400), FAR_M, 0.7 * FAR_M]
+    ),
 )
-SIZES = st.one_of(st.floats(), st.floats(-100.0, 100.0), st.sampled_from([1e308, -1e300, 10**400, 0.7 * FAR_M]))
+SIZES = st.one_of(
+    st.floats(), st.floats(-100.0, 100.0), st.sampled_from([1e308, -1e300, 10**400, 0.7 * FAR_M])
+)
 COORDINATES = st.one_of(st.none(), st.tuples(SIZES, SIZES))
 STEPS_S = st.one_of(
-    st.sampled_from([0.0, -1.0, TINY, 1e-6, 0.1, 1.0, 60.0, 1e4, 1e6, 1e9, 1e300, -1e300, math.inf, math.nan]),
+    st.sampled_from(
+        [0.0, -1.0, TINY, 1e-6, 0.1, 1.0, 60.0, 1e4, 1e6, 1e9, 1e300, -1e300, math.inf, math.nan]
+    ),
     st.floats(),
 )
 INSTRUMENTS = (
@@ -42,7 +49,11 @@ READINGS = st.fixed_dictionaries({}, optional=dict.fromkeys(INSTRUMENTS, NUMBERS
 
 def check(advice: Advice, full_j: float) -> None:
     """The properties of every advice."""
-    numbers = [value for field in dataclasses.fields(advice) for value in numbers_of(getattr(advice, field.name))]
+    numbers = [
+        value
+        for field in dataclasses.fields(advice)
+        for value in numbers_of(getattr(advice, field.name))
+    ]
     assert all(map(math.isfinite, numbers)), advice
     for value in (advice.energy_left_j, advice.energy_home_j, advice.margin_j):
         assert value.low <= value.mean <= value.high, advice
@@ -65,7 +76,9 @@ def test_no_reading_of_any_size_corrupts_the_advice_or_ends_it() -> None:
     @given(
         st.sampled_from(["here", (0.0, 0.0), None]),
         st.sampled_from([None, 21.0]),
-        st.lists(st.tuples(STEPS_S, READINGS, COORDINATES, NUMBERS, st.integers(0, 9)), max_size=25),
+        st.lists(
+            st.tuples(STEPS_S, READINGS, COORDINATES, NUMBERS, st.integers(0, 9)), max_size=25
+        ),
     )
     def holds(home: Any, cutoff_v: float | None, drive: list[Any]) -> None:
         companion = Companion(HUSKY, home=home, cutoff_v=cutoff_v)
@@ -99,7 +112,8 @@ def told(event: Any, value: Any) -> None:
 @pytest.mark.parametrize("robot", ["husky", "turtlebot3_burger", "f1tenth", "rusti"])
 @pytest.mark.parametrize("seed", range(2))
 def test_long_regimes_at_the_limits_do_not_corrupt_it_either(robot: str, seed: int) -> None:
-    """Each reading stays at what is just possible for a while: full power back into the battery, the longest gaps."""
+    """Each reading stays at what is just possible for a while: full power back into the battery,
+    the longest gaps."""
     rng = np.random.default_rng(seed)
     companion = Companion(robot, home=(0.0, 0.0))
     limits = limits_of(companion.robot, float(d_max(companion.robot)))
@@ -128,9 +142,13 @@ def test_positions_that_ended_the_process_are_left_out() -> None:
         "    advice = companion.update(6.3 + 0.1 * second, position=(east, 5.0))\n"
         "print(advice.way_home_m, advice.warnings)"
     )
-    run = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True
+    )
     assert run.returncode == 0, run.stderr
-    assert run.stdout.startswith("2.0 ('impossible position left out: 7 (the last (1e+12, 5) m: farther than")
+    assert run.stdout.startswith(
+        "2.0 ('impossible position left out: 7 (the last (1e+12, 5) m: farther than"
+    )
 
 
 def test_a_jump_that_no_robot_can_make_is_never_accepted() -> None:
@@ -149,9 +167,13 @@ def test_a_jump_that_no_robot_can_make_is_never_accepted() -> None:
 def test_a_home_where_no_robot_can_come_is_refused(home: Any) -> None:
     companion, robot = Companion("husky", home=(0.0, 0.0)), Driven()
     before = robot.drive(companion, 0.0, 60.0)
-    with pytest.raises(CompanionError, match=r"home = .* is not allowed; .* within 1.087e\+05 m of where it was"):
+    with pytest.raises(
+        CompanionError, match=r"home = .* is not allowed; .* within 1.087e\+05 m of where it was"
+    ):
         companion.move_home(home)
-    assert companion.update(60.0) == dataclasses.replace(before, warnings=("repeated readings left out: 1",))
+    assert companion.update(60.0) == dataclasses.replace(
+        before, warnings=("repeated readings left out: 1",)
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -191,7 +213,8 @@ def test_home_beyond_the_earth_is_refused() -> None:
 
 
 def test_a_clock_that_is_set_forward_goes_on() -> None:
-    """As of a computer without a battery for its clock: it begins in 1970, until it hears the time."""
+    """As of a computer without a battery for its clock: it begins in 1970, until it hears the
+    time."""
     companion, robot = Companion("husky", home=(0.0, 0.0)), Driven()
     before = robot.drive(companion, 0.0, 600.0)
     robot.time_s += 1.7e9

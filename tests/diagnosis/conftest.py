@@ -27,13 +27,22 @@ def husky() -> Robot:
 
 @pytest.fixture(scope="session")
 def drive() -> Drive:
-    """Noisy recordings of a robot that may differ from what the diagnosis is told, the first minutes of each drive."""
+    """Noisy recordings of a robot that may differ from what the diagnosis is told, the first
+    minutes of each drive."""
 
-    def recordings(robot: Robot, runs: int = 3, minutes: float = 8.0, **changes: object) -> list[Recording]:
+    def recordings(
+        robot: Robot, runs: int = 3, minutes: float = 8.0, **changes: object
+    ) -> list[Recording]:
         robot = dataclasses.replace(robot, **changes)  # type: ignore[arg-type]
-        tables = [record(robot, seed).iloc[: round(60.0 * minutes / STEP_S)] for seed in range(runs)]
+        tables = [
+            record(robot, seed).iloc[: round(60.0 * minutes / STEP_S)] for seed in range(runs)
+        ]
         return [
-            Recording(f"run{i}.csv", str(i), {str(name): table[name].to_numpy(dtype=float) for name in table})
+            Recording(
+                f"run{i}.csv",
+                str(i),
+                {str(name): table[name].to_numpy(dtype=float) for name in table},
+            )
             for i, table in enumerate(tables)
         ]
 
@@ -42,13 +51,15 @@ def drive() -> Drive:
 
 @pytest.fixture(scope="session")
 def short_drive(drive: Drive) -> Drive:
-    """As `drive`, four runs of two minutes, which are too short for the clock of power to be searched for a drift."""
+    """As `drive`, four runs of two minutes, which are too short for the clock of power to be
+    searched for a drift."""
     return functools.partial(drive, runs=4, minutes=2.0)
 
 
 @pytest.fixture(scope="session")
 def short_runs(short_drive: Drive, husky: Robot) -> Runs:
-    """Windows of the short drives of a robot that is as its file says, for `observed` of the test's own."""
+    """Windows of the short drives of a robot that is as its file says, for `observed` of the test's
+    own."""
     return average(usable_runs(short_drive(husky), husky)[0])
 
 
@@ -60,7 +71,8 @@ def short_fit(short_runs: Runs, husky: Robot) -> Refit:
 
 @pytest.fixture(scope="session")
 def scrubbing(short_drive: Drive, husky: Robot) -> Analysis:
-    """What is said of a robot whose turning its file does not know, for all tests that ask something of it."""
+    """What is said of a robot whose turning its file does not know, for all tests that ask
+    something of it."""
     return analyse(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
 
 

@@ -15,7 +15,8 @@ from homeward.logs.channels import Array
 
 
 def windows(count: int, runs: int = 1, observed: Array | float = 100.0, **context: Array) -> Runs:
-    """Runs `0.csv`, `1.csv`, ... of so many windows each; channels and power have shape (runs * count,)."""
+    """Runs `0.csv`, `1.csv`, ... of so many windows each; channels and power have shape (runs *
+    count,)."""
     signals: Any = [SimpleNamespace(name=f"{run}.csv") for run in range(runs)]
     time_s = np.tile((np.arange(count) + 0.5) * WINDOW_S, runs)
     power_w = np.broadcast_to(np.asarray(observed, np.float64), len(time_s))
@@ -24,10 +25,18 @@ def windows(count: int, runs: int = 1, observed: Array | float = 100.0, **contex
 
 
 def autoregressive(phi: float, count: int, seed: int = 0) -> Array:
-    """A residual that keeps this share of itself from window to window; its increments have a variance of 1."""
-    return np.asarray(lfilter([1.0], [1.0, -phi], np.random.default_rng(seed).standard_normal(count)))
+    """A residual that keeps this share of itself from window to window; its increments have a
+    variance of 1."""
+    return np.asarray(
+        lfilter([1.0], [1.0, -phi], np.random.default_rng(seed).standard_normal(count))
+    )
 
 
-def with_power(runs: list[Recording], power_w: Callable[[Mapping[str, Array]], Array]) -> list[Recording]:
+def with_power(
+    runs: list[Recording], power_w: Callable[[Mapping[str, Array]], Array]
+) -> list[Recording]:
     """The runs with another power, a function of their channels."""
-    return [dataclasses.replace(run, channels={**run.channels, "power_w": power_w(run.channels)}) for run in runs]
+    return [
+        dataclasses.replace(run, channels={**run.channels, "power_w": power_w(run.channels)})
+        for run in runs
+    ]

@@ -1,4 +1,5 @@
-"""`diagnose.py`: exit 0 for any verdict, 2 with one line for input or output that cannot be used."""
+"""`diagnose.py`: exit 0 for any verdict, 2 with one line for input or output that cannot be
+used."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +19,9 @@ from homeward.diagnosis.tell.made_by import made_by
 from tests.command_line import diagnosed
 
 
-def refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+def refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path
+) -> str:
     """The one line with which a call is refused."""
     assert diagnosed(monkeypatch, *arguments) == 2
     lines = capsys.readouterr().err.strip().splitlines()
@@ -43,7 +46,9 @@ def test_shipped_recording_without_data_or_network(
 def test_each_verdict_has_its_exit_code_if_asked_for(
     verdict: Verdict, code: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    analysis = Analysis(Diagnosis("husky", (), verdict, ""), load_robot("husky"), load_robot("husky"), (), None)
+    analysis = Analysis(
+        Diagnosis("husky", (), verdict, ""), load_robot("husky"), load_robot("husky"), (), None
+    )
     monkeypatch.setattr(diagnose, "main", lambda args: analysis)
     assert diagnosed(monkeypatch, "run.csv") == 0
     assert diagnosed(monkeypatch, "run.csv", "--exit-code") == code
@@ -54,16 +59,23 @@ def test_exit_codes_are_in_the_order_of_precedence_and_no_others(
 ) -> None:
     assert list(diagnose.EXIT_CODES.values()) == list(range(10, 15))
     assert set(diagnose.EXIT_CODES) == set(VERDICTS)
-    assert "no such file" in refused(monkeypatch, capsys, "none.csv", "--exit-code")  # 2, whatever is asked for
-    assert "one verdict" in refused(monkeypatch, capsys, "--group", "a=x.csv", "--group", "b=y.csv", "--exit-code")
+    # 2, whatever is asked for
+    assert "no such file" in refused(monkeypatch, capsys, "none.csv", "--exit-code")
+    assert "one verdict" in refused(
+        monkeypatch, capsys, "--group", "a=x.csv", "--group", "b=y.csv", "--exit-code"
+    )
 
 
-def test_unusable_input(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_unusable_input(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     out = ("--out", tmp_path / "out")
     assert "no such file" in refused(monkeypatch, capsys, "none.csv", *out)
     good = shipped_recording()
     assert "presets:" in refused(monkeypatch, capsys, good, "--robot", "huskie", *out)
-    assert "neither a file nor a shipped mapping" in refused(monkeypatch, capsys, good, "--columns", "none", *out)
+    assert "neither a file nor a shipped mapping" in refused(
+        monkeypatch, capsys, good, "--columns", "none", *out
+    )
     assert "known: husky_borealtc" in refused(monkeypatch, capsys, "--dataset", "kitti", *out)
     assert "not both" in refused(monkeypatch, capsys, good, "--dataset", "husky_borealtc", *out)
     assert not list((tmp_path).glob("out/*"))
@@ -91,7 +103,9 @@ def test_an_interrupted_diagnosis_leaves_what_an_earlier_one_wrote(
     for moment in ("explain.explanation.name_missing", "tell.report.report_html"):
         monkeypatch.setattr(f"homeward.diagnosis.{moment}", ctrl_c)
         assert diagnosed(monkeypatch, "--out", out) == 130
-        assert capsys.readouterr().err.strip().splitlines()[-1].startswith("diagnose.py: interrupted")
+        assert (
+            capsys.readouterr().err.strip().splitlines()[-1].startswith("diagnose.py: interrupted")
+        )
         assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
@@ -100,7 +114,11 @@ def drive(seed: int = 0) -> pd.DataFrame:
     rng, time_s = np.random.default_rng(seed), np.arange(600) / 10.0
     speed = np.clip(0.5 + 0.5 * np.sin(time_s / 7.0), 0.05, 1.0)
     return pd.DataFrame(
-        {"time_s": time_s, "speed_mps": speed, "power_w": 60.0 + 120.0 * speed + rng.normal(0.0, 3.0, 600)}
+        {
+            "time_s": time_s,
+            "speed_mps": speed,
+            "power_w": 60.0 + 120.0 * speed + rng.normal(0.0, 3.0, 600),
+        }
     )
 
 
@@ -114,7 +132,10 @@ def test_what_is_assumed_and_how_a_table_was_read_is_said(
         "no --robot is given: husky is assumed; name yours, a preset or a TOML file",
         "run.csv: read with cells separated by semicolons, decimal commas",
     ]
-    assert diagnosed(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out") == 0
+    assert (
+        diagnosed(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out")
+        == 0
+    )
     assert "assumed" not in capsys.readouterr().err
 
 
@@ -122,9 +143,14 @@ def test_recordings_of_which_none_can_be_used_are_bad_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     drive().head(5).to_csv(tmp_path / "run.csv", index=False)
-    assert diagnosed(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out") == 2
+    assert (
+        diagnosed(monkeypatch, tmp_path / "run.csv", "--robot", "husky", "--out", tmp_path / "out")
+        == 2
+    )
     last = capsys.readouterr().err.strip().splitlines()[-1]
-    assert last.startswith("diagnose.py: None of the recordings can be used: ") and "too short" in last
+    assert (
+        last.startswith("diagnose.py: None of the recordings can be used: ") and "too short" in last
+    )
     assert "too short" in (tmp_path / "out" / "report.html").read_text()
 
 

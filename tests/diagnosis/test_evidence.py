@@ -20,7 +20,8 @@ def corrected(scrubbing_evidence: Evidence) -> Corrected:
 
 
 def test_a_trip_is_a_run_even_where_stretches_are_held_out(scrubbing_evidence: Evidence) -> None:
-    """Stretches of all runs mixed have no energy of a trip: errors of opposite signs cancel in them."""
+    """Stretches of all runs mixed have no energy of a trip: errors of opposite signs cancel in
+    them."""
     fold = np.arange(len(scrubbing_evidence.fold)) % 7
     mixed = dataclasses.replace(scrubbing_evidence, held_out_by="block", fold=fold)
     np.testing.assert_array_equal(mixed.trip, scrubbing_evidence.runs.run)
@@ -36,8 +37,12 @@ def test_of_few_runs_a_trip_is_a_stretch(scrubbing_evidence: Evidence) -> None:
     assert (np.diff(few.trip) >= 0).all()
 
 
-def test_the_residual_is_that_of_the_best_model(scrubbing_evidence: Evidence, corrected: Corrected) -> None:
-    np.testing.assert_array_equal(scrubbing_evidence.residual, scrubbing_evidence.runs.observed - corrected.predicted)
+def test_the_residual_is_that_of_the_best_model(
+    scrubbing_evidence: Evidence, corrected: Corrected
+) -> None:
+    np.testing.assert_array_equal(
+        scrubbing_evidence.residual, scrubbing_evidence.runs.observed - corrected.predicted
+    )
     plain = dataclasses.replace(scrubbing_evidence, corrected=None)
     np.testing.assert_array_equal(
         plain.residual, scrubbing_evidence.runs.observed - scrubbing_evidence.fitted.predicted
@@ -56,7 +61,9 @@ def test_held_groups_are_those_of_the_model_that_is_reported(
     held = dataclasses.replace(
         scrubbing_evidence,
         plain=dataclasses.replace(scrubbing_evidence.plain, held=holding(0)),
-        corrected=dataclasses.replace(corrected, groups=dataclasses.replace(corrected.groups, held=holding(4))),
+        corrected=dataclasses.replace(
+            corrected, groups=dataclasses.replace(corrected.groups, held=holding(4))
+        ),
     )
     assert held.held == ("m / Gamma",)
     assert dataclasses.replace(held, corrected=None).held == ("P_anc, idle part",)
@@ -82,7 +89,9 @@ def test_contributions_are_those_of_named_effects_and_then_those_of_other_channe
     scrubbing_evidence: Evidence, corrected: Corrected
 ) -> None:
     lost_w = np.full(len(scrubbing_evidence.runs.observed), 3.0)
-    shown = ChannelEffect(CATALOGUE["internal_resistance"], {}, lost_w, Proof(None, 0.5, 0.001), (), "It sags.")
+    shown = ChannelEffect(
+        CATALOGUE["internal_resistance"], {}, lost_w, Proof(None, 0.5, 0.001), (), "It sags."
+    )
     both = dataclasses.replace(scrubbing_evidence, channel_effects=(shown,))
     named, by_voltage = both.contributions
     np.testing.assert_array_equal(named, corrected.contribution[0])
@@ -90,8 +99,11 @@ def test_contributions_are_those_of_named_effects_and_then_those_of_other_channe
     assert len(dataclasses.replace(both, corrected=None).contributions) == 1
 
 
-def test_the_accuracy_of_a_range_is_that_of_each_arm_on_its_trips(scrubbing_evidence: Evidence) -> None:
-    """A model that predicts four fifths of each trip promises a range that is a quarter too long."""
+def test_the_accuracy_of_a_range_is_that_of_each_arm_on_its_trips(
+    scrubbing_evidence: Evidence,
+) -> None:
+    """A model that predicts four fifths of each trip promises a range that is a quarter too
+    long."""
     observed = scrubbing_evidence.runs.observed
     found = dataclasses.replace(
         scrubbing_evidence, predictions={"exact": observed, "low": 0.8 * observed}

@@ -49,18 +49,27 @@ fit = st.builds(
 diagnosis = st.builds(
     Diagnosis,
     robot=text,
-    recordings=st.lists(st.builds(RecordingInfo, text, text, number, st.integers(0, 9)), max_size=2).map(tuple),
+    recordings=st.lists(
+        st.builds(RecordingInfo, text, text, number, st.integers(0, 9)), max_size=2
+    ).map(tuple),
     verdict=st.sampled_from(VERDICTS),
     summary=text,
-    parameters=st.lists(st.builds(FittedGroup, text, optional, number, pair, text), max_size=2).map(tuple),
-    parameters_off=st.lists(st.builds(FittedGroup, text, number, number, pair, text), max_size=2).map(tuple),
+    parameters=st.lists(st.builds(FittedGroup, text, optional, number, pair, text), max_size=2).map(
+        tuple
+    ),
+    parameters_off=st.lists(
+        st.builds(FittedGroup, text, number, number, pair, text), max_size=2
+    ).map(tuple),
     missing_physics=st.lists(missing, max_size=2).map(tuple),
     where=st.lists(place, max_size=2).map(tuple),
     fit=st.none() | fit,
     what_this_log_can_show=st.dictionaries(text, st.none() | st.floats(0, 1), max_size=2),
     products=st.lists(
         st.builds(
-            Product, st.lists(text, max_size=2).map(tuple), st.builds(Value, number, pair, text), st.just("ratio")
+            Product,
+            st.lists(text, max_size=2).map(tuple),
+            st.builds(Value, number, pair, text),
+            st.just("ratio"),
         ),
         max_size=2,
     ).map(tuple),
@@ -71,10 +80,13 @@ diagnosis = st.builds(
         CorrectedFile,
         st.sampled_from(["corrected", "refit", "predictive", "nominal"]),
         text,
-        st.lists(st.builds(FileNumber, text, number, pair, text, st.booleans()), max_size=2).map(tuple),
+        st.lists(st.builds(FileNumber, text, number, pair, text, st.booleans()), max_size=2).map(
+            tuple
+        ),
     ),
     next_experiment=st.none() | text,
-    made_by=st.none() | st.builds(MadeBy, text, st.integers(), st.dictionaries(text, number | st.lists(number))),
+    made_by=st.none()
+    | st.builds(MadeBy, text, st.integers(), st.dictionaries(text, number | st.lists(number))),
     schema=st.sampled_from([2, 3]),
 )
 
@@ -106,7 +118,9 @@ def test_what_is_no_number_becomes_null(value: float) -> None:
     assert Diagnosis.from_json(one.to_json()) == dataclasses.replace(one, range_change_m=None)
 
 
-@pytest.mark.parametrize("spoiled", ["", "[]", "{}", '{"schema": 1, "verdict": "no_mismatch"}', "null"])
+@pytest.mark.parametrize(
+    "spoiled", ["", "[]", "{}", '{"schema": 1, "verdict": "no_mismatch"}', "null"]
+)
 def test_foreign_json_is_refused(spoiled: str) -> None:
     with pytest.raises(ValueError):
         Diagnosis.from_json(spoiled)
@@ -114,12 +128,16 @@ def test_foreign_json_is_refused(spoiled: str) -> None:
 
 def test_a_table_is_no_recording() -> None:
     table: Any = pd.DataFrame({"time_s": [0.0]})
-    with pytest.raises(RecordingError, match="a recording is a path or what read_recording returns, not a DataFrame"):
+    with pytest.raises(
+        RecordingError,
+        match="a recording is a path or what read_recording returns, not a DataFrame",
+    ):
         diagnose(table, "husky")
 
 
 @pytest.mark.parametrize(
-    ("together", "name"), [("product", "a x b"), ("ratio", "a over b"), ("mean power", "mean power of a and b")]
+    ("together", "name"),
+    [("product", "a x b"), ("ratio", "a over b"), ("mean power", "mean power of a and b")],
 )
 def test_what_is_identifiable_together_says_how(together: Combination, name: str) -> None:
     assert Product(("a", "b"), Value(1.0, (0.5, 1.5), "W"), together).name == name

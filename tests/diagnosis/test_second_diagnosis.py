@@ -1,4 +1,5 @@
-"""A robot file that already holds effects: as it was handed over, without another, and with one too many."""
+"""A robot file that already holds effects: as it was handed over, without another, and with one too
+many."""
 
 from __future__ import annotations
 
@@ -37,15 +38,22 @@ def test_a_corrected_robot_asks_for_nothing_on_the_same_recordings(
     assert again.missing_physics == () and again.parameters_off == ()
 
 
-def test_a_file_that_holds_the_true_effects_has_no_mismatch(short_drive: Drive, husky: Robot) -> None:
+def test_a_file_that_holds_the_true_effects_has_no_mismatch(
+    short_drive: Drive, husky: Robot
+) -> None:
     true = dataclasses.replace(husky, effects={**TURNING, **INERTIA})
     analysis = analyse(short_drive(true), true)
     assert analysis.diagnosis.verdict == "no_mismatch"
     assert analysis.corrected == true
 
 
-def test_a_file_that_holds_one_of_two_effects_lacks_the_other_only(short_drive: Drive, husky: Robot) -> None:
-    analysis = analyse(short_drive(husky, effects={**TURNING, **INERTIA}), dataclasses.replace(husky, effects=TURNING))
+def test_a_file_that_holds_one_of_two_effects_lacks_the_other_only(
+    short_drive: Drive, husky: Robot
+) -> None:
+    analysis = analyse(
+        short_drive(husky, effects={**TURNING, **INERTIA}),
+        dataclasses.replace(husky, effects=TURNING),
+    )
     (found,) = analysis.diagnosis.missing_physics
     assert found.effect == "inertia"
     low, high = found.parameters["mass_factor"].ci95
@@ -54,9 +62,13 @@ def test_a_file_that_holds_one_of_two_effects_lacks_the_other_only(short_drive: 
     assert analysis.corrected.effects["inertia"]["mass_factor"] == pytest.approx(1.0, rel=0.1)
 
 
-def test_an_effect_that_a_file_holds_too_large_is_named_with_its_true_size(short_drive: Drive, husky: Robot) -> None:
+def test_an_effect_that_a_file_holds_too_large_is_named_with_its_true_size(
+    short_drive: Drive, husky: Robot
+) -> None:
     half = {"turning": {"scrub": 0.15}}
-    analysis = analyse(short_drive(husky, effects=half), dataclasses.replace(husky, effects=TURNING))
+    analysis = analyse(
+        short_drive(husky, effects=half), dataclasses.replace(husky, effects=TURNING)
+    )
     (found,) = analysis.diagnosis.missing_physics
     assert found.effect == "turning"
     low, high = found.parameters["scrub"].ci95
@@ -72,20 +84,28 @@ def test_an_effect_that_a_file_holds_without_cause_is_taken_out(
     effect: str, number: str, size: float, short_drive: Drive, husky: Robot
 ) -> None:
     """Another effect on top of it would be wrong."""
-    analysis = analyse(short_drive(husky), dataclasses.replace(husky, effects={effect: {number: size}}))
+    analysis = analyse(
+        short_drive(husky), dataclasses.replace(husky, effects={effect: {number: size}})
+    )
     (found,) = analysis.diagnosis.missing_physics
     assert found.effect == effect
     assert f"{found.name} at another size than the robot file's" in analysis.diagnosis.summary
     assert analysis.corrected.effects[effect][number] == pytest.approx(0.0, abs=0.05 * size)
 
 
-def test_a_load_that_changes_between_runs_counts_beyond_that_of_the_file(drive: Drive, husky: Robot) -> None:
-    """Two runs with the 10 kg of the file, and two with 30 kg, which is the robot's present state."""
+def test_a_load_that_changes_between_runs_counts_beyond_that_of_the_file(
+    drive: Drive, husky: Robot
+) -> None:
+    """Two runs with the 10 kg of the file, and two with 30 kg, which is the robot's present
+    state."""
 
     def loaded(load_kg: float) -> Robot:
         return dataclasses.replace(husky, effects={"payload": {"mass_kg": load_kg}})
 
-    runs = [drive(loaded(kg), runs=4, minutes=4.0)[number] for number, kg in enumerate((10.0, 10.0, 30.0, 30.0))]
+    runs = [
+        drive(loaded(kg), runs=4, minutes=4.0)[number]
+        for number, kg in enumerate((10.0, 10.0, 30.0, 30.0))
+    ]
     analysis = analyse(runs, loaded(10.0))
     (found,) = analysis.diagnosis.missing_physics
     assert found.effect == "payload"

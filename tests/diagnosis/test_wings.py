@@ -13,7 +13,9 @@ WINGS = ("read", "fit", "explain", "tell")
 def imported(file: Path) -> Iterator[str]:
     """Wings that a file imports from, also in functions, but not for type checkers alone."""
     for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("homeward.diagnosis."):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
+            "homeward.diagnosis."
+        ):
             yield (node.module or "").split(".")[2]
 
 
@@ -22,7 +24,12 @@ def test_no_wing_knows_a_later_one(wing: str) -> None:
     files = sorted((FOLDER / wing).rglob("*.py"))
     assert files
     later = WINGS[WINGS.index(wing) + 1 :]
-    wrong = [f"{file.relative_to(FOLDER)} imports {name}" for file in files for name in imported(file) if name in later]
+    wrong = [
+        f"{file.relative_to(FOLDER)} imports {name}"
+        for file in files
+        for name in imported(file)
+        if name in later
+    ]
     assert not wrong
 
 

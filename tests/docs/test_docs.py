@@ -1,4 +1,5 @@
-"""The site builds without a warning, holds what it takes from the code, and fetches nothing; its recipes work."""
+"""The site builds without a warning, holds what it takes from the code, and fetches nothing; its
+recipes work."""
 
 import html
 import os
@@ -117,7 +118,9 @@ def site(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_nothing_is_fetched_when_a_page_is_read(site: Path) -> None:
     pages = list(site.rglob("*.html"))
     assert len(pages) > 10
-    fetched = re.compile(r'<(?:script|img|iframe)[^>]+src="(?:https?:)?//[^"]*|<link [^>]*href="(?:https?:)?//[^"]*')
+    fetched = re.compile(
+        r'<(?:script|img|iframe)[^>]+src="(?:https?:)?//[^"]*|<link [^>]*href="(?:https?:)?//[^"]*'
+    )
     for page in pages:
         assert fetched.findall(page.read_text("utf-8")) == [], page.name
     for sheet in site.rglob("*.css"):
@@ -134,12 +137,16 @@ def test_every_effect_and_feature_is_described(site: Path) -> None:
     effects = (site / "effects.html").read_text("utf-8")
     for name, one in CATALOGUE.items():
         assert f'<h2 id="{name}">' in effects
-        assert all(f"<code>{parameter.name}</code>" in effects for parameter in one.entry.parameters)
+        assert all(
+            f"<code>{parameter.name}</code>" in effects for parameter in one.entry.parameters
+        )
     environments = (site / "environments.html").read_text("utf-8")
     assert [name for name in NAMES if f"<td><code>{name}</code></td>" not in environments] == []
 
 
-def test_every_drive_that_is_advised_is_on_the_page_that_the_advice_names(root: Path, site: Path) -> None:
+def test_every_drive_that_is_advised_is_on_the_page_that_the_advice_names(
+    root: Path, site: Path
+) -> None:
     assert (root / GUIDE).is_file()
     page = html.unescape((site / Path(GUIDE).with_suffix(".html").name).read_text("utf-8"))
     for drive in MENU:
@@ -157,7 +164,9 @@ def test_each_environment_has_a_page_in_the_form_of_gymnasium(site: Path) -> Non
         page = (site / "environments" / f"{name}.html").read_text("utf-8")
         assert f"<code>{env_id}</code>" in page
         assert re.findall(r'<h2 id="([\w-]+)">', page) == list(headings)
-        assert [agent for agent in reference.AGENTS if f"<td><code>{agent}</code></td>" not in page] == []
+        assert [
+            agent for agent in reference.AGENTS if f"<td><code>{agent}</code></td>" not in page
+        ] == []
         assert "<td>optimum, between</td>" in page
 
 
@@ -168,26 +177,44 @@ def test_links_between_folders_stay_links(site: Path) -> None:
 
 def test_every_page_is_in_the_navigation(root: Path, site: Path) -> None:
     home = (site / "index.html").read_text("utf-8")
-    pages = [path.relative_to(root / "docs").with_suffix(".html") for path in (root / "docs").rglob("*.md")]
-    assert [page for page in pages if page.name != "index.html" and f'href="{page.as_posix()}"' not in home] == []
+    pages = [
+        path.relative_to(root / "docs").with_suffix(".html")
+        for path in (root / "docs").rglob("*.md")
+    ]
+    assert [
+        page
+        for page in pages
+        if page.name != "index.html" and f'href="{page.as_posix()}"' not in home
+    ] == []
 
 
 def test_the_pages_of_the_api_show_what_is_public_and_no_more(root: Path, site: Path) -> None:
-    """A package with `__all__` is public, and so are the modules that it names there, with all their public names."""
+    """A package with `__all__` is public, and so are the modules that it names there, with all
+    their public names."""
     pages = sorted((root / "docs" / "api").glob("*.md"))
-    asked = {name for page in pages for name in re.findall(r"^::: ([\w.]+)$", page.read_text("utf-8"), re.MULTILINE)}
+    asked = {
+        name
+        for page in pages
+        for name in re.findall(r"^::: ([\w.]+)$", page.read_text("utf-8"), re.MULTILINE)
+    }
     shown = {
         name
         for page in pages
-        for name in re.findall(r'id="(homeward[\w.]*)"', (site / "api" / f"{page.stem}.html").read_text("utf-8"))
+        for name in re.findall(
+            r'id="(homeward[\w.]*)"', (site / "api" / f"{page.stem}.html").read_text("utf-8")
+        )
     }
     public, pending = {"homeward"}, ["homeward"]
     while pending:
         package = pending.pop()
         exec(f"from {package} import *", named := dict[str, object]())
-        names = {f"{package}.{name}": one for name, one in named.items() if not name.startswith("__")}
+        names = {
+            f"{package}.{name}": one for name, one in named.items() if not name.startswith("__")
+        }
         modules = {name for name, one in names.items() if isinstance(one, ModuleType)}
-        assert {name for name in shown if name.rpartition(".")[0] == package} - modules == set(names) - modules
+        assert {name for name in shown if name.rpartition(".")[0] == package} - modules == set(
+            names
+        ) - modules
         public |= modules
         pending += sorted(name for name in modules if hasattr(sys.modules[name], "__path__"))
     assert asked - {"homeward.physics.Robot"} == public
@@ -198,9 +225,12 @@ def extended(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the project, extended by the recipes."""
     folder = tmp_path_factory.mktemp("extended")
     for name in ("agents", "envs", "homeward"):
-        shutil.copytree(root / name, folder / name, symlinks=True)  # bytecode too: of what is patched it is made anew
+        # bytecode too: of what is patched it is made anew
+        shutil.copytree(root / name, folder / name, symlinks=True)
     page = (root / "docs" / "extending.md").read_text("utf-8")
-    for path, text in re.findall(r'^```python title="(.+?)"\n(.+?)^```$', page, re.MULTILINE | re.DOTALL):
+    for path, text in re.findall(
+        r'^```python title="(.+?)"\n(.+?)^```$', page, re.MULTILINE | re.DOTALL
+    ):
         assert not (folder / path).exists()
         (folder / path).write_text(text)
     patch = "".join(re.findall(r"^```diff\n(.+?)^```$", page, re.MULTILINE | re.DOTALL))
@@ -208,7 +238,9 @@ def extended(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_recipes_for_an_effect_and_a_mission_work_and_the_effect_is_named(extended: Path, tmp_path: Path) -> None:
+def test_the_recipes_for_an_effect_and_a_mission_work_and_the_effect_is_named(
+    extended: Path, tmp_path: Path
+) -> None:
     run = subprocess.run(
         [sys.executable, "-W", "error", "-c", AFTER_THE_RECIPES + THE_LAMP_IS_NAMED],
         cwd=extended,

@@ -21,11 +21,20 @@ def test_the_readme_is_read_in_a_minute(root: Path) -> None:
 
 
 def test_what_a_page_says_to_install_is_in_the_checkout(root: Path) -> None:
-    known = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    known = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["project"][
+        "optional-dependencies"
+    ]
     pages = [*root.glob("*.md"), *root.glob("docs/**/*.md"), *root.glob("examples/*")]
-    lines = [line for page in pages if page.is_file() for line in INSTALL.findall(page.read_text("utf-8"))]
+    lines = [
+        line
+        for page in pages
+        if page.is_file()
+        for line in INSTALL.findall(page.read_text("utf-8"))
+    ]
     own = [line for line in lines if line.startswith("-e ")]
-    assert own and not [line for line in lines if "homeward" in line], "homeward is on no package index"
+    assert own and not [line for line in lines if "homeward" in line], (
+        "homeward is on no package index"
+    )
     for line in own:
         extras = re.match(r"-e (?:\.|'\.\[([a-z0-9,]+)\]')", line)
         assert extras is not None and set((extras[1] or "").split(",")) - {""} <= set(known), line
@@ -34,7 +43,9 @@ def test_what_a_page_says_to_install_is_in_the_checkout(root: Path) -> None:
 def test_every_environment_variable_is_documented(root: Path) -> None:
     folders = [root / "homeward", root / "envs", root / "agents"]
     sources = [*(file for folder in folders for file in folder.rglob("*.py")), root / "Makefile"]
-    named = {name for file in sources for name in re.findall(r"HOMEWARD_[A-Z]+", file.read_text("utf-8"))}
+    named = {
+        name for file in sources for name in re.findall(r"HOMEWARD_[A-Z]+", file.read_text("utf-8"))
+    }
     assert {"HOMEWARD_CACHE", "HOMEWARD_DATA"} <= named
     assert {name for name in named if f"| `{name}` |" not in page_of(root, "help.md")} == set()
 
@@ -52,7 +63,9 @@ def test_the_first_example_on_the_robot_prints_what_the_page_shows(
 def test_every_warning_that_the_pages_explain_is_one_that_the_code_says(root: Path) -> None:
     folders = [root / "homeward" / name for name in ("companion", "watch", "logs")]
     code = " ".join(file.read_text("utf-8") for folder in folders for file in folder.rglob("*.py"))
-    pages = "".join((root / "docs" / name).read_text("utf-8") for name in ("on_the_robot.md", "mavlink.md"))
+    pages = "".join(
+        (root / "docs" / name).read_text("utf-8") for name in ("on_the_robot.md", "mavlink.md")
+    )
     tables = re.findall(r"^\| warning \|.*\n\|.*\n((?:\|.*\n)+)", pages, re.MULTILINE)
     cells = [row.split("|")[1] for table in tables for row in table.splitlines()]
     explained = [re.findall(r"`(.+?)`", cell) for cell in cells]
@@ -67,7 +80,11 @@ def test_the_default_of_the_stranding_cost_is_the_one_documented(root: Path) -> 
 
 def test_every_name_of_code_that_a_page_gives_is_there(root: Path) -> None:
     pages = [*root.glob("*.md"), *root.glob("docs/**/*.md")]
-    named = {name for page in pages for name in re.findall(r"`(homeward(?:\.\w+)+)`", page.read_text("utf-8"))}
+    named = {
+        name
+        for page in pages
+        for name in re.findall(r"`(homeward(?:\.\w+)+)`", page.read_text("utf-8"))
+    }
     assert len(named) > 10
     for name in sorted(named):
         assert pkgutil.resolve_name(name) is not None

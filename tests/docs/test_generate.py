@@ -1,4 +1,5 @@
-"""Pages hold what is generated for them, among it sections of the page of results, and their links lead somewhere."""
+"""Pages hold what is generated for them, among it sections of the page of results, and their links
+lead somewhere."""
 
 import re
 from pathlib import Path
@@ -38,13 +39,21 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def pages(root: Path) -> dict[str, str]:
     """All pages by their path, without what is generated; those of environments lie in a folder."""
     docs = root / "docs"
-    return {path.relative_to(docs).as_posix(): generate.emptied(path.read_text("utf-8")) for path in docs.rglob("*.md")}
+    return {
+        path.relative_to(docs).as_posix(): generate.emptied(path.read_text("utf-8"))
+        for path in docs.rglob("*.md")
+    }
 
 
 @pytest.mark.usefixtures("small")
 @pytest.mark.parametrize(
     ("heading", "body"),
-    [("Bread", "Each slice:\n\n#### Crust\n\n7 mm"), ("Crust", "7 mm"), ("Tea", "hot"), ("Room", "large")],
+    [
+        ("Bread", "Each slice:\n\n#### Crust\n\n7 mm"),
+        ("Crust", "7 mm"),
+        ("Tea", "hot"),
+        ("Room", "large"),
+    ],
 )
 def test_a_section_ends_before_the_next_that_is_not_part_of_it(heading: str, body: str) -> None:
     assert generate.results(heading) == body
@@ -74,28 +83,41 @@ def test_the_command_writes_parts_that_stay_and_are_made_anew_and_the_build_warn
     shown = "# Kitchen\n\nEach slice:\n\n## Crust\n\n7 mm\n\nthe end\n"
     assert generate.on_page_markdown(whole, page) == shown and caplog.text == ""
     assert generate.on_page_markdown(whole.replace("7", "8"), page) == shown
-    assert "kitchen.md: its generated parts are out of date; run python -m docs.generate" in caplog.text
+    assert (
+        "kitchen.md: its generated parts are out of date; run python -m docs.generate"
+        in caplog.text
+    )
 
 
 @pytest.mark.usefixtures("small")
-@pytest.mark.parametrize(("above", "below"), [("# Kitchen", "##"), ("# Kitchen\n\n## Table", "###")])
+@pytest.mark.parametrize(
+    ("above", "below"), [("# Kitchen", "##"), ("# Kitchen\n\n## Table", "###")]
+)
 def test_headings_that_are_included_come_below_that_of_the_page(above: str, below: str) -> None:
     page = SimpleNamespace(file=SimpleNamespace(src_uri="kitchen.md"))
-    filled = generate.on_page_markdown(f"{above}\n\n<!-- generated: results Bread -->\n\nthe end\n", page)
+    filled = generate.on_page_markdown(
+        f"{above}\n\n<!-- generated: results Bread -->\n\nthe end\n", page
+    )
     assert filled == f"{above}\n\nEach slice:\n\n{below} Crust\n\n7 mm\n\nthe end\n"
 
 
 def test_every_include_is_below_a_link_to_its_section(pages: dict[str, str]) -> None:
     included = [(name, *found) for name, page in pages.items() for found in INCLUDE.findall(page)]
-    assert len(included) == sum(page.count("<!-- generated: results ") for page in pages.values()) > 10
-    assert [one for one in included if f"[Results](results.md#{anchor(one[2])})" not in one[1]] == []
+    assert (
+        len(included) == sum(page.count("<!-- generated: results ") for page in pages.values()) > 10
+    )
+    assert [
+        one for one in included if f"[Results](results.md#{anchor(one[2])})" not in one[1]
+    ] == []
 
 
 def test_every_section_has_a_name_of_its_own_and_is_in_the_contents(pages: dict[str, str]) -> None:
     headings = re.findall(r"^###? (.+)$", pages["results.md"], re.MULTILINE)
     assert len(set(headings)) == len(headings)
     contents, _, _ = pages["results.md"].partition("\n## ")
-    assert re.findall(r"\[(.+?)\]\(#(.+?)\)", contents) == [(heading, anchor(heading)) for heading in headings]
+    assert re.findall(r"\[(.+?)\]\(#(.+?)\)", contents) == [
+        (heading, anchor(heading)) for heading in headings
+    ]
 
 
 def test_every_section_says_at_which_commit_it_was_measured(root: Path) -> None:
@@ -106,14 +128,20 @@ def test_every_section_says_at_which_commit_it_was_measured(root: Path) -> None:
 
 def test_no_other_page_says_at_which_commit_something_was_measured(pages: dict[str, str]) -> None:
     """What was measured is on the page of results; elsewhere a commit is where a version ended."""
-    assert [name for name, page in pages.items() if name != "results.md" and COMMITS.search(page)] == []
+    assert [
+        name for name, page in pages.items() if name != "results.md" and COMMITS.search(page)
+    ] == []
 
 
 def test_every_link_within_the_project_leads_to_a_file_and_a_heading(root: Path) -> None:
-    """In the files as they are, with what is generated, by the anchors that viewers make of headings."""
+    """In the files as they are, with what is generated, by the anchors that viewers make of
+    headings."""
     files = [*root.glob("*.md"), *(root / "docs").rglob("*.md"), *(root / "ros2").rglob("*.md")]
     texts = {file: FENCED.sub("", file.read_text("utf-8")) for file in files}
-    anchors = {file: {anchor(found) for found in re.findall(r"^#+ (.+)$", texts[file], re.MULTILINE)} for file in files}
+    anchors = {
+        file: {anchor(found) for found in re.findall(r"^#+ (.+)$", texts[file], re.MULTILINE)}
+        for file in files
+    }
     dead = []
     for file, text in texts.items():
         for path, name in LINK.findall(text):

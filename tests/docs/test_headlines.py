@@ -1,4 +1,5 @@
-"""Headline figures of the README are those of the page of results; here each is computed from it."""
+"""Headline figures of the README are those of the page of results; here each is computed from
+it."""
 
 import re
 from collections.abc import Iterator
@@ -7,7 +8,9 @@ from pathlib import Path
 import pytest
 
 WORDS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-FIGURE = re.compile(rf"\d|\b(?:{'|'.join(WORDS[2:])}|half|third|quarter|twice|hundred|thousand|million)\b")
+FIGURE = re.compile(
+    rf"\d|\b(?:{'|'.join(WORDS[2:])}|half|third|quarter|twice|hundred|thousand|million)\b"
+)
 
 
 class Results:
@@ -24,12 +27,17 @@ class Results:
     def rows(self, heading: str) -> Iterator[dict[str, str]]:
         """Rows of all tables of a section: cells by the name of their column."""
         for table in re.findall(r"(?:^\|.*\n?)+", self._sections[heading], re.MULTILINE):
-            head, _, *lines = ([cell.strip() for cell in line.strip("|").split(" |")] for line in table.splitlines())
+            head, _, *lines = (
+                [cell.strip() for cell in line.strip("|").split(" |")]
+                for line in table.splitlines()
+            )
             yield from (dict(zip(head, line, strict=True)) for line in lines)
 
     def cell(self, heading: str, row: str, column: str) -> str:
         """The one cell of a column in the row that has a cell `row`."""
-        (found,) = (one[column] for one in self.rows(heading) if column in one and row in one.values())
+        (found,) = (
+            one[column] for one in self.rows(heading) if column in one and row in one.values()
+        )
         return found
 
     def number(self, heading: str, row: str, column: str) -> float:
@@ -63,7 +71,9 @@ def train_and_simulate(results: Results) -> str:
 
 
 def compare_agents(results: Results) -> str:
-    share = results.cell("How close the bound and the rollout are", "OutAndBack", "planner over rollout")
+    share = results.cell(
+        "How close the bound and the rollout are", "OutAndBack", "planner over rollout"
+    )
     return f"on OutAndBack in still weather, the planner reaches {share} of the score found with full knowledge"
 
 
@@ -109,14 +119,22 @@ def part_of(root: Path, heading: str) -> str:
     return page.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
 
 
-def test_the_table_of_the_readme_has_the_figures_of_the_results(root: Path, results: Results) -> None:
-    lines = [line for line in part_of(root, "I want to ...").splitlines() if line.startswith("| ")][1:]
+def test_the_table_of_the_readme_has_the_figures_of_the_results(
+    root: Path, results: Results
+) -> None:
+    lines = [line for line in part_of(root, "I want to ...").splitlines() if line.startswith("| ")][
+        1:
+    ]
     headlines = [line.split(" | ")[2] for line in lines]
     assert headlines == [sentence(results) for sentence in TABLE]
 
 
-def test_the_limits_of_the_readme_have_the_figures_of_the_results(root: Path, results: Results) -> None:
+def test_the_limits_of_the_readme_have_the_figures_of_the_results(
+    root: Path, results: Results
+) -> None:
     limits = " ".join(part_of(root, "When not to use this").split())
     sentence = when_not_to_use(results)
     assert sentence in limits
-    assert FIGURE.findall(limits.replace(sentence, "")) == [], "a figure that is compared with no result"
+    assert FIGURE.findall(limits.replace(sentence, "")) == [], (
+        "a figure that is compared with no result"
+    )

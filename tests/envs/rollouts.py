@@ -1,4 +1,5 @@
-"""Environments with few decisions, commands for them and what they came to: shared by the tests of the environments."""
+"""Environments with few decisions, commands for them and what they came to: shared by the tests of
+the environments."""
 
 from __future__ import annotations
 
@@ -37,7 +38,9 @@ def make(mission: str, **options: Any) -> HomewardEnv:
     return HomewardEnv(mission=mission, **{"decision_s": SHORT_S} | options)
 
 
-def random_actions(rng: np.random.Generator, action_type: str, count: int, home: float = 0.06) -> NDArray[Any]:
+def random_actions(
+    rng: np.random.Generator, action_type: str, count: int, home: float = 0.06
+) -> NDArray[Any]:
     """Any speed and sensing rate; mostly going, sometimes standing, and seldom turning home.
 
     Shape (count, 3), of flat ones (count,).
@@ -47,7 +50,9 @@ def random_actions(rng: np.random.Generator, action_type: str, count: int, home:
         parts = np.column_stack((rng.integers(0, 5, (count, 2)), modes))
         return flatten_actions(parts) if action_type == "flat" else parts
     levels = rng.uniform(-1.0, 1.0, (count, 2))
-    return np.column_stack((levels, (modes - 1.0 + rng.uniform(-0.3, 0.3, count)) * 2.0 / 3.0)).astype(np.float32)
+    return np.column_stack(
+        (levels, (modes - 1.0 + rng.uniform(-0.3, 0.3, count)) * 2.0 / 3.0)
+    ).astype(np.float32)
 
 
 def drive(env: HomewardEnv, actions: Any) -> Iterator[Step]:

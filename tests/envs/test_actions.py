@@ -22,10 +22,15 @@ from homeward.envs.vector import HomewardVectorEnv
 from homeward.physics import load_robot
 
 
-def carried_out(env: HomewardVectorEnv, speed: Any, sensing: Any, mode: Any) -> np.ndarray[Any, Any]:
-    """Records after one decision, as commanded, by missions that stood at a fair distance from home."""
+def carried_out(
+    env: HomewardVectorEnv, speed: Any, sensing: Any, mode: Any
+) -> np.ndarray[Any, Any]:
+    """Records after one decision, as commanded, by missions that stood at a fair distance from
+    home."""
     env.reset(seed=0)
-    away = encode_actions(env.batch.known, env.batch.known.robot.max_speed_mps, 0.0, np.full(env.num_envs, GO))
+    away = encode_actions(
+        env.batch.known, env.batch.known.robot.max_speed_mps, 0.0, np.full(env.num_envs, GO)
+    )
     env.step(away)
     actions = encode_actions(env.batch.known, speed, sensing, mode)
     assert env.action_space.contains(actions)
@@ -38,7 +43,8 @@ def test_every_level_comes_back_from_the_discrete_environment(robot: str) -> Non
     env = HomewardVectorEnv(LEVELS * LEVELS, robot=robot)
     file = env.batch.known.robot
     speed, sensing = np.meshgrid(
-        np.linspace(file.min_speed_mps, file.max_speed_mps, LEVELS), np.linspace(0.0, file.max_sensing_hz, LEVELS)
+        np.linspace(file.min_speed_mps, file.max_speed_mps, LEVELS),
+        np.linspace(0.0, file.max_sensing_hz, LEVELS),
     )
     records = carried_out(env, speed.ravel(), sensing.ravel(), GO)
     np.testing.assert_allclose(records["speed_mps"], speed.ravel())
@@ -71,7 +77,8 @@ def test_every_mode_comes_back(action_type: str) -> None:
 @pytest.mark.parametrize("robot", ["rusti_computer", "jackal"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 def test_what_is_decoded_is_what_is_carried_out(action_type: str, robot: str) -> None:
-    """Any action of the space, by the two forms of the code: arrays for agents, compiled for the step."""
+    """Any action of the space, by the two forms of the code: arrays for agents, compiled for the
+    step."""
     env = HomewardVectorEnv(64, action_type=action_type, robot=robot)
     env.reset(seed=0)
     env.action_space.seed(3)
@@ -84,7 +91,9 @@ def test_what_is_decoded_is_what_is_carried_out(action_type: str, robot: str) ->
         np.testing.assert_array_equal(records["asked"], np.where(commands.returns, asked + 1, 0))
         outwards, decision_s = commands.mode == GO, env.batch.known.shared["decision_s"]
         moved_m = records["position_m"] - before_m
-        np.testing.assert_allclose(moved_m[outwards], (decision_s * commands.driven_mps)[outwards], rtol=1e-6)
+        np.testing.assert_allclose(
+            moved_m[outwards], (decision_s * commands.driven_mps)[outwards], rtol=1e-6
+        )
         assert (records["position_m"][~outwards] <= before_m[~outwards]).all()
         assert (commands.driven_mps[commands.mode == STOP] == 0.0).all()
 
@@ -105,7 +114,11 @@ def test_commands_survive_the_way_through_an_action(action_type: str) -> None:
 def test_the_thirds_of_a_continuous_mode_are_the_same_in_both_forms() -> None:
     """At their borders too, in single precision."""
     borders = np.array([-1.0, -1.0 / 3.0, 1.0 / 3.0, 1.0], np.float32)
-    modes = np.unique(np.concatenate([np.nextafter(borders, np.float32(side)) for side in (-1.0, 1.0)] + [borders]))
+    modes = np.unique(
+        np.concatenate(
+            [np.nextafter(borders, np.float32(side)) for side in (-1.0, 1.0)] + [borders]
+        )
+    )
     env = HomewardVectorEnv(len(modes), action_type="continuous", decision_s=30.0)
     env.reset(seed=0)
     actions = np.column_stack((np.zeros((len(modes), 2)), modes)).astype(np.float32)
@@ -116,7 +129,9 @@ def test_the_thirds_of_a_continuous_mode_are_the_same_in_both_forms() -> None:
 
 
 @given(speed=st.floats(-1.0, 9.0), sensing=st.floats(-10.0, 900.0), discrete=st.booleans())
-def test_commands_beyond_the_limits_become_the_limits(speed: float, sensing: float, discrete: bool) -> None:
+def test_commands_beyond_the_limits_become_the_limits(
+    speed: float, sensing: float, discrete: bool
+) -> None:
     env = HomewardVectorEnv(1, action_type="discrete" if discrete else "continuous")
     known = env.batch.known
     assert env.action_space.contains(encode_actions(known, [speed], sensing, GO))
@@ -136,7 +151,8 @@ def test_every_flat_action_is_one_discrete_action() -> None:
     assert len({tuple(one) for one in parts.tolist()}) == FLAT_ACTIONS == 75
     np.testing.assert_array_equal(flatten_actions(parts), numbers)
     flat, discrete = (
-        HomewardVectorEnv(FLAT_ACTIONS, mission="OutAndBack", action_type=name) for name in ("flat", "discrete")
+        HomewardVectorEnv(FLAT_ACTIONS, mission="OutAndBack", action_type=name)
+        for name in ("flat", "discrete")
     )
     for env in (flat, discrete):
         env.reset(seed=0)
@@ -150,9 +166,15 @@ def test_every_flat_action_is_one_discrete_action() -> None:
     [
         ([0, 75], "action 75 of env 1 is not allowed; give a whole number from 0 to 74"),
         ([-1, 0], "action -1 of env 0 is not allowed"),
-        ([0.5, 1.0], r"flat actions have shape \(2,\) and dtype float64; give one whole number for each mission"),
+        (
+            [0.5, 1.0],
+            r"flat actions have shape \(2,\) and dtype float64; give one whole number for each mission",
+        ),
         ([[0, 0, 1], [0, 0, 1]], r"flat actions have shape \(2, 3\)"),
-        ([0, 1, 2], r"flat actions have shape \(3,\) and dtype int64; give one whole number for each mission"),
+        (
+            [0, 1, 2],
+            r"flat actions have shape \(3,\) and dtype int64; give one whole number for each mission",
+        ),
     ],
 )
 def test_what_is_no_flat_action_is_refused(numbers: Any, expected: str) -> None:

@@ -22,10 +22,13 @@ WAITS = {None: 3, 20.0: 4, 50.0: 2, SHORT_S: 1}
 
 def away(mission_id: str, decision_s: float | None, **options: Any) -> HomewardEnv:
     """A mission with nothing hidden that is some way from home, heading out."""
-    env = make(mission_id, **{"difficulty": "known", "shaping": "none", "decision_s": decision_s} | options)
+    env = make(
+        mission_id, **{"difficulty": "known", "shaping": "none", "decision_s": decision_s} | options
+    )
     env.reset(seed=2)
     assert env.batch.known.shared["return_decisions"][0] == WAITS[decision_s]
-    decisions = 2 if mission_id == "Patrol" or decision_s == SHORT_S else 8  # of the four to the far post
+    # of the four to the far post
+    decisions = 2 if mission_id == "Patrol" or decision_s == SHORT_S else 8
     for _ in range(decisions):
         env.step([4, 1, GO])
     assert mission(env)["position_m"] > 0.0
@@ -56,7 +59,9 @@ class TestReturn:
             assert (latched[-1] < latched[-2]) == (mode != STOP)
 
     @pytest.mark.parametrize("other", [STOP, GO])
-    def test_anything_else_takes_it_back(self, mission_id: str, decision_s: float | None, other: int) -> None:
+    def test_anything_else_takes_it_back(
+        self, mission_id: str, decision_s: float | None, other: int
+    ) -> None:
         env, waits = away(mission_id, decision_s), WAITS[decision_s]
         for _ in range(4):
             for _ in range(waits - 1):
@@ -70,7 +75,9 @@ class TestReturn:
         moved_m = float(mission(env)["position_m"]) - before_m
         assert decision_s == SHORT_S or moved_m * feature(observation, "outbound") > 0.0
 
-    def test_home_is_an_end_only_once_it_is_final(self, mission_id: str, decision_s: float | None) -> None:
+    def test_home_is_an_end_only_once_it_is_final(
+        self, mission_id: str, decision_s: float | None
+    ) -> None:
         """Until then the robot waits there, which takes time and energy."""
         env, waits = away(mission_id, decision_s), WAITS[decision_s]
         for turn in range(10 * waits if waits > 1 else 0):
@@ -81,19 +88,28 @@ class TestReturn:
         before_j, legs = float(mission(env)["energy_j"]), float(mission(env)["legs"])
         for asked in range(1, 60):
             _, reward, terminated, _, info = env.step([4, 0, RETURN])
-            assert terminated == info["home"] == (mission(env)["returning"] and info["position_m"] == 0.0)
+            assert (
+                terminated
+                == info["home"]
+                == (mission(env)["returning"] and info["position_m"] == 0.0)
+            )
             assert asked >= waits or not terminated
             if terminated:
                 break
         assert terminated and (waits == 1 or asked == waits)
-        assert (waits == 1) or (mission(env)["energy_j"] < before_j and mission(env)["legs"] == legs)
-        assert reward == pytest.approx(info["score"] / float(env.batch.known.shared["score_scale"][0]))
+        assert (waits == 1) or (
+            mission(env)["energy_j"] < before_j and mission(env)["legs"] == legs
+        )
+        assert reward == pytest.approx(
+            info["score"] / float(env.batch.known.shared["score_scale"][0])
+        )
 
 
 @pytest.mark.parametrize("decision_s", [None, 7.0, 50.0])
 @pytest.mark.parametrize("robot", ["rusti_computer", "rusti"])
 def test_turning_in_and_out_gains_no_leg(decision_s: float | None, robot: str) -> None:
-    """Legs count at the posts in turns, with a whole way and a pit stop between them, whatever is asked for."""
+    """Legs count at the posts in turns, with a whole way and a pit stop between them, whatever is
+    asked for."""
     for route, seed in itertools.product(("generated", "incline"), range(3)):
         env = make("Patrol", robot=robot, route=route, decision_s=decision_s, difficulty="known")
         env.reset(seed=seed)
@@ -119,8 +135,9 @@ def test_turning_in_and_out_gains_no_leg(decision_s: float | None, robot: str) -
 
 @pytest.mark.parametrize("mission_id", ["OutAndBack", "Survey"])
 def test_turning_in_and_out_adds_nothing(mission_id: str) -> None:
-    """The same ground driven out at the same speed scores the same, with detours towards home in between, and for more
-    energy; as long as nothing is lost for want of memory, which a detour may empty."""
+    """The same ground driven out at the same speed scores the same, with detours towards home in
+    between, and for more energy; as long as nothing is lost for want of memory, which a detour may
+    empty."""
     envs = [make(mission_id, difficulty="known", decision_s=None) for _ in range(2)]
     for env in envs:
         env.reset(seed=4)
@@ -142,10 +159,14 @@ def test_turning_in_and_out_adds_nothing(mission_id: str) -> None:
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 @pytest.mark.parametrize("mission_id", MISSIONS)
-def test_a_policy_that_acts_at_random_does_not_end_at_once(mission_id: str, action_type: str) -> None:
+def test_a_policy_that_acts_at_random_does_not_end_at_once(
+    mission_id: str, action_type: str
+) -> None:
     """A third of its decisions ask for a return; three in a row come after 39 on average."""
     count = 300
-    envs = HomewardVectorEnv(count, mission=mission_id, action_type=action_type, autoreset_mode="Disabled")
+    envs = HomewardVectorEnv(
+        count, mission=mission_id, action_type=action_type, autoreset_mode="Disabled"
+    )
     envs.reset(seed=0)
     envs.action_space.seed(1)
     batch, rewards = envs.batch, np.zeros(count)
@@ -161,7 +182,8 @@ def test_a_policy_that_acts_at_random_does_not_end_at_once(mission_id: str, acti
 
 
 def test_the_way_home_is_predicted_with_the_voltage_at_the_charge_as_read() -> None:
-    """The battery is emptier than it is read: the robot's own model must not know, and the robot consumes more."""
+    """The battery is emptier than it is read: the robot's own model must not know, and the robot
+    consumes more."""
     robot = dataclasses.replace(
         load_robot("turtlebot3_burger"), effects={"internal_resistance": {"ohm": 0.5}}, chemistry="flat",
         cells_in_series=0, open_circuit_v=((0.0, 9.0), (1.0, 12.6)),

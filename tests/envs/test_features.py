@@ -1,4 +1,5 @@
-"""Observations: what their names say, within their space, and nothing that the robot cannot know."""
+"""Observations: what their names say, within their space, and nothing that the robot cannot
+know."""
 
 from __future__ import annotations
 
@@ -32,11 +33,22 @@ from tests.envs.rollouts import (
     windy,
 )
 
-READ = {"energy", "metered", "power", "speed", "grade", "grade_1", "grade_2", "forecast_east", "forecast_north"}
+READ = {
+    "energy",
+    "metered",
+    "power",
+    "speed",
+    "grade",
+    "grade_1",
+    "grade_2",
+    "forecast_east",
+    "forecast_north",
+}
 """Features that an instrument or a forecast gives, each with its own error."""
 CONSUMED = {"energy", "metered", "power", "margin", "corrected", "consumption"}
 CONSUMED |= {f"{margin}_{gain:g}" for margin in ("margin", "corrected") for gain in GAINS}
-"""Features through which hidden parameters may show: what is consumed, as it is read, and what follows from that."""
+"""Features through which hidden parameters may show: what is consumed, as it is read, and what
+follows from that."""
 FORECAST = {f"{kind}_{first}" for kind in ("grade", "interest") for first, _ in AHEAD[IN_SIGHT:]}
 """Features of the route beyond sight."""
 HILLS = "distance_m,grade_rad,interest\n0,0.02,1\n1000,0.1,2\n2000,-0.05,0.5\n3000,0.06,3\n"
@@ -50,9 +62,16 @@ def differing(one: Any, other: Any) -> set[str]:
 @pytest.mark.parametrize("action_type", IN_PARTS)
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission_id", MISSIONS)
-def test_observations_stay_in_their_space(mission_id: str, difficulty: str, action_type: str) -> None:
+def test_observations_stay_in_their_space(
+    mission_id: str, difficulty: str, action_type: str
+) -> None:
     envs = HomewardVectorEnv(
-        30, mission=mission_id, difficulty=difficulty, action_type=action_type, decision_s=SHORT_S, route="hidden_wind"
+        30,
+        mission=mission_id,
+        difficulty=difficulty,
+        action_type=action_type,
+        decision_s=SHORT_S,
+        route="hidden_wind",
     )
     observations, _ = envs.reset(seed=0)
     rng = np.random.default_rng(0)
@@ -103,7 +122,8 @@ def scale(records: Any, names: tuple[str, ...], factor: float) -> None:
 def test_hidden_parameters_show_in_what_is_consumed_only(
     hills: Path, mission_id: str, instruments: str, hidden: str
 ) -> None:
-    """Twins with the same noise and weather, of which one has another battery, load, wind or meter."""
+    """Twins with the same noise and weather, of which one has another battery, load, wind or
+    meter."""
     one, other = twins(make(mission_id, instruments=instruments, route=hills, decision_s=60.0))
     HIDDEN[hidden](other)
     seen: set[str] = set()
@@ -121,9 +141,12 @@ def test_hidden_parameters_show_in_what_is_consumed_only(
 
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_nothing_hidden_is_seen_before_it_is_driven(hills: Path, mission_id: str) -> None:
-    """On one route, another seed is another battery, payload, rolling resistance and wind; forecasts and pitch err."""
+    """On one route, another seed is another battery, payload, rolling resistance and wind;
+    forecasts and pitch err."""
     for difficulty in ("uncertain", "harsh"):
-        envs = HomewardVectorEnv(8, mission=mission_id, difficulty=difficulty, route=hills, decision_s=60.0)
+        envs = HomewardVectorEnv(
+            8, mission=mission_id, difficulty=difficulty, route=hills, decision_s=60.0
+        )
         observations, _ = envs.reset(seed=0)
         assert len(np.unique(envs.batch.records["capacity_j"])) == 8
         seen = set.union(*(differing(observations[0], other) for other in observations[1:]))
@@ -135,7 +158,9 @@ def test_ground_shows_in_what_is_consumed_only(tmp_path: Path) -> None:
         seen = []
         for value in (0, 3):
             text = f"distance_m,roughness\n0,{value}\n3000,{value}\n"
-            env = make("Survey", difficulty=difficulty, route=route_file(tmp_path, text, f"{value}.csv"))
+            env = make(
+                "Survey", difficulty=difficulty, route=route_file(tmp_path, text, f"{value}.csv")
+            )
             first, _ = env.reset(seed=4)
             seen.append([first, *(step.observation for step in drive(env, [[4, 2, GO]] * 3))])
         assert not differing(seen[0][0], seen[1][0])
@@ -147,7 +172,9 @@ def test_ground_shows_in_what_is_consumed_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_harsh_looks_like_uncertain_until_it_is_driven(mission_id: str) -> None:
     """Read by the same instruments; as a rule its inclinometer is worse."""
-    envs = [make(mission_id, difficulty=name, instruments="gauge") for name in ("uncertain", "harsh")]
+    envs = [
+        make(mission_id, difficulty=name, instruments="gauge") for name in ("uncertain", "harsh")
+    ]
     for seed in range(5):
         uncertain, harsh = (env.reset(seed=seed)[0] for env in envs)
         assert not differing(uncertain, harsh)
@@ -155,7 +182,9 @@ def test_harsh_looks_like_uncertain_until_it_is_driven(mission_id: str) -> None:
 
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission_id", MISSIONS)
-def test_exact_instruments_read_the_truth_in_single_precision(mission_id: str, difficulty: str) -> None:
+def test_exact_instruments_read_the_truth_in_single_precision(
+    mission_id: str, difficulty: str
+) -> None:
     env = make(mission_id, difficulty=difficulty, instruments="exact", decision_s=60.0)
     env.reset(seed=3)
     m, shared, places = mission(env), env.batch.known.shared[0], env.batch.routes["places"][0]
@@ -191,14 +220,21 @@ def test_the_way_ahead_of_a_known_route_is_exact(mission_id: str) -> None:
     env.reset(seed=2)
     places = env.batch.routes["places"][0, : int(env.batch.known.shared["places"][0])]
     for step in drive(env, [[4, 0, GO]] * 15 + [[4, 0, RETURN]] * 15):
-        expected = profile(places["sin_grade"].astype(float), places["interest"], int(mission(env)["place"]))
-        assert {name: feature(step.observation, name) for name in expected} == pytest.approx(expected, abs=1e-6)
-        assert feature(step.observation, "interest") == 0.5 * float(places["interest"][int(mission(env)["place"])])
+        expected = profile(
+            places["sin_grade"].astype(float), places["interest"], int(mission(env)["place"])
+        )
+        assert {name: feature(step.observation, name) for name in expected} == pytest.approx(
+            expected, abs=1e-6
+        )
+        assert feature(step.observation, "interest") == 0.5 * float(
+            places["interest"][int(mission(env)["place"])]
+        )
 
 
 @pytest.mark.parametrize("instruments", ["exact", "meter", "gauge"])
 def test_two_places_are_seen_and_the_rest_is_forecast(instruments: str) -> None:
-    """What is seen is exact, but for the grade, which is read; forecasts err, by as much as is documented."""
+    """What is seen is exact, but for the grade, which is read; forecasts err, by as much as is
+    documented."""
     count, seed = 1500, 0
     envs = HomewardVectorEnv(count, mission="OutAndBack", instruments=instruments)
     first, _ = envs.reset(seed=seed)
@@ -209,18 +245,27 @@ def test_two_places_are_seen_and_the_rest_is_forecast(instruments: str) -> None:
         error = first[:, INDEX[f"grade_{start}"]] - 10.0 * sines[:, start:last].mean(axis=1)
         assert error.std() == pytest.approx(noise, rel=0.08, abs=1e-6)
         seen = first[:, INDEX[f"interest_{start}"]]
-        np.testing.assert_allclose(seen, np.minimum(0.5 * interests[:, start:last].mean(axis=1), LIMIT), rtol=1e-6)
-    # Stretches of whole quarters of the forecast: places 4 to 7 lie in one, so its error is that of one draw.
-    at_three = places["sine_ahead"][:, 3, 2:4].astype(float), places["interest_ahead"][:, 3, 2:4].astype(float)
+        np.testing.assert_allclose(
+            seen, np.minimum(0.5 * interests[:, start:last].mean(axis=1), LIMIT), rtol=1e-6
+        )
+    # Stretches of whole quarters of the forecast: places 4 to 7 lie in one, so its error is that of
+    # one draw.
+    at_three = (
+        places["sine_ahead"][:, 3, 2:4].astype(float),
+        places["interest_ahead"][:, 3, 2:4].astype(float),
+    )
     for stretch, (start, last) in enumerate(AHEAD[2:4]):
         ground = slice(3 + start, 3 + last)
         covered = np.arange(32)[ground] // 4
         share = np.array([np.mean(covered == block) for block in np.unique(covered)])
-        truth = np.stack([sines[:, 4 * block : 4 * block + 4].mean(axis=1) for block in np.unique(covered)]).T
+        truth = np.stack(
+            [sines[:, 4 * block : 4 * block + 4].mean(axis=1) for block in np.unique(covered)]
+        ).T
         error = at_three[0][:, stretch] - truth @ share
         assert error.mean() == pytest.approx(0.0, abs=4.0 * 0.01 / np.sqrt(count))
         assert error.std() == pytest.approx(0.01 * np.sqrt(np.square(share).sum()), rel=0.08)
-    # Places 4 to 7 from place 0 belong half to stretch (3, 5) and half to (5, 9): take (5, 9) from place 3: 8 to 11.
+    # Places 4 to 7 from place 0 belong half to stretch (3, 5) and half to (5, 9): take (5, 9) from
+    # place 3: 8 to 11.
     block = interests[:, 8:12].mean(axis=1)
     ratio = at_three[1][:, 1] / block - 1.0
     assert ratio.mean() == pytest.approx(0.0, abs=4.0 * 0.3 / np.sqrt(count))
@@ -229,11 +274,13 @@ def test_two_places_are_seen_and_the_rest_is_forecast(instruments: str) -> None:
 
 
 def test_a_forecast_does_not_change_on_the_way() -> None:
-    """Its errors belong to the ground: the same forecast from any place, and none that averages out."""
+    """Its errors belong to the ground: the same forecast from any place, and none that averages
+    out."""
     env = make("OutAndBack", difficulty="uncertain")
     env.reset(seed=1)
     ahead = env.batch.routes["places"]["sine_ahead"][0, :32].astype(float)
-    # The stretch (5, 9) of place k lies before the stretch (9, 17), half of which is the (5, 9) of place k + 8.
+    # The stretch (5, 9) of place k lies before the stretch (9, 17), half of which is the (5, 9) of
+    # place k + 8.
     for k in (3, 7, 11):
         halves = 0.5 * (ahead[k + 4, 3] + ahead[k + 8, 3])
         assert ahead[k, 4] == pytest.approx(halves, abs=1e-7)
@@ -241,10 +288,15 @@ def test_a_forecast_does_not_change_on_the_way() -> None:
 
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 def test_the_wind_is_known_or_forecast(tmp_path: Path, difficulty: str) -> None:
-    """Where nothing is hidden it is what blows; else the forecast of the start, which errs and stays."""
+    """Where nothing is hidden it is what blows; else the forecast of the start, which errs and
+    stays."""
     path = route_file(tmp_path, "distance_m,wind_mps,wind_from_rad\n0,4,0\n3000,4,0\n")
     env = make(
-        "OutAndBack", difficulty=difficulty, route=path, robot=windy(load_robot("rusti_computer")), decision_s=100.0
+        "OutAndBack",
+        difficulty=difficulty,
+        route=path,
+        robot=windy(load_robot("rusti_computer")),
+        decision_s=100.0,
     )
     first, _ = env.reset(seed=0)
     east, north = (feature(first, f"forecast_{name}") for name in ("east", "north"))
@@ -253,11 +305,14 @@ def test_the_wind_is_known_or_forecast(tmp_path: Path, difficulty: str) -> None:
     out, back = (step.observation for step in drive(env, [[4, 0, GO], [0, 0, RETURN]]))
     headwinds = [feature(observation, "headwind") for observation in (first, out, back)]
     assert headwinds == pytest.approx([east, east, -east])
-    assert [feature(observation, "forecast_east") for observation in (out, back)] == pytest.approx([east, east])
+    assert [feature(observation, "forecast_east") for observation in (out, back)] == pytest.approx(
+        [east, east]
+    )
 
 
 def test_a_storm_stays_within_the_observation_space() -> None:
-    """The strongest wind that a route may hold, with gusts and an error of the forecast beyond it."""
+    """The strongest wind that a route may hold, with gusts and an error of the forecast beyond
+    it."""
     even = np.zeros(8)
     route = Route(400.0, even, even, even + 1.0, even, wind_mps=60.0, temperature_c=60.0)
     envs = HomewardVectorEnv(500, mission="OutAndBack", route=route, decision_s=SHORT_S)
@@ -309,7 +364,8 @@ def test_features_are_what_they_are_called(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("robot", ["rusti", "husky"])
 def test_the_robots_own_model_is_right_where_nothing_is_hidden(tmp_path: Path, robot: str) -> None:
-    """Consumption reads 0, and the cost of the way home is what the way home then costs, at cruise."""
+    """Consumption reads 0, and the cost of the way home is what the way home then costs, at
+    cruise."""
     path = route_file(tmp_path, HILLS)
     env = HomewardEnv(mission="OutAndBack", robot=robot, difficulty="known", route=path)
     env.reset(seed=0)
@@ -331,7 +387,9 @@ def test_margins_are_shown_with_gains_and_cut(hills: Path, gain: float) -> None:
     for step in drive(env, itertools.repeat([4, 2, GO], 200)):
         for margin in ("margin", "corrected"):
             scaled = feature(step.observation, f"{margin}_{gain:g}")
-            assert scaled == pytest.approx(np.clip(gain * feature(step.observation, margin), -1.0, 1.0), abs=1e-5)
+            assert scaled == pytest.approx(
+                np.clip(gain * feature(step.observation, margin), -1.0, 1.0), abs=1e-5
+            )
             cut.add(abs(scaled) == 1.0)
     assert cut == {True, False}
 
@@ -340,7 +398,9 @@ def test_margins_are_shown_with_gains_and_cut(hills: Path, gain: float) -> None:
 def test_metered_over_modelled_consumption_tells_more_of_the_way_home(instruments: str) -> None:
     """Most of what is hidden scales both ways alike; the wind, which now wanders too, does not."""
     count = 60
-    envs = HomewardVectorEnv(count, mission="OutAndBack", instruments=instruments, autoreset_mode="Disabled")
+    envs = HomewardVectorEnv(
+        count, mission="OutAndBack", instruments=instruments, autoreset_mode="Disabled"
+    )
     envs.reset(seed=0)
     for _ in range(50):
         out, *_ = envs.step(np.array([[4, 0, GO]] * count))
@@ -352,5 +412,8 @@ def test_metered_over_modelled_consumption_tells_more_of_the_way_home(instrument
     assert alone.records["home"].all()
     spent = (turn["energy_j"] - alone.records["energy_j"]) / alone.records["capacity_j"]
     cost, consumption = (out[:, INDEX[name]] for name in ("home_cost", "consumption"))
-    unscaled, scaled = np.abs(spent / cost - 1.0), np.abs(spent / (cost * (1.0 + consumption)) - 1.0)
+    unscaled, scaled = (
+        np.abs(spent / cost - 1.0),
+        np.abs(spent / (cost * (1.0 + consumption)) - 1.0),
+    )
     assert np.median(scaled) < 0.15 and np.median(scaled) < 0.7 * np.median(unscaled)

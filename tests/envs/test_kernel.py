@@ -1,4 +1,5 @@
-"""The battery in the environments: the kernel alone draws from it, causes sum to it, and it runs out inside a step."""
+"""The battery in the environments: the kernel alone draws from it, causes sum to it, and it runs
+out inside a step."""
 
 from __future__ import annotations
 
@@ -18,7 +19,17 @@ from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.physics import CAUSES, d_max
 from homeward.physics.robot import preset_names
-from tests.envs.rollouts import MISSIONS, SHORT_S, drive, feature, make, mission, random_actions, route_file, windy
+from tests.envs.rollouts import (
+    MISSIONS,
+    SHORT_S,
+    drive,
+    feature,
+    make,
+    mission,
+    random_actions,
+    route_file,
+    windy,
+)
 from tests.physics.drives import STEADY, robots
 from tests.physics.drives import drive as drive_kernel
 
@@ -30,7 +41,9 @@ FLAT = "distance_m,grade_rad\n0,0\n{length_m},0\n"
 @pytest.mark.parametrize("robot", PRESETS)
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission_id", MISSIONS)
-def test_the_ledger_sums_to_what_the_battery_lost(mission_id: str, difficulty: str, robot: str) -> None:
+def test_the_ledger_sums_to_what_the_battery_lost(
+    mission_id: str, difficulty: str, robot: str
+) -> None:
     env = make(mission_id, difficulty=difficulty, robot=robot, decision_s=None)
     rng = np.random.default_rng(4)
     for seed in range(3):
@@ -38,8 +51,12 @@ def test_the_ledger_sums_to_what_the_battery_lost(mission_id: str, difficulty: s
         assert info["energy_j"].total() == 0.0 and set(info["energy_j"]) == set(CAUSES)
         m = mission(env)
         for step in drive(env, random_actions(rng, "discrete", 100, home=0.01)):
-            assert step.info["energy_j"].total() == pytest.approx(m["capacity_j"] - m["energy_j"], rel=1e-9)
-            assert sum(step.info["energy_j"].values()) == pytest.approx(step.info["energy_j"].total(), rel=1e-12)
+            assert step.info["energy_j"].total() == pytest.approx(
+                m["capacity_j"] - m["energy_j"], rel=1e-9
+            )
+            assert sum(step.info["energy_j"].values()) == pytest.approx(
+                step.info["energy_j"].total(), rel=1e-12
+            )
             assert (m["energy_j"] == 0.0) == step.info["stranded"]
 
 
@@ -64,9 +81,12 @@ def test_any_robot_keeps_the_ledger_and_the_observation_space(
         assert math.isfinite(step.reward)
         ledger_j = np.array(list(step.info["energy_j"].values()))
         turnover_j = float(np.abs(ledger_j).sum())  # what came back went out before
-        rounding_j = 2.0 * EPSILON * float(m["capacity_j"]) * (m["decisions"] + 64)  # of the battery's own sum
+        # of the battery's own sum
+        rounding_j = 2.0 * EPSILON * float(m["capacity_j"]) * (m["decisions"] + 64)
         lost_j = float(m["capacity_j"] - m["energy_j"])
-        assert float(ledger_j.sum()) == pytest.approx(lost_j, rel=1e-9, abs=rounding_j + 1e-9 * turnover_j)
+        assert float(ledger_j.sum()) == pytest.approx(
+            lost_j, rel=1e-9, abs=rounding_j + 1e-9 * turnover_j
+        )
         assert 0.0 <= m["energy_j"] <= m["capacity_j"]
 
 
@@ -77,11 +97,15 @@ def test_a_mission_spends_what_the_kernel_says(tmp_path: Path) -> None:
     env = make("Survey", difficulty="known", action_type="continuous", route=path)
     env.reset(seed=0)
     robot, rng = env.batch.known.robot, np.random.default_rng(3)
-    commands = [(rng.uniform(0.1, 1.0), rng.uniform(0.0, 100.0), mode) for mode in (GO, GO, STOP, GO, STOP, GO)]
+    commands = [
+        (rng.uniform(0.1, 1.0), rng.uniform(0.0, 100.0), mode)
+        for mode in (GO, GO, STOP, GO, STOP, GO)
+    ]
     steps = []
     for speed_mps, sensing_hz, mode in commands:
         action = np.array(
-            [(speed_mps - 0.1) / 0.45 - 1.0, sensing_hz / 50.0 - 1.0, (mode - 1.0) * 2.0 / 3.0], np.float32
+            [(speed_mps - 0.1) / 0.45 - 1.0, sensing_hz / 50.0 - 1.0, (mode - 1.0) * 2.0 / 3.0],
+            np.float32,
         )
         *_, info = env.step(action)
         steps.append(
@@ -100,7 +124,9 @@ def test_a_mission_spends_what_the_kernel_says(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("robot", PRESETS)
 @pytest.mark.parametrize(("speed", "sensing"), [(4, 0), (4, 4), (1, 0), (2, 1)])
-def test_running_empty_on_the_flat_is_the_closed_form(tmp_path: Path, robot: str, speed: int, sensing: int) -> None:
+def test_running_empty_on_the_flat_is_the_closed_form(
+    tmp_path: Path, robot: str, speed: int, sensing: int
+) -> None:
     """Eq. 8: with nothing hidden a robot that never turns round gets exactly d_max far."""
     nominal = load_robot(robot)
     speed_mps = nominal.min_speed_mps + (nominal.max_speed_mps - nominal.min_speed_mps) * speed / 4
@@ -120,14 +146,17 @@ def test_running_empty_on_the_flat_is_the_closed_form(tmp_path: Path, robot: str
 def ran_empty(decision_s: float, actions: Any, **options: Any) -> float:
     env = HomewardEnv(decision_s=decision_s, action_type="discrete", shaping="none", **options)
     env.reset(seed=12)
-    mission(env)["gust_kick"] = mission(env)["warming_k"] = 0.0  # weather changes from decision to decision
+    # weather changes from decision to decision
+    mission(env)["gust_kick"] = mission(env)["warming_k"] = 0.0
     *_, last = drive(env, actions)
     assert last.info["stranded"], "the battery is to be empty before the commands are over"
     return float(mission(env)["distance_m"])
 
 
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
-@pytest.mark.parametrize(("mission_id", "route"), [("OutAndBack", "generated"), ("Survey", "hidden_wind")])
+@pytest.mark.parametrize(
+    ("mission_id", "route"), [("OutAndBack", "generated"), ("Survey", "hidden_wind")]
+)
 @pytest.mark.parametrize("decision_s", [500.0, 40.0])
 def test_halving_the_decision_moves_the_end_by_less_than_a_thousandth(
     difficulty: str, mission_id: str, route: str, decision_s: float
@@ -154,7 +183,9 @@ def test_stranding_is_latched_and_costs(mission_id: str) -> None:
     assert last.info["stranded"] and not last.info["home"] and last.info["cost"] == 1.0
     assert last.reward == 0.0 and last.info["score"] == 0.0
     assert mission(env)["energy_j"] == 0.0 == feature(last.observation, "energy")
-    assert mission(env)["time_s"] < mission(env)["decisions"] * SHORT_S, "it ran out inside the step"
+    assert mission(env)["time_s"] < mission(env)["decisions"] * SHORT_S, (
+        "it ran out inside the step"
+    )
 
 
 @pytest.mark.parametrize("mission_id", MISSIONS)
@@ -168,7 +199,11 @@ def test_the_time_limit_truncates_and_is_no_end(mission_id: str) -> None:
     steps = list(drive(env, patient))
     assert len(steps) == limit
     assert steps[-1].truncated and not steps[-1].terminated
-    assert not steps[-1].info["home"] and not steps[-1].info["stranded"] and steps[-1].info["cost"] == 0.0
+    assert (
+        not steps[-1].info["home"]
+        and not steps[-1].info["stranded"]
+        and steps[-1].info["cost"] == 0.0
+    )
     assert not any(step.truncated for step in steps[:-1])
     assert feature(steps[-1].observation, "time") == 1.0
 

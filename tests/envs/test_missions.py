@@ -16,4 +16,7 @@ def test_every_mission_has_its_file_its_name_and_its_id() -> None:
 def test_a_function_by_mission_is_that_of_the_mission() -> None:
     m = SimpleNamespace(furthest_m=1.0, delivered=2.0, backlog_information=3.0, legs=8.0)
     score = by_mission("score", "m, shared")
-    assert [score(m, SimpleNamespace(mission=CODES[name])) for name in ("OutAndBack", "Survey", "Patrol")] == [1, 5, 4]
+    assert [
+        score(m, SimpleNamespace(mission=CODES[name]))
+        for name in ("OutAndBack", "Survey", "Patrol")
+    ] == [1, 5, 4]

@@ -1,4 +1,5 @@
-"""The vector of rewards: its entries are what the environment tells, and MO-Gymnasium's tools take it."""
+"""The vector of rewards: its entries are what the environment tells, and MO-Gymnasium's tools take
+it."""
 
 from __future__ import annotations
 
@@ -38,7 +39,9 @@ def test_objectives_sum_to_what_the_mission_told(mission: str) -> None:
         home_score = info["score"] if info["home"] else 0.0
         assert totalled["reward"] == pytest.approx(home_score / shared["score_scale"], rel=1e-5)
         assert totalled["stranding"] == -float(info["stranded"])
-        assert totalled["energy"] * shared["usable_j"] == pytest.approx(-info["energy_j"].total(), rel=1e-5)
+        assert totalled["energy"] * shared["usable_j"] == pytest.approx(
+            -info["energy_j"].total(), rel=1e-5
+        )
         assert totalled["time"] * shared["max_decisions"] == pytest.approx(-decisions, rel=1e-5)
         ends.add((info["home"], info["stranded"]))
     assert {(True, False), (False, True)} <= ends
@@ -46,13 +49,23 @@ def test_objectives_sum_to_what_the_mission_told(mission: str) -> None:
 
 @pytest.mark.parametrize("shaping", ["none", "dmax"])
 def test_rewards_are_those_of_the_environment_with_one(shaping: str) -> None:
-    vector, scalar = MultiObjectiveEnv(shaping=shaping, decision_s=SHORT_S), make("Survey", shaping=shaping)
+    vector, scalar = (
+        MultiObjectiveEnv(shaping=shaping, decision_s=SHORT_S),
+        make("Survey", shaping=shaping),
+    )
     vector.reset(seed=3)
     scalar.reset(seed=3)
     for action in random_actions(np.random.default_rng(3), "discrete", 60):
-        (seen, rewards, *ended, objective_info), (other, reward, *also, info) = vector.step(action), scalar.step(action)
+        (seen, rewards, *ended, objective_info), (other, reward, *also, info) = (
+            vector.step(action),
+            scalar.step(action),
+        )
         np.testing.assert_array_equal(seen, other)
-        assert (rewards[0], ended, objective_info["score"]) == (np.float32(reward), also, info["score"])
+        assert (rewards[0], ended, objective_info["score"]) == (
+            np.float32(reward),
+            also,
+            info["score"],
+        )
         assert rewards.dtype == np.float32 and vector.reward_space.contains(rewards)
         if any(ended):
             break
@@ -63,8 +76,14 @@ def test_ids_are_made_without_shaping_unless_asked() -> None:
     assert set(MULTI_OBJECTIVE_IDS) == set(IDS)
     for mission, env_id in MULTI_OBJECTIVE_IDS.items():
         env: Any = gym.make(env_id).unwrapped
-        assert (env.options.mission, env.options.shaping, env.reward_space.shape) == (mission, "none", (4,))
-    shaped: Any = gym.make("homeward:homeward/MOPatrol-v0", shaping="dmax", difficulty="harsh").unwrapped
+        assert (env.options.mission, env.options.shaping, env.reward_space.shape) == (
+            mission,
+            "none",
+            (4,),
+        )
+    shaped: Any = gym.make(
+        "homeward:homeward/MOPatrol-v0", shaping="dmax", difficulty="harsh"
+    ).unwrapped
     assert (shaped.options.shaping, shaped.options.difficulty) == ("dmax", "harsh")
     with pytest.raises(OptionError, match="speed"):
         gym.make("homeward/MOSurvey-v0", speed=1)
@@ -76,7 +95,9 @@ def test_mo_gymnasium_takes_them() -> None:
     from mo_gymnasium.wrappers.vector import MOSyncVectorEnv
 
     def made(**options: Any) -> Any:
-        return mo_gym.make("homeward/MOOutAndBack-v0", decision_s=SHORT_S, shaping="dmax", **options)
+        return mo_gym.make(
+            "homeward/MOOutAndBack-v0", decision_s=SHORT_S, shaping="dmax", **options
+        )
 
     actions = random_actions(np.random.default_rng(0), "discrete", 60)
     linear, scalar = LinearReward(made(), np.array([1.0, 0.0, 0.0, 0.0])), make("OutAndBack")

@@ -12,17 +12,23 @@ from tests.envs.conditions.reading import ReadRobot
 
 
 def follow(robot: ReadRobot, observer: Observer, seed: int, most: int = 150) -> int:
-    """Drive at random, with stops and returns now and then; every observation is to be the environment's."""
+    """Drive at random, with stops and returns now and then; every observation is to be the
+    environment's."""
     rng, over, decisions = np.random.default_rng(seed), False, 0
     action: Any = None
     while not over and decisions < most:
         reads = robot.reads()
-        outwards, slope = robot.outwards, reads["grade_rad"] if robot.outwards else -reads["grade_rad"]
+        outwards, slope = (
+            robot.outwards,
+            reads["grade_rad"] if robot.outwards else -reads["grade_rad"],
+        )
         heading = reads["heading_rad"] + (0.0 if outwards else np.pi)
         observer.see(reads["position"], slope, reads["interest"], heading, outwards)
         for seen in robot.seen_ahead():
             observer.see(*seen)
-        read = Read(*(reads[name] for name in ("position", "power_w", "soc", "speed_mps", "temperature_c")))
+        read = Read(
+            *(reads[name] for name in ("position", "power_w", "soc", "speed_mps", "temperature_c"))
+        )
         made = observer.begin(read) if action is None else observer.decide(action, read)
         np.testing.assert_allclose(made[0], robot.observation, rtol=2e-6, atol=2e-6)
         mode = rng.choice(3, p=[0.1, 0.75, 0.15])
@@ -42,11 +48,15 @@ def follow(robot: ReadRobot, observer: Observer, seed: int, most: int = 150) -> 
         ("Patrol", {"decision_s": 50.0}),
     ],
 )
-def test_it_makes_the_observations_of_the_environment(mission: str, options: dict[str, Any]) -> None:
+def test_it_makes_the_observations_of_the_environment(
+    mission: str, options: dict[str, Any]
+) -> None:
     lengths = []
     for seed in range(4):
         robot = ReadRobot(mission, 8_100_001 + seed, **options)
-        lengths.append(follow(robot, Observer(robot.env.batch.known, *robot.prior_knowledge()), seed))
+        lengths.append(
+            follow(robot, Observer(robot.env.batch.known, *robot.prior_knowledge()), seed)
+        )
     assert max(lengths) > 20
 
 

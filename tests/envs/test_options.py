@@ -28,12 +28,18 @@ from homeward.physics import preset_names
 from tests.envs.rollouts import SHORT_S, drive, make
 
 OPTIONS: list[tuple[dict[str, Any], str]] = [
-    ({"difficulty": "easy"}, "difficulty = 'easy' is not allowed; choose from known, uncertain, harsh"),
+    (
+        {"difficulty": "easy"},
+        "difficulty = 'easy' is not allowed; choose from known, uncertain, harsh",
+    ),
     ({"difficulty": 1}, "known, uncertain, harsh"),
     ({"difficulty": None}, "known, uncertain, harsh"),
     ({"difficulty": ["known"]}, "known, uncertain, harsh"),
     ({"difficulty": np.array(["known", "harsh"])}, "known, uncertain, harsh"),
-    ({"action_type": "box"}, "action_type = 'box' is not allowed; choose from discrete, continuous"),
+    (
+        {"action_type": "box"},
+        "action_type = 'box' is not allowed; choose from discrete, continuous",
+    ),
     ({"shaping": True}, "shaping = True is not allowed; choose from dmax, none"),
     ({"shaping": None}, "dmax, none"),
     ({"discount": 0.0}, "discount = 0.0 is not allowed; give a number in (0, 1]"),
@@ -50,16 +56,25 @@ OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"decision_s": "30"}, "(0, 1e+09]"),
     ({"decision_s": 1j}, "(0, 1e+09]"),
     ({"decision_s": True}, "decision_s = True is not allowed; give a number in (0, 1e+09]"),
-    ({"decision_s": 1e-6}, "decision_s = 1e-06 is not allowed; give 0.29 to 1200 s, as the battery of"),
+    (
+        {"decision_s": 1e-6},
+        "decision_s = 1e-06 is not allowed; give 0.29 to 1200 s, as the battery of",
+    ),
     ({"decision_s": 0.28}, "'rusti_computer' lasts 5804 s: 5 to 20000 decisions"),
     ({"decision_s": 1201.0}, "decision_s = 1201 is not allowed; give 0.29 to 1200 s"),
-    ({"decision_s": 1e9, "robot": "husky"}, "give 0.54 to 2200 s, as the battery of 'husky' lasts 10868 s"),
+    (
+        {"decision_s": 1e9, "robot": "husky"},
+        "give 0.54 to 2200 s, as the battery of 'husky' lasts 10868 s",
+    ),
     ({"dificulty": "known"}, "unknown keyword 'dificulty' (did you mean 'difficulty'?)"),
     (
         {"colour": "red"},
         "unknown keyword 'colour'; allowed: robot, route, difficulty, instruments, weather, action_type",
     ),
-    ({"robot": "rusty"}, "presets: f1tenth, husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean"),
+    (
+        {"robot": "rusty"},
+        "presets: f1tenth, husky, jackal, rusti, rusti_computer, turtlebot3_burger (did you mean",
+    ),
     ({"robot": "no/such.toml"}, "presets: f1tenth, husky, jackal"),
     ({"robot": None}, "robot = None is not a preset name"),
     ({"route": "incline2"}, "known: generated, hidden_wind, box, incline"),
@@ -69,19 +84,25 @@ OPTIONS: list[tuple[dict[str, Any], str]] = [
 def makers() -> dict[str, Callable[..., Any]]:
     return {
         "make": lambda **options: gym.make(IDS["Survey"], **options),
-        "make_vec": lambda **options: gym.make_vec(IDS["Survey"], 2, "vector_entry_point", **options),
+        "make_vec": lambda **options: gym.make_vec(
+            IDS["Survey"], 2, "vector_entry_point", **options
+        ),
     }
 
 
 @pytest.mark.parametrize("maker", makers())
 @pytest.mark.parametrize(("options", "says"), OPTIONS, ids=lambda value: str(value)[:40])
-def test_options_that_cannot_be_used_say_what_can(maker: str, options: dict[str, Any], says: str) -> None:
+def test_options_that_cannot_be_used_say_what_can(
+    maker: str, options: dict[str, Any], says: str
+) -> None:
     with pytest.raises(ValueError) as caught:
         makers()[maker](**options)
     assert says in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("number", [30, 30.0, np.float32(30.0), np.float64(30.0), np.int64(30), Fraction(30)])
+@pytest.mark.parametrize(
+    "number", [30, 30.0, np.float32(30.0), np.float64(30.0), np.int64(30), Fraction(30)]
+)
 def test_any_real_number_is_a_number(number: Any) -> None:
     env = HomewardEnv(decision_s=number, discount=type(number)(1))
     shared = env.batch.known.shared[0]
@@ -147,7 +168,9 @@ def test_modes_that_do_not_exist() -> None:
         (("[body]", "[body"), "not a readable TOML file"),
     ],
 )
-def test_a_broken_robot_file_is_named_with_its_field(tmp_path: Path, change: tuple[str, str], says: str) -> None:
+def test_a_broken_robot_file_is_named_with_its_field(
+    tmp_path: Path, change: tuple[str, str], says: str
+) -> None:
     path = tmp_path / "robot.toml"
     text = load_robot("rusti").to_toml()
     assert change[0] in text
@@ -164,7 +187,10 @@ def test_a_robot_that_never_runs_empty_is_refused() -> None:
 
 
 DISCRETE: list[tuple[Any, str]] = [
-    ([5, 0, 1], "[5, 0, 1] of env 0 is not allowed; give speed and sensing levels 0 to 4 and 0 (stop)"),
+    (
+        [5, 0, 1],
+        "[5, 0, 1] of env 0 is not allowed; give speed and sensing levels 0 to 4 and 0 (stop)",
+    ),
     ([0, 0, 3], "1 (go) or 2 (return)"),
     ([0, -1, 1], "[0, -1, 1]"),
     ([0.0, 0.0, 1.0], "dtype float64; give int64"),
@@ -224,7 +250,12 @@ def test_one_bad_action_steps_none_of_the_missions(count: int) -> None:
 
 
 def test_integers_of_any_width_and_lists_are_actions() -> None:
-    for action in ([4, 0, 1], (4, 0, 1), np.array([4, 0, 1], np.uint8), np.array([4, 0, 1], np.int32)):
+    for action in (
+        [4, 0, 1],
+        (4, 0, 1),
+        np.array([4, 0, 1], np.uint8),
+        np.array([4, 0, 1], np.int32),
+    ):
         env = make("OutAndBack")
         env.reset(seed=0)
         assert env.step(action)[4]["position_m"] == pytest.approx(300.0)
@@ -267,7 +298,8 @@ def test_without_autoreset_missions_that_are_over_need_a_reset() -> None:
 
 
 @pytest.mark.parametrize(
-    "seed", [[1, 2], [1, 2, 3, 4], (), "abc", 1.5, [1.5, 2, 3], -1, [0, 1, -5], np.zeros((3, 1), int)]
+    "seed",
+    [[1, 2], [1, 2, 3, 4], (), "abc", 1.5, [1.5, 2, 3], -1, [0, 1, -5], np.zeros((3, 1), int)],
 )
 def test_seeds_that_are_none(seed: Any) -> None:
     envs = HomewardVectorEnv(3)
@@ -301,7 +333,11 @@ def test_a_mask_before_the_first_reset_is_refused() -> None:
 
 
 SECRET_ROBOT = dataclasses.replace(
-    load_robot("rusti"), name="secret", mass_kg=0.7654321, rolling_resistance=0.8765432, rated_energy_j=65432.1
+    load_robot("rusti"),
+    name="secret",
+    mass_kg=0.7654321,
+    rolling_resistance=0.8765432,
+    rated_energy_j=65432.1,
 )
 SECRET_ROUTE = Route(
     300.0, np.full(8, 0.0543219), np.full(8, 0.6543217), np.linspace(1.0, 2.0, 8), np.full(8, 1.2345678), 17.654321,
@@ -338,8 +374,13 @@ def leaves(value: Any, seen: dict[int, Any]) -> Iterator[Any]:
 @pytest.mark.parametrize("difficulty", ["uncertain", "harsh"])
 @pytest.mark.parametrize("mission", IDS)
 def test_what_is_known_holds_nothing_hidden(mission: str, difficulty: str, source: str) -> None:
-    """Walked through to the last number: no true robot, no route, no weather and no meter's error."""
-    options: dict[str, Any] = {"difficulty": difficulty, "true_robot": SECRET_ROBOT, "route": SECRET_ROUTE}
+    """Walked through to the last number: no true robot, no route, no weather and no meter's
+    error."""
+    options: dict[str, Any] = {
+        "difficulty": difficulty,
+        "true_robot": SECRET_ROBOT,
+        "route": SECRET_ROUTE,
+    }
     env = HomewardEnv(mission=mission, **options)
     env.reset(seed=0)
     env.step([4, 4, GO])
@@ -356,14 +397,25 @@ def test_what_is_known_holds_nothing_hidden(mission: str, difficulty: str, sourc
     hidden += [float(m["meter_offset_w"])] if difficulty == "harsh" else []
     hidden += [float(p[name]) for name in ("mass_kg", "rolling_resistance", "payload_mass_kg")]
     hidden += [SECRET_ROBOT.usable_energy_j, SECRET_ROBOT.mass_kg, SECRET_ROBOT.rolling_resistance]
-    hidden += [0.0543219, float(np.sin(0.0543219)), 0.6543217, 1.2345678, 17.654321, 4.3210987, 2.3456789]
+    hidden += [
+        0.0543219,
+        float(np.sin(0.0543219)),
+        0.6543217,
+        1.2345678,
+        17.654321,
+        4.3210987,
+        2.3456789,
+    ]
     for secret in hidden:
         assert not np.isclose(numbers, secret, rtol=1e-6, atol=0.0).any(), secret
 
 
 def test_what_is_known_is_the_same_whatever_is_hidden() -> None:
-    """Another true robot and another wind; of a given route, its length, mean interest and places are known."""
-    calm = dataclasses.replace(SECRET_ROUTE, wind_mps=0.0, temperature_c=3.0, grade_rad=-SECRET_ROUTE.grade_rad)
+    """Another true robot and another wind; of a given route, its length, mean interest and places
+    are known."""
+    calm = dataclasses.replace(
+        SECRET_ROUTE, wind_mps=0.0, temperature_c=3.0, grade_rad=-SECRET_ROUTE.grade_rad
+    )
     for changes in ({"true_robot": SECRET_ROBOT}, {"route": calm}):
         options: dict[str, Any] = {"route": SECRET_ROUTE}
         one, other = (known_of(Options("Survey", **each)) for each in (options, options | changes))

@@ -18,9 +18,15 @@ class TestOutAndBack:
         env = make("OutAndBack", shaping="none", difficulty="known", decision_s=100.0)
         env.reset(seed=0)
         out = list(drive(env, [[4, 0, GO]] * 4 + [[4, 0, RETURN]] * 2))
-        assert [step.info["score"] for step in out] == pytest.approx([100.0, 200.0, 300.0, 400.0, 400.0, 400.0])
+        assert [step.info["score"] for step in out] == pytest.approx(
+            [100.0, 200.0, 300.0, 400.0, 400.0, 400.0]
+        )
         *_, last = drive(env, itertools.repeat([4, 0, GO], 5))
-        assert last.info["home"] and last.info["position_m"] == 0.0 and last.info["score"] == pytest.approx(400.0)
+        assert (
+            last.info["home"]
+            and last.info["position_m"] == 0.0
+            and last.info["score"] == pytest.approx(400.0)
+        )
         scale = float(env.batch.known.shared["score_scale"][0])
         assert last.reward == pytest.approx(400.0 / scale)
 
@@ -35,7 +41,9 @@ class TestOutAndBack:
         env = make("OutAndBack", route=path, difficulty="known", decision_s=100.0)
         env.reset(seed=0)
         steps = list(drive(env, [[4, 0, GO]] * 5))
-        assert [step.info["position_m"] for step in steps] == pytest.approx([100.0, 200.0, 250.0, 250.0, 250.0])
+        assert [step.info["position_m"] for step in steps] == pytest.approx(
+            [100.0, 200.0, 250.0, 250.0, 250.0]
+        )
         # It waits at the end: ancillary power only.
         spent_j = steps[-1].info["energy_j"].total() - steps[-2].info["energy_j"].total()
         assert spent_j == pytest.approx(100.0 * 0.5881, rel=1e-3)

@@ -13,7 +13,9 @@ from tests.envs.rollouts import drive, feature, make, mission
 
 class TestPatrol:
     def patrol(self, **options: Any) -> HomewardEnv:
-        env = make("Patrol", **{"difficulty": "known", "shaping": "none", "decision_s": 30.0} | options)
+        env = make(
+            "Patrol", **{"difficulty": "known", "shaping": "none", "decision_s": 30.0} | options
+        )
         env.reset(seed=0)
         return env
 
@@ -49,7 +51,9 @@ class TestPatrol:
         env = self.patrol()
         list(drive(env, [[4, 0, GO]] * 3 + [[4, 0, STOP]] * 10))
         *_, arrived = drive(env, [[4, 0, GO]])
-        assert arrived.info["score"] == 0.5 and feature(arrived.observation, "pit_stop") == pytest.approx(2.0)
+        assert arrived.info["score"] == 0.5 and feature(
+            arrived.observation, "pit_stop"
+        ) == pytest.approx(2.0)
 
     def test_laps_count_at_home(self) -> None:
         env = self.patrol()
@@ -59,16 +63,24 @@ class TestPatrol:
 
     def test_a_leg_that_is_broken_off_does_not_count(self) -> None:
         env = self.patrol()
-        *_, last = drive(env, [[4, 0, GO]] * 15 + [[4, 0, RETURN]] * 8)  # 90 m of the 120 m of the third leg
+        # 90 m of the 120 m of the third leg
+        *_, last = drive(env, [[4, 0, GO]] * 15 + [[4, 0, RETURN]] * 8)
         assert last.info["home"] and last.info["score"] == 1.0
 
     def test_the_return_leaves_a_pit_stop(self) -> None:
-        """Once it is final, in the third decision; a return that is taken back would cut pit stops short."""
+        """Once it is final, in the third decision; a return that is taken back would cut pit stops
+        short."""
         env = self.patrol()
         *_, last = drive(env, [[4, 0, GO]] * 3 + [[3, 0, GO]] + [[4, 0, GO]])
-        assert last.info["position_m"] == pytest.approx(120.0) and feature(last.observation, "pit_stop") > 1.2
+        assert (
+            last.info["position_m"] == pytest.approx(120.0)
+            and feature(last.observation, "pit_stop") > 1.2
+        )
         *_, last = drive(env, [[4, 0, RETURN]] * 1)
-        assert last.info["position_m"] == pytest.approx(120.0) and feature(last.observation, "pit_stop") > 0.2
+        assert (
+            last.info["position_m"] == pytest.approx(120.0)
+            and feature(last.observation, "pit_stop") > 0.2
+        )
         *_, last = drive(env, [[4, 0, RETURN]] * 2)
         assert mission(env)["returning"] and feature(last.observation, "pit_stop") == 0.0
         *_, last = drive(env, [[4, 0, RETURN]] * 4)

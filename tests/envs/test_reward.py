@@ -1,4 +1,5 @@
-"""What a mission pays: its score on coming home, and a potential from d_max that changes no optimal policy."""
+"""What a mission pays: its score on coming home, and a potential from d_max that changes no optimal
+policy."""
 
 from __future__ import annotations
 
@@ -19,8 +20,11 @@ from tests.envs.rollouts import IN_PARTS, MISSIONS, drive, feature, make, missio
 @pytest.mark.parametrize("instruments", INSTRUMENTS)
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission_id", MISSIONS)
-def test_shaped_rewards_telescope(mission_id: str, difficulty: str, instruments: str, discount: float) -> None:
-    """Discounted, they sum to the discounted final score less the potential of the start, whatever is done and read."""
+def test_shaped_rewards_telescope(
+    mission_id: str, difficulty: str, instruments: str, discount: float
+) -> None:
+    """Discounted, they sum to the discounted final score less the potential of the start, whatever
+    is done and read."""
     env = make(mission_id, difficulty=difficulty, instruments=instruments, discount=discount)
     scale = float(env.batch.known.shared["score_scale"][0])
     rng, ends = np.random.default_rng(5), set()
@@ -45,7 +49,9 @@ def test_shaped_rewards_telescope(mission_id: str, difficulty: str, instruments:
 
 @pytest.mark.parametrize("action_type", IN_PARTS)
 @pytest.mark.parametrize("mission_id", MISSIONS)
-def test_without_shaping_the_score_is_paid_at_home_and_nothing_else(mission_id: str, action_type: str) -> None:
+def test_without_shaping_the_score_is_paid_at_home_and_nothing_else(
+    mission_id: str, action_type: str
+) -> None:
     env = make(mission_id, shaping="none", action_type=action_type)
     scale = float(env.batch.known.shared["score_scale"][0])
     rng, home = np.random.default_rng(5), 0
@@ -54,7 +60,9 @@ def test_without_shaping_the_score_is_paid_at_home_and_nothing_else(mission_id: 
         *before, last = drive(env, random_actions(rng, action_type, 60, home=0.1))
         assert [step.reward for step in before] == [0.0] * len(before)
         assert last.info["reward_terms"] == {"score": last.reward, "shaping": 0.0}
-        assert last.reward == (pytest.approx(last.info["score"] / scale) if last.info["home"] else 0.0)
+        assert last.reward == (
+            pytest.approx(last.info["score"] / scale) if last.info["home"] else 0.0
+        )
         assert last.info["cost"] == float(last.info["stranded"])
         home += last.info["home"]
     assert home > 2
@@ -97,7 +105,9 @@ def test_the_return_latches(mission_id: str, action_type: str) -> None:
         if action_type == "discrete":
             *_, info = env.step([speed, 0, mode])
         else:
-            *_, info = env.step(np.array([0.5 * speed - 1.0, -1.0, (mode - 1) * 2.0 / 3.0], np.float32))
+            *_, info = env.step(
+                np.array([0.5 * speed - 1.0, -1.0, (mode - 1) * 2.0 / 3.0], np.float32)
+            )
         return info["position_m"], bool(mission(env)["returning"])
 
     out_m, returning = act(4, GO)
@@ -120,9 +130,12 @@ def test_going_home_at_once_is_worth_nothing(mission_id: str) -> None:
 
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_the_potential_is_worked_out_with_exact_numbers(mission_id: str) -> None:
-    """Where the grade is read exactly, no instrument changes a reward, however wrong the readings are."""
+    """Where the grade is read exactly, no instrument changes a reward, however wrong the readings
+    are."""
     worst = Instruments(0.1, 0.1, 600.0, 0.3, 0.1, 0.3, 0.3, 0.0)
-    exact, wrong = (make(mission_id, instruments=sizes, decision_s=60.0) for sizes in ("exact", worst))
+    exact, wrong = (
+        make(mission_id, instruments=sizes, decision_s=60.0) for sizes in ("exact", worst)
+    )
     for seed in range(3):
         for env in (exact, wrong):
             env.reset(seed=seed)
@@ -138,11 +151,14 @@ def test_the_potential_is_worked_out_with_exact_numbers(mission_id: str) -> None
 
 
 def findable(env: HomewardEnv, way_m: float) -> float:
-    """Information on the metres ahead, by their interest, with the samples a metre that memory and radio allow."""
+    """Information on the metres ahead, by their interest, with the samples a metre that memory and
+    radio allow."""
     m, s = mission(env), env.batch.known.shared[0]
     borders_m = np.clip(np.arange(s["places"] + 1) * s["place_m"] - m["position_m"], 0.0, way_m)
     interest = float(np.diff(borders_m) @ env.batch.routes["places"]["interest"][0, : s["places"]])
-    sent = float(0.5 * s["radio_hz"] / (1.0 + (m["position_m"] / s["link_m"]) ** 2) * way_m / s["cruise_mps"])
+    sent = float(
+        0.5 * s["radio_hz"] / (1.0 + (m["position_m"] / s["link_m"]) ** 2) * way_m / s["cruise_mps"]
+    )
     room = float(s["backlog_limit"] - m["backlog"]) + sent
     per_m = min(room / max(way_m, 1e-9), float(s["max_sensing_hz"] / s["cruise_mps"]))
     return interest * per_m / (per_m + float(s["saturation_per_m"]))
@@ -151,7 +167,8 @@ def findable(env: HomewardEnv, way_m: float) -> float:
 @pytest.mark.parametrize("instruments", INSTRUMENTS)
 @pytest.mark.parametrize("mission_id", MISSIONS)
 def test_the_potential_is_that_of_the_true_energy(mission_id: str, instruments: str) -> None:
-    """By hand: the score so far and what the energy beyond the way home buys, over that of a good mission."""
+    """By hand: the score so far and what the energy beyond the way home buys, over that of a good
+    mission."""
     env = make(mission_id, instruments=instruments, decision_s=60.0)
     env.reset(seed=1)
     s = env.batch.known.shared[0]
@@ -172,7 +189,8 @@ def test_the_potential_is_that_of_the_true_energy(mission_id: str, instruments: 
         }[mission_id]
         fits = float(np.clip(1.0 + 50.0 * margin_j / s["usable_j"], 0.0, 1.0))
         expected = fits * (step.info["score"] + more) / float(s["score_scale"])
-        assert m["potential"] == pytest.approx(expected, rel=1e-5)  # places are kept in single precision
+        # places are kept in single precision
+        assert m["potential"] == pytest.approx(expected, rel=1e-5)
         shaping = float(s["discount"]) * expected
         assert step.info["reward_terms"]["shaping"] <= shaping * (1.0 + 1e-6)
 
@@ -197,17 +215,25 @@ def test_a_return_that_is_not_final_still_hopes() -> None:
 
 
 def test_the_potential_reckons_with_the_true_way_home() -> None:
-    """In weather that stays, the energy that a robot comes home with is the margin with which it turned."""
+    """In weather that stays, the energy that a robot comes home with is the margin with which it
+    turned."""
     env = make("OutAndBack", difficulty="uncertain", decision_s=None, weather="still")
     s = env.batch.known.shared[0]
-    cruise = round(4.0 * (s["cruise_mps"] - s["min_speed_mps"]) / (s["max_speed_mps"] - s["min_speed_mps"]))
-    assert s["min_speed_mps"] + 0.25 * cruise * (s["max_speed_mps"] - s["min_speed_mps"]) == s["cruise_mps"]
+    cruise = round(
+        4.0 * (s["cruise_mps"] - s["min_speed_mps"]) / (s["max_speed_mps"] - s["min_speed_mps"])
+    )
+    assert (
+        s["min_speed_mps"] + 0.25 * cruise * (s["max_speed_mps"] - s["min_speed_mps"])
+        == s["cruise_mps"]
+    )
     for seed in range(5):
         env.reset(seed=seed)
         list(drive(env, [[cruise, 0, GO]] * 20))
         m = mission(env)
         here_m = float(m["position_m"] - m["place"] * s["place_m"])
-        margin_j = float(m["energy_j"] - m["here"]["true_home_cost_j"] - here_m * m["here"]["true_home_j_per_m"])
+        margin_j = float(
+            m["energy_j"] - m["here"]["true_home_cost_j"] - here_m * m["here"]["true_home_j_per_m"]
+        )
         list(drive(env, [[cruise, 0, RETURN]] * 40))
         assert mission(env)["home"]
         assert float(mission(env)["energy_j"]) == pytest.approx(margin_j, rel=2e-3)

@@ -1,4 +1,5 @@
-"""What Gymnasium and stable-baselines3 ask of an environment, and that it travels between processes."""
+"""What Gymnasium and stable-baselines3 ask of an environment, and that it travels between
+processes."""
 
 from __future__ import annotations
 
@@ -33,8 +34,14 @@ from tests.envs.rollouts import IN_PARTS, MISSIONS, SHORT_S, make, random_action
 COMBINATIONS = list(itertools.product(MISSIONS, DIFFICULTIES, INSTRUMENTS, IN_PARTS))
 
 
-def made(mission: str, difficulty: str, instruments: str, action_type: str, **options: Any) -> gym.Env[Any, Any]:
-    options = {"difficulty": difficulty, "instruments": instruments, "action_type": action_type} | options
+def made(
+    mission: str, difficulty: str, instruments: str, action_type: str, **options: Any
+) -> gym.Env[Any, Any]:
+    options = {
+        "difficulty": difficulty,
+        "instruments": instruments,
+        "action_type": action_type,
+    } | options
     return gym.make(IDS[mission], **options)
 
 
@@ -50,10 +57,14 @@ def test_stable_baselines3_finds_nothing_to_say(combination: tuple[str, str, str
 
 
 @pytest.mark.parametrize(
-    "others", [{"shaping": "none"}, {"weather": "still", "action_type": "flat"}, {"route": "hidden_wind"}], ids=str
+    "others",
+    [{"shaping": "none"}, {"weather": "still", "action_type": "flat"}, {"route": "hidden_wind"}],
+    ids=str,
 )
 @pytest.mark.parametrize("mission", MISSIONS)
-def test_neither_has_anything_to_say_of_other_variants(mission: str, others: dict[str, Any]) -> None:
+def test_neither_has_anything_to_say_of_other_variants(
+    mission: str, others: dict[str, Any]
+) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     for check in (check_env, checker.check_env):
         check(gym.make(IDS[mission], **others).unwrapped)
@@ -97,21 +108,36 @@ def test_an_id_imports_the_package_by_itself(root: Path) -> None:
         "print(envs.reset(seed=0)[0].shape, type(envs).__name__)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", program], cwd=root, capture_output=True, text=True, check=False
+        [sys.executable, "-W", "error", "-c", program],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [f"({len(FEATURES)},) True", f"(3, {len(FEATURES)}) HomewardVectorEnv"]
+    assert done.stdout.splitlines() == [
+        f"({len(FEATURES)},) True",
+        f"(3, {len(FEATURES)}) HomewardVectorEnv",
+    ]
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_the_native_vector_env_is_made_by_its_id(mode: AutoresetMode) -> None:
     for autoreset_mode in (mode, mode.value):
         envs = gym.make_vec(
-            IDS["Patrol"], 4, vectorization_mode="vector_entry_point", autoreset_mode=autoreset_mode, difficulty="harsh"
+            IDS["Patrol"],
+            4,
+            vectorization_mode="vector_entry_point",
+            autoreset_mode=autoreset_mode,
+            difficulty="harsh",
         )
         assert isinstance(envs, HomewardVectorEnv)
         assert envs.metadata["autoreset_mode"] is mode
-        assert (envs.num_envs, envs.options.mission, envs.options.difficulty) == (4, "Patrol", "harsh")
+        assert (envs.num_envs, envs.options.mission, envs.options.difficulty) == (
+            4,
+            "Patrol",
+            "harsh",
+        )
         observations, _ = envs.reset(seed=1)
         assert observations in envs.observation_space
         envs.step(envs.action_space.sample())
@@ -143,7 +169,8 @@ def test_gymnasiums_own_vector_envs_carry_the_same_missions(vectorization: str) 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_gymnasiums_vector_wrappers_take_the_info(mode: AutoresetMode) -> None:
-    """`DictInfoToList` goes through it to the last number, beside what `RecordEpisodeStatistics` adds."""
+    """`DictInfoToList` goes through it to the last number, beside what `RecordEpisodeStatistics`
+    adds."""
     options: dict[str, Any] = {"mission": "Survey", "autoreset_mode": mode, "decision_s": SHORT_S}
     plain, wrapped = HomewardVectorEnv(3, **options), HomewardVectorEnv(3, **options)
     listed: Any = DictInfoToList(RecordVectorEpisodeStatistics(wrapped))
@@ -246,12 +273,17 @@ def test_copied_vector_missions_go_on_alike(way: str, mode: AutoresetMode) -> No
 
 def test_a_copy_that_has_not_begun_can_begin() -> None:
     for way in ("pickle", "deepcopy"):
-        env, envs = travelled(make("Survey"), way), travelled(HomewardVectorEnv(2, decision_s=SHORT_S), way)
+        env, envs = (
+            travelled(make("Survey"), way),
+            travelled(HomewardVectorEnv(2, decision_s=SHORT_S), way),
+        )
         np.testing.assert_array_equal(env.reset(seed=4)[0], envs.reset(seed=4)[0][0])
 
 
 def test_episode_statistics_of_a_mission() -> None:
-    env = RecordEpisodeStatistics(made("OutAndBack", "known", "exact", "discrete", shaping="none", decision_s=SHORT_S))
+    env = RecordEpisodeStatistics(
+        made("OutAndBack", "known", "exact", "discrete", shaping="none", decision_s=SHORT_S)
+    )
     env.reset(seed=0)
     rewards = []
     for action in ([4, 0, GO], [4, 0, GO], [4, 0, RETURN], [4, 0, GO], [4, 0, GO], [4, 0, GO]):
@@ -290,17 +322,26 @@ def test_episode_statistics_of_many_missions(mode: AutoresetMode) -> None:
 def test_a_time_limit_truncates() -> None:
     env = TimeLimit(gym.make(IDS["Survey"]).unwrapped, 3)
     env.reset(seed=0)
-    assert [env.step([0, 0, STOP])[2:4] for _ in range(3)] == [(False, False), (False, False), (False, True)]
+    assert [env.step([0, 0, STOP])[2:4] for _ in range(3)] == [
+        (False, False),
+        (False, False),
+        (False, True),
+    ]
 
 
 def test_what_is_returned_is_kept() -> None:
-    """Observations of both forms and the scalar form's info do not change under the feet of who keeps them."""
+    """Observations of both forms and the scalar form's info do not change under the feet of who
+    keeps them."""
     env, envs = make("Survey"), HomewardVectorEnv(1, decision_s=SHORT_S)
     env.reset(seed=0)
     envs.reset(seed=0)
     action = np.array([4, 2, GO])
     kept, vector_kept = env.step(action), envs.step(action[None])
-    observation, spent_j, results = kept[0].copy(), dict(kept[4]["energy_j"]), copy.deepcopy(vector_kept[:4])
+    observation, spent_j, results = (
+        kept[0].copy(),
+        dict(kept[4]["energy_j"]),
+        copy.deepcopy(vector_kept[:4]),
+    )
     env.step(action)
     envs.step(action[None])
     np.testing.assert_array_equal(kept[0], observation)
@@ -310,7 +351,8 @@ def test_what_is_returned_is_kept() -> None:
 
 
 def test_stable_baselines3_makes_its_own_vector_env(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It asks for pictures and gets them; without pygame a `TypeError` tells it to go on without them."""
+    """It asks for pictures and gets them; without pygame a `TypeError` tells it to go on without
+    them."""
     sb3 = pytest.importorskip("stable_baselines3.common.env_util")
     pytest.importorskip("pygame")
     env = sb3.make_vec_env("homeward/Survey-v0", n_envs=2, seed=0)
@@ -327,5 +369,7 @@ def test_stable_baselines3_makes_its_own_vector_env(monkeypatch: pytest.MonkeyPa
 def test_an_action_of_another_shape_is_refused_with_the_one_that_is_needed(action: Any) -> None:
     env = gym.make(IDS["Survey"], disable_env_checker=True)
     env.reset(seed=0)
-    with pytest.raises(OptionError, match=r"an action has shape \(.*\); give \(3,\): speed, sensing and mode"):
+    with pytest.raises(
+        OptionError, match=r"an action has shape \(.*\); give \(3,\): speed, sensing and mode"
+    ):
         env.step(action)

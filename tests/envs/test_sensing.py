@@ -20,13 +20,17 @@ EVEN = "distance_m,interest\n0,2\n{length_m},2\n"
 def survey(folder: Path, length_m: float = 3200.0, **options: Any) -> HomewardEnv:
     """A survey of even ground, with nothing hidden."""
     path = route_file(folder, EVEN.format(length_m=length_m))
-    env = make("Survey", **{"route": path, "difficulty": "known", "shaping": "none", "decision_s": 20.0} | options)
+    env = make(
+        "Survey",
+        **{"route": path, "difficulty": "known", "shaping": "none", "decision_s": 20.0} | options,
+    )
     env.reset(seed=0)
     return env
 
 
 def test_information_of_new_metres_saturates_with_samples_per_metre(tmp_path: Path) -> None:
-    """Interest n / (n + n_half) of each metre, whatever the decisions and places that the way is cut into."""
+    """Interest n / (n + n_half) of each metre, whatever the decisions and places that the way is
+    cut into."""
     for decision_s, speed, sensing in itertools.product((7.0, 60.0), (1, 2, 4), (1, 2, 4)):
         env = survey(tmp_path, decision_s=decision_s, robot="rusti")
         shared, m = env.batch.known.shared[0], mission(env)
@@ -121,7 +125,9 @@ def test_information_is_sent_or_carried_home(tmp_path: Path) -> None:
 def test_hot_spots_are_worth_more(tmp_path: Path) -> None:
     scores = []
     for interest in (1, 3):
-        path = route_file(tmp_path, f"distance_m,interest\n0,{interest}\n3200,{interest}\n", f"{interest}.csv")
+        path = route_file(
+            tmp_path, f"distance_m,interest\n0,{interest}\n3200,{interest}\n", f"{interest}.csv"
+        )
         env = survey(tmp_path, route=path)
         *_, last = drive(env, [[4, 2, GO]] * 10)
         scores.append(last.info["score"])

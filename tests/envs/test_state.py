@@ -1,4 +1,5 @@
-"""Records: their size in the caches, what the kernel finds in them, and inverses that are inverse."""
+"""Records: their size in the caches, what the kernel finds in them, and inverses that are
+inverse."""
 
 from __future__ import annotations
 
@@ -47,7 +48,9 @@ def test_what_every_step_touches_comes_before_the_arrays() -> None:
     fields = MISSION_DTYPE.fields
     assert fields is not None
     arrays = {name for name in ROBOT_STATE_DTYPE.names or () if ROBOT_STATE_DTYPE[name].shape}
-    assert max(fields[name][1] for name in fields.keys() - arrays) < min(fields[name][1] for name in arrays)
+    assert max(fields[name][1] for name in fields.keys() - arrays) < min(
+        fields[name][1] for name in arrays
+    )
 
 
 def test_stretches_ahead_touch_and_each_is_as_long_as_all_before_it() -> None:
@@ -66,7 +69,9 @@ def test_inverses_are_those_of_what_they_name(mission: str) -> None:
     s = known_of(Options(mission, difficulty="harsh")).shared[0]
     for inverse, name in INVERSES.items():
         assert name.startswith(inverse.removeprefix("per_"))
-        assert s[inverse] * s[name] == pytest.approx(1.0, rel=1e-15) or s[name] == s[inverse] == 0.0, name
+        assert (
+            s[inverse] * s[name] == pytest.approx(1.0, rel=1e-15) or s[name] == s[inverse] == 0.0
+        ), name
 
 
 def test_nothing_is_shared_and_hidden_at_once() -> None:

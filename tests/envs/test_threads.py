@@ -1,4 +1,5 @@
-"""Threads of a vector step: several where they are faster, one where they would wait for each other."""
+"""Threads of a vector step: several where they are faster, one where they would wait for each
+other."""
 
 import os
 import pickle
@@ -17,7 +18,8 @@ from homeward.envs.threads import Threads
 from homeward.envs.vector import HomewardVectorEnv
 
 ONE_S = {4096: 400e-6, 256: 25e-6}
-"""Time of a step of so many missions on one thread, and below, number of steps in a test: 10 s and 2 s of them."""
+"""Time of a step of so many missions on one thread, and below, number of steps in a test: 10 s and
+2 s of them."""
 STEPS = {4096: 25_000, 256: 80_000}
 Load = Callable[[np.random.Generator], Iterator[tuple[float, float]]]
 
@@ -30,7 +32,8 @@ def quiet(rng: np.random.Generator) -> Iterator[tuple[float, float]]:
 
 
 def busy(rng: np.random.Generator) -> Iterator[tuple[float, float]]:
-    """Several wait for the one that is kept from running: four times as long on average, some steps a hundred times."""
+    """Several wait for the one that is kept from running: four times as long on average, some steps
+    a hundred times."""
     while True:
         yield 1.0, 1.0 + 100.0 * (rng.random() < 0.03)
 
@@ -56,7 +59,8 @@ def in_turn(rng: np.random.Generator) -> Iterator[tuple[float, float]]:
 
 
 def drive(missions: int, load: Load, steps: int) -> tuple[float, float, float]:
-    """Seconds of so many steps as chosen and on one thread, and the share of them that several took."""
+    """Seconds of so many steps as chosen and on one thread, and the share of them that several
+    took."""
     threads, costs = Threads(missions), load(np.random.default_rng(missions))
     chosen_s = one_s = several = 0.0
     for one, many in (next(costs) for _ in range(steps)):
@@ -108,7 +112,9 @@ def test_a_machine_of_many_cores_gives_no_more_threads_than_a_batch_is_worth(
     assert threads.number == most
 
 
-def test_one_thread_is_all_there_is_where_numba_has_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_thread_is_all_there_is_where_numba_has_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(numba, "get_num_threads", lambda: 1)
     threads = Threads(4096)
     for _ in range(10_000):
@@ -134,7 +140,9 @@ def test_a_forked_process_steps_on_one_thread(root: Path) -> None:
         "sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) if child else 0)"
     )
     environment = os.environ | {"NUMBA_NUM_THREADS": "2"}
-    done = subprocess.run([sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -150,15 +158,20 @@ def test_envs_of_several_threads_of_a_program_step_side_by_side(root: Path, laye
         "[thread.start() for thread in threads]; [thread.join() for thread in threads]; print('home')"
     )
     environment = os.environ | {"NUMBA_NUM_THREADS": "2", "NUMBA_THREADING_LAYER": layer}
-    done = subprocess.run([sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True
+    )
     assert (done.returncode, done.stdout) == (0, "home\n"), done.stderr
 
 
-def test_the_start_of_threads_keeps_the_number_that_torch_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_start_of_threads_keeps_the_number_that_torch_was_given(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Both share the OpenMP threads of a process, and numba's start sets how many there are."""
     shared = {"threads": 1}
     torch = SimpleNamespace(
-        get_num_threads=lambda: shared["threads"], set_num_threads=lambda number: shared.update(threads=number)
+        get_num_threads=lambda: shared["threads"],
+        set_num_threads=lambda number: shared.update(threads=number),
     )
     started = SimpleNamespace(get_num_threads=lambda: shared.update(threads=2) or 2)
     monkeypatch.setitem(sys.modules, "torch", torch)

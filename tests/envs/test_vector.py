@@ -42,10 +42,12 @@ class TwoThreads(Threads):
 
 
 def cases() -> list[tuple[str, AutoresetMode, str, str, str, bool]]:
-    """Which kernel steps which missions: all settings in one autoreset mode, and in others each of them somewhere.
+    """Which kernel steps which missions: all settings in one autoreset mode, and in others each of
+    them somewhere.
 
-    How missions begin anew knows nothing of difficulties and types of actions, and neither does the number of threads.
-    The last entry says whether there are docks: on patrols, with either kernel in every mode.
+    How missions begin anew knows nothing of difficulties and types of actions, and neither does the
+    number of threads. The last entry says whether there are docks: on patrols, with either kernel
+    in every mode.
     """
     chosen = [
         ("in_turn", AutoresetMode.NEXT_STEP, *setting, False)
@@ -53,7 +55,10 @@ def cases() -> list[tuple[str, AutoresetMode, str, str, str, bool]]:
     ]
     for first, mode in enumerate(AutoresetMode):
         for second, mission in enumerate(MISSIONS):
-            difficulty, action_type = list(DIFFICULTIES)[(first + second) % 3], IN_PARTS[(first + second) % 2]
+            difficulty, action_type = (
+                list(DIFFICULTIES)[(first + second) % 3],
+                IN_PARTS[(first + second) % 2],
+            )
             setting = mission, difficulty, action_type, mission == "Patrol"
             chosen += [(kernel_of, mode, *setting) for kernel_of in ("in_turn", "in_parallel")]
     return list(dict.fromkeys(chosen))
@@ -88,7 +93,8 @@ class Scalars:
         self.over = np.zeros(len(seeds), bool)
 
     def step(self, actions: NDArray[Any]) -> list[tuple[Any, ...]]:
-        """Observation, reward, terminated, truncated, info, and final observation and info or None, of each."""
+        """Observation, reward, terminated, truncated, info, and final observation and info or None,
+        of each."""
         results = [self._step(i, action) for i, action in enumerate(actions)]
         self.over = np.array([result[2] or result[3] for result in results])
         return results
@@ -107,12 +113,18 @@ class Scalars:
 
 
 @pytest.mark.parametrize(
-    ("threads", "mode", "mission", "difficulty", "action_type", "docks"), cases(), indirect=["threads"]
+    ("threads", "mode", "mission", "difficulty", "action_type", "docks"),
+    cases(),
+    indirect=["threads"],
 )
 def test_vector_equals_scalar(
     mode: AutoresetMode, mission: str, difficulty: str, action_type: str, docks: bool, threads: str
 ) -> None:
-    options: dict[str, Any] = {"difficulty": difficulty, "action_type": action_type, "decision_s": SHORT_S}
+    options: dict[str, Any] = {
+        "difficulty": difficulty,
+        "action_type": action_type,
+        "decision_s": SHORT_S,
+    }
     if docks:
         options |= {"docks": ((0.0, 60.0), (75.0, 90.0)), "time_limit_s": 20.0 * SHORT_S}
     scalars = Scalars(mode, mission, SEEDS, **options)
@@ -153,11 +165,16 @@ ALL_NOISY = Instruments(0.02, 0.01, 100.0, 0.1, 0.05, 0.05, 0.05, 0.01)
 
 @pytest.mark.parametrize(
     ("threads", "instruments"),
-    [*(("in_turn", instruments) for instruments in (*INSTRUMENTS, ALL_NOISY)), ("in_parallel", ALL_NOISY)],
+    [
+        *(("in_turn", instruments) for instruments in (*INSTRUMENTS, ALL_NOISY)),
+        ("in_parallel", ALL_NOISY),
+    ],
     indirect=["threads"],
 )
 @pytest.mark.parametrize("mission", MISSIONS)
-def test_vector_equals_scalar_with_any_instruments(mission: str, instruments: str | Instruments, threads: str) -> None:
+def test_vector_equals_scalar_with_any_instruments(
+    mission: str, instruments: str | Instruments, threads: str
+) -> None:
     """And with decisions so short that a return takes several of them."""
     mode = AutoresetMode.SAME_STEP
     for difficulty, action_type in zip(DIFFICULTIES, ACTION_TYPES, strict=True):
@@ -166,7 +183,9 @@ def test_vector_equals_scalar_with_any_instruments(mission: str, instruments: st
         }  # fmt: skip
         scalars = Scalars(mode, mission, SEEDS, **options)
         envs = HomewardVectorEnv(COUNT, mission=mission, autoreset_mode=mode, **options)
-        np.testing.assert_array_equal(envs.reset(seed=SEEDS)[0], np.stack([first for first, _ in scalars.first]))
+        np.testing.assert_array_equal(
+            envs.reset(seed=SEEDS)[0], np.stack([first for first, _ in scalars.first])
+        )
         rng, ends = np.random.default_rng(7), 0
         for _ in range(40):
             actions = random_actions(rng, action_type, COUNT, home=0.35)
@@ -230,7 +249,9 @@ def same_info(expected: dict[str, Any], found: dict[str, Any]) -> None:
 @pytest.mark.parametrize("threads", ["in_turn", "in_parallel"], indirect=True)
 def test_the_order_of_missions_does_not_matter(threads: str) -> None:
     order = np.random.default_rng(0).permutation(COUNT)
-    envs, others = (HomewardVectorEnv(COUNT, mission="Survey", decision_s=SHORT_S) for _ in range(2))
+    envs, others = (
+        HomewardVectorEnv(COUNT, mission="Survey", decision_s=SHORT_S) for _ in range(2)
+    )
     first, other_first = envs.reset(seed=SEEDS)[0], others.reset(seed=[SEEDS[i] for i in order])[0]
     np.testing.assert_array_equal(first[order], other_first)
     rng = np.random.default_rng(9)
@@ -260,7 +281,9 @@ def test_large_vector_envs_equal_small_ones(mode: str) -> None:
         for ours, theirs in zip(found[:4], expected[:4], strict=True):
             np.testing.assert_array_equal(ours, theirs)
         for cause in CAUSES:
-            np.testing.assert_array_equal(found[4]["energy_j"][cause], expected[4]["energy_j"][cause])
+            np.testing.assert_array_equal(
+                found[4]["energy_j"][cause], expected[4]["energy_j"][cause]
+            )
         begun = begun or bool(found[2][-1] | found[3][-1])
         if not begun:
             np.testing.assert_array_equal(found[0][-1], one.step(actions[-1])[0])
@@ -284,7 +307,9 @@ def test_a_mask_begins_some_missions_and_leaves_the_rest() -> None:
     np.testing.assert_array_equal(envs.batch.records[~mask], records[~mask])
     np.testing.assert_array_equal(info["position_m"] == 0.0, mask)
     for i, seed in ((0, 7), (3, 10)):
-        np.testing.assert_array_equal(observations[i], HomewardEnv(mission="OutAndBack").reset(seed=seed)[0])
+        np.testing.assert_array_equal(
+            observations[i], HomewardEnv(mission="OutAndBack").reset(seed=seed)[0]
+        )
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
@@ -303,7 +328,9 @@ def test_final_info_is_kept_when_missions_go_on(mode: AutoresetMode) -> None:
 
 
 @pytest.mark.parametrize("number", [1, 2])
-def test_the_kernel_is_the_one_for_so_many_threads(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_kernel_is_the_one_for_so_many_threads(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     called: list[str] = []
 
     def note(name: str) -> Callable[..., int]:

@@ -47,19 +47,28 @@ def states(**of: float) -> Any:
     x = np.zeros(STATES)
     x[[GAIN, ROLLING, WEIGHT]] = 1.0, 1.1, 1.05
     for name, value in of.items():
-        x[{"east": EAST, "north": NORTH, "gust_east": GUST_EAST, "gust_north": GUST_NORTH, "rolled": ROLLED}[name]] = (
-            value
-        )
+        x[
+            {
+                "east": EAST,
+                "north": NORTH,
+                "gust_east": GUST_EAST,
+                "gust_north": GUST_NORTH,
+                "rolled": ROLLED,
+            }[name]
+        ] = value
     return x
 
 
 def predicted(
     x: Any, s: Stretch, p: Any = None, vehicle: Vehicle = VEHICLE, prior: Prior | None = None
 ) -> tuple[float, float, Any, Any]:
-    """Energy, its variance beyond that of the states, its first derivatives and its second ones by the wind."""
+    """Energy, its variance beyond that of the states, its first derivatives and its second ones by
+    the wind."""
     slope, bend, part = np.zeros(STATES), np.zeros(3), np.zeros(STATES)
     none = np.zeros((STATES, STATES))
-    energy, variance = predict(vehicle, prior or Prior(), x, none if p is None else p, s, slope, bend, part)
+    energy, variance = predict(
+        vehicle, prior or Prior(), x, none if p is None else p, s, slope, bend, part
+    )
     return energy, variance, slope, bend
 
 
@@ -79,7 +88,8 @@ def test_the_parts_of_the_force_by_hand() -> None:
     assert rolling(VEHICLE, 0.6) == pytest.approx(0.14 * WEIGHT_N * 0.8 * per)
     assert climbing(VEHICLE, 0.6) == pytest.approx(0.6 * WEIGHT_N * per) == -climbing(VEHICLE, -0.6)
     assert drag(VEHICLE, 0.5, 1.5) == pytest.approx(0.13 * 4.0 * per)
-    assert drag(VEHICLE, 0.5, -1.5) == pytest.approx(-0.13 * per)  # a wind that is faster than the robot pushes it
+    # a wind that is faster than the robot pushes it
+    assert drag(VEHICLE, 0.5, -1.5) == pytest.approx(-0.13 * per)
     assert rolling(VEHICLE, 1.0) == 0.0
 
 
@@ -101,7 +111,9 @@ def test_modelled_driving_is_that_of_the_model(grade_rad: float, speed_mps: floa
     ],
 )
 @pytest.mark.parametrize("wind_mps", [(1.0, -0.5), (-4.0, 2.0)])
-def test_derivatives_are_those_of_the_energy(stretch: Stretch, wind_mps: tuple[float, float]) -> None:
+def test_derivatives_are_those_of_the_energy(
+    stretch: Stretch, wind_mps: tuple[float, float]
+) -> None:
     x = states(east=wind_mps[0], north=wind_mps[1], gust_east=0.4, gust_north=-0.2, rolled=0.9)
     energy, variance, slope, bend = predicted(x, stretch)
     assert energy > 0.0 == variance
@@ -117,22 +129,29 @@ def test_derivatives_are_those_of_the_energy(stretch: Stretch, wind_mps: tuple[f
         expected = (moved((state, step)) - moved((state, -step))) / (2.0 * step)
         assert slope[state] == pytest.approx(expected, rel=1e-6, abs=1e-12)
     one, both, other = (
-        sum(a * b * moved((first, a * step), (second, b * step)) for a in (1, -1) for b in (1, -1)) / (4.0 * step**2)
+        sum(a * b * moved((first, a * step), (second, b * step)) for a in (1, -1) for b in (1, -1))
+        / (4.0 * step**2)
         for first, second in ((EAST, EAST), (EAST, NORTH), (NORTH, NORTH))
     )
     np.testing.assert_allclose(bend, [one, both, other], rtol=1e-3, atol=1e-9)
 
 
 def test_energy_by_hand() -> None:
-    """40 m at 0.9 m/s, rolling 1.1, weight 1.05, up 0.1, against a wind of 1 m/s along the way, gusts half."""
+    """40 m at 0.9 m/s, rolling 1.1, weight 1.05, up 0.1, against a wind of 1 m/s along the way,
+    gusts half."""
     x = states(east=0.6, north=0.8, gust_east=1.2, gust_north=1.6)
     energy, _, _, _ = predicted(x, LEVEL._replace(sine=0.1))
-    force_n = 1.1 * 0.14 * WEIGHT_N * math.sqrt(0.99) + 1.05 * 0.1 * WEIGHT_N + 0.13 * (0.9 + 1.0 + 0.5 * 2.0) ** 2
+    force_n = (
+        1.1 * 0.14 * WEIGHT_N * math.sqrt(0.99)
+        + 1.05 * 0.1 * WEIGHT_N
+        + 0.13 * (0.9 + 1.0 + 0.5 * 2.0) ** 2
+    )
     assert energy == pytest.approx(force_n * 40.0 / (0.953 * 0.729) / 1728000.0)
 
 
 def test_ground_that_was_driven_is_predicted_from_what_it_consumed() -> None:
-    """The rolling between home and here is a state; a share of it, that of this stretch, is on the way home."""
+    """The rolling between home and here is a state; a share of it, that of this stretch, is on the
+    way home."""
     x = states(rolled=1.2)
     x[CLIMB] = 1e-4
     here = LEVEL._replace(rolled=0.9, climb_share=0.25)
@@ -158,7 +177,9 @@ def test_a_descent_consumes_nothing_or_something_as_an_integral_has_it(sine: flo
     normal = stats.norm(mean, np.sqrt(part @ p[np.ix_(of, of)] @ part))
     end = max(mean, 0.0) + 12.0 * float(normal.std())
     first, second = (
-        integrate.quad(lambda e, k=k: e**k * normal.pdf(e), 0.0, end, points=[max(mean, 0.0)], epsabs=1e-16)[0]
+        integrate.quad(
+            lambda e, k=k: e**k * normal.pdf(e), 0.0, end, points=[max(mean, 0.0)], epsabs=1e-16
+        )[0]
         for k in (1, 2)
     )
     above = normal.sf(0.0)
@@ -166,7 +187,9 @@ def test_a_descent_consumes_nothing_or_something_as_an_integral_has_it(sine: flo
     np.testing.assert_allclose(slope[of], above * part, rtol=1e-9)
     # The variance of the slopes and the rest are together that of max(N, 0).
     total = second - first**2
-    assert variance + above**2 * normal.var() == pytest.approx(max(total, above**2 * normal.var()), rel=1e-5)
+    assert variance + above**2 * normal.var() == pytest.approx(
+        max(total, above**2 * normal.var()), rel=1e-5
+    )
     assert energy >= 0.0 <= variance
 
 

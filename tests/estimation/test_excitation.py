@@ -6,8 +6,12 @@ import pytest
 from homeward.estimation.excitation import looks_back
 
 
-@pytest.mark.parametrize(("weather_changes", "at"), [(True, [10, 30, 50, 70, 90]), (False, [10, 50, 90])])
-def test_it_is_due_at_the_tenth_decision_and_every_twenty_or_forty(weather_changes: bool, at: list[int]) -> None:
+@pytest.mark.parametrize(
+    ("weather_changes", "at"), [(True, [10, 30, 50, 70, 90]), (False, [10, 50, 90])]
+)
+def test_it_is_due_at_the_tenth_decision_and_every_twenty_or_forty(
+    weather_changes: bool, at: list[int]
+) -> None:
     due = looks_back(np.arange(100), 1e4, 1.0, 30.0, weather_changes)
     assert np.flatnonzero(due).tolist() == at
 

@@ -1,4 +1,5 @@
-"""The filter: against least squares and closed forms where all is linear, and in a world where it is not."""
+"""The filter: against least squares and closed forms where all is linear, and in a world where it
+is not."""
 
 from __future__ import annotations
 
@@ -42,8 +43,8 @@ from tests.estimation.world import (
 
 
 def test_where_all_is_linear_it_is_least_squares() -> None:
-    """In still air a reading is gain, rolling and weight times what the model and the slopes say: regression on all
-    three, with the prior as three more readings."""
+    """In still air a reading is gain, rolling and weight times what the model and the slopes say:
+    regression on all three, with the prior as three more readings."""
     prior = CALM._replace(
         gain_sd=0.02, rolling_sd=0.144, mass_sd=0.058, rolling=1.05, mass=1.1, power_noise=0.05
     )  # fmt: skip
@@ -63,28 +64,44 @@ def test_where_all_is_linear_it_is_least_squares() -> None:
         others_j = drag(v, 0.5, 0.0) * way_m + v.idle_w * dt_s
         rows.append(np.array([others_j, rolls_j, climbs_j]) / v.full_j)
         readings.append(rows[-1] @ truth * (1.0 + 0.05 * rng.normal()))
-        read(estimator, dt_s, (k + 0.5) * PLACE_M, power_w=float(readings[-1]) * v.full_j / dt_s, sine=sine)
+        read(
+            estimator,
+            dt_s,
+            (k + 0.5) * PLACE_M,
+            power_w=float(readings[-1]) * v.full_j / dt_s,
+            sine=sine,
+        )
     measured, precision = np.array(rows), 1.0 / (0.05 * np.array(readings)) ** 2
     own = before.covariance[0][np.ix_(of, of)]
     covariance = np.linalg.inv(np.linalg.inv(own) + measured.T * precision @ measured)
-    mean = covariance @ (np.linalg.solve(own, before.mean[0, of]) + measured.T * precision @ np.array(readings))
+    mean = covariance @ (
+        np.linalg.solve(own, before.mean[0, of]) + measured.T * precision @ np.array(readings)
+    )
     after = estimator.estimate()
     # Up to the one reading in a thousand that may be an outlier.
     sd = np.sqrt(np.diag(covariance))
     assert np.abs((after.mean[0, of] - mean) / sd).max() < 0.02
     scale = np.outer(sd, sd)
-    np.testing.assert_allclose(after.covariance[0][np.ix_(of, of)] / scale, covariance / scale, atol=0.03)
-    # The energy used is the sum of what was driven, and that of the ground between home and here its rolling part.
+    np.testing.assert_allclose(
+        after.covariance[0][np.ix_(of, of)] / scale, covariance / scale, atol=0.03
+    )
+    # The energy used is the sum of what was driven, and that of the ground between home and here
+    # its rolling part.
     whole = measured.sum(axis=0)
     assert after.mean[0, USED] == pytest.approx(whole @ mean, rel=1e-3)
     with_used = covariance @ whole / sd
-    np.testing.assert_allclose(after.covariance[0, USED, of] / sd, with_used, atol=0.03 * np.abs(with_used).max())
+    np.testing.assert_allclose(
+        after.covariance[0, USED, of] / sd, with_used, atol=0.03 * np.abs(with_used).max()
+    )
     assert after.mean[0, ROLLED] == pytest.approx(whole[1] * mean[1], rel=1e-3)
-    assert after.covariance[0, ROLLED, ROLLING] == pytest.approx(whole[1] * covariance[1, 1], rel=0.03)
+    assert after.covariance[0, ROLLED, ROLLING] == pytest.approx(
+        whole[1] * covariance[1, 1], rel=0.03
+    )
 
 
 def test_on_even_ground_the_whole_way_rolls_as_its_end_does_whatever_wind_is_learnt() -> None:
-    """Each turn tells wind from rolling, and moves what the way consumed and what new ground will by the same share."""
+    """Each turn tells wind from rolling, and moves what the way consumed and what new ground will
+    by the same share."""
     estimator = alone(CALM._replace(rolling_sd=0.144, wind_sd_mps=1.5, forecast_sd_mps=1.0))
     v, rng, rolls = estimator.vehicle, np.random.default_rng(0), 0.0
     for k in range(1, 41):
@@ -114,18 +131,27 @@ def test_states_of_charge_are_least_squares_of_the_capacity() -> None:
     after = estimator.estimate()
     assert after.mean[0, USED] == pytest.approx(used[-1])
     assert after.mean[0, PER_CAPACITY] == pytest.approx(total / precision, rel=1e-5)
-    assert after.covariance[0, PER_CAPACITY, PER_CAPACITY] == pytest.approx(1.0 / precision, rel=1e-4)
+    assert after.covariance[0, PER_CAPACITY, PER_CAPACITY] == pytest.approx(
+        1.0 / precision, rel=1e-4
+    )
 
 
 def test_a_lasting_error_of_the_state_of_charge_is_no_capacity() -> None:
-    """Its errors are alike as long as little is used: least squares weighted by their covariance."""
+    """Its errors are alike as long as little is used: least squares weighted by their
+    covariance."""
     noise, error, lasts = 1e-3, 0.02, 0.05
-    prior = CALM._replace(capacity=0.9, capacity_sd=0.058, soc_noise=noise, soc_error=error, soc_error_lasts=lasts)
+    prior = CALM._replace(
+        capacity=0.9, capacity_sd=0.058, soc_noise=noise, soc_error=error, soc_error_lasts=lasts
+    )
     estimator = alone(prior)
     before, capacity = estimator.estimate(), 0.88
     first, variance = before.mean[0, PER_CAPACITY], before.covariance[0, PER_CAPACITY, PER_CAPACITY]
-    used = np.array([float(mission_energy(ROBOT, 50.0 * k, 0.5)) / ROBOT.usable_energy_j for k in range(1, 9)])
-    covariance = error**2 * np.exp(-np.abs(np.subtract.outer(used, used)) / lasts) + noise**2 * np.eye(len(used))
+    used = np.array(
+        [float(mission_energy(ROBOT, 50.0 * k, 0.5)) / ROBOT.usable_energy_j for k in range(1, 9)]
+    )
+    covariance = error**2 * np.exp(
+        -np.abs(np.subtract.outer(used, used)) / lasts
+    ) + noise**2 * np.eye(len(used))
     errors = np.random.default_rng(2).multivariate_normal(np.zeros(len(used)), covariance)
     for k, of in enumerate(errors):
         read(estimator, 100.0, 50.0 * (k + 1), soc=1.0 - used[k] / capacity + of)
@@ -134,7 +160,9 @@ def test_a_lasting_error_of_the_state_of_charge_is_no_capacity() -> None:
     after = estimator.estimate()
     expected = (first / variance + weights @ (used / capacity - errors)) / precision
     assert after.mean[0, PER_CAPACITY] == pytest.approx(expected, rel=1e-5)
-    assert after.covariance[0, PER_CAPACITY, PER_CAPACITY] == pytest.approx(1.0 / precision, rel=1e-4)
+    assert after.covariance[0, PER_CAPACITY, PER_CAPACITY] == pytest.approx(
+        1.0 / precision, rel=1e-4
+    )
 
 
 @pytest.mark.parametrize("parts", [1, 7])
@@ -154,8 +182,12 @@ def test_out_and_home_of_a_known_robot_is_the_mission_of_eq_7() -> None:
         before_m = float(estimator.state["robot"]["position_m"][0])
         read(estimator, abs(position_m - before_m) / 0.5, position_m)
         mean = estimator.mean()[0]
-        assert mean[ROLLED] == pytest.approx(rolling(estimator.vehicle, 0.0) * position_m / estimator.vehicle.full_j)
-    assert mean[USED] == pytest.approx(float(mission_energy(ROBOT, 420.0, 0.5)) / ROBOT.usable_energy_j)
+        assert mean[ROLLED] == pytest.approx(
+            rolling(estimator.vehicle, 0.0) * position_m / estimator.vehicle.full_j
+        )
+    assert mean[USED] == pytest.approx(
+        float(mission_energy(ROBOT, 420.0, 0.5)) / ROBOT.usable_energy_j
+    )
 
 
 def test_gusts_fade_to_their_spread() -> None:
@@ -173,25 +205,37 @@ def test_gusts_fade_to_their_spread() -> None:
     spread = prior.gust_share**2 * square
     expected = kept**2 * np.diag(before["covariance"])[gusts] + spread * (1.0 - kept**2)
     np.testing.assert_allclose(np.diag(after["covariance"])[gusts], expected)
-    np.testing.assert_allclose(after["covariance"][EAST, GUST_EAST], kept * before["covariance"][EAST, GUST_EAST])
+    np.testing.assert_allclose(
+        after["covariance"][EAST, GUST_EAST], kept * before["covariance"][EAST, GUST_EAST]
+    )
     np.testing.assert_array_equal(after["mean"][wind], before["mean"][wind])
 
 
 def test_slopes_are_noted_by_place() -> None:
-    """A slope is the mean of the readings in its place, and that of the places that were passed since the last one."""
+    """A slope is the mean of the readings in its place, and that of the places that were passed
+    since the last one."""
     estimator = alone(CALM)
     for position, sine in ((0.2, 0.01), (0.8, 0.03), (3.5, -0.02), (3.9, np.nan), (2.5, 0.5)):
         read(estimator, 20.0, position * PLACE_M, sine=sine)
     places = estimator.state["places"][0]
     np.testing.assert_allclose(places["sine"][:5], [0.02, -0.02, -0.02, -0.02, 0.0])
     # Driven were 0.2 of the first place at 0.01 and the rest at the mean, as known then.
-    np.testing.assert_allclose(places["sine_driven"][:4], [0.2 * 0.01 + 0.8 * 0.02, -0.02, -0.02, -0.02])
+    np.testing.assert_allclose(
+        places["sine_driven"][:4], [0.2 * 0.01 + 0.8 * 0.02, -0.02, -0.02, -0.02]
+    )
 
 
 def test_a_position_is_in_a_place_and_beyond_the_last_in_the_last() -> None:
     vehicle = vehicle_of(ROBOT, PLACE_M)
     places = np.zeros(4, PLACE_DTYPE)
-    assert [place_of(vehicle, x * PLACE_M, places) for x in (0.0, 0.99, 1.0, 3.99, 4.0, 1e6)] == [0, 0, 1, 3, 3, 3]
+    assert [place_of(vehicle, x * PLACE_M, places) for x in (0.0, 0.99, 1.0, 3.99, 4.0, 1e6)] == [
+        0,
+        0,
+        1,
+        3,
+        3,
+        3,
+    ]
 
 
 @pytest.mark.parametrize("likeliest", range(3))

@@ -21,7 +21,8 @@ ROBOT = load_robot("husky")
 PLACE_M = 25.0
 VEHICLE = vehicle_of(ROBOT, PLACE_M, 0.8)
 SINES = np.array([0.0, 0.08, -0.3, 0.3])
-"""Of the way out: the last place is a descent on the way home that the robot rolls down by itself."""
+"""Of the way out: the last place is a descent on the way home that the robot rolls down by
+itself."""
 
 
 def places() -> Any:
@@ -33,7 +34,8 @@ def places() -> Any:
 
 @pytest.mark.parametrize("position_m", [0.0, 10.0, 25.0, 60.0, 100.0, 130.0])
 def test_the_way_home_is_the_sum_of_its_places_by_eq_7(position_m: float) -> None:
-    """The other way round, so uphill where the way out went down; beyond the last place the ground is as there."""
+    """The other way round, so uphill where the way out went down; beyond the last place the ground
+    is as there."""
     starts = PLACE_M * np.arange(4)
     ends = np.append(starts[1:], np.inf)
     lengths = np.clip(position_m - starts, 0.0, ends - starts)
@@ -42,7 +44,8 @@ def test_the_way_home_is_the_sum_of_its_places_by_eq_7(position_m: float) -> Non
 
 
 def test_by_hand() -> None:
-    """25 m level and 25 m down 0.08: 50 kg, C_rr 0.14, c 0.13, Gamma 0.953 * 0.729, 60 W at 0.8 m/s."""
+    """25 m level and 25 m down 0.08: 50 kg, C_rr 0.14, c 0.13, Gamma 0.953 * 0.729, 60 W at 0.8
+    m/s."""
     weight_n = 50.0 * 9.80665
     level_n = 0.14 * weight_n + 0.13 * 0.64
     down_n = 0.14 * weight_n * math.sqrt(1.0 - 0.0064) - 0.08 * weight_n + 0.13 * 0.64
@@ -52,9 +55,13 @@ def test_by_hand() -> None:
 
 def test_more_than_the_model_has_is_added_but_a_descent_returns_nothing() -> None:
     level_j = home_cost(VEHICLE, places(), np.zeros(4), 20.0)
-    assert home_cost(VEHICLE, places(), np.array([3.0, 9.0, 9.0, 9.0]), 20.0) == pytest.approx(level_j + 60.0)
+    assert home_cost(VEHICLE, places(), np.array([3.0, 9.0, 9.0, 9.0]), 20.0) == pytest.approx(
+        level_j + 60.0
+    )
     idle_j = VEHICLE.idle_w * 20.0 / 0.8
-    assert home_cost(VEHICLE, places(), np.array([-1e6, 0.0, 0.0, 0.0]), 20.0) == pytest.approx(idle_j)
+    assert home_cost(VEHICLE, places(), np.array([-1e6, 0.0, 0.0, 0.0]), 20.0) == pytest.approx(
+        idle_j
+    )
 
 
 def power(
@@ -76,7 +83,9 @@ def test_the_present_power_is_ancillary_and_drive(grade_rad: float, speed_mps: f
     expected_w = float(drive_power(ROBOT, traction_force(ROBOT, speed_mps, grade_rad), speed_mps))
     assert drive_w == pytest.approx(expected_w)
     assert total_w == pytest.approx(expected_w + float(ancillary_power(ROBOT, 20.0)))
-    assert steady_w == pytest.approx(modelled_driving(VEHICLE, math.sin(grade_rad), speed_mps) * speed_mps)
+    assert steady_w == pytest.approx(
+        modelled_driving(VEHICLE, math.sin(grade_rad), speed_mps) * speed_mps
+    )
 
 
 def test_accelerating_and_turning_are_no_part_of_steady_driving() -> None:

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from homeward.estimation.kalman import add_energy_to_used, add_noise_along, follow_curve, kalman_update, propagate
+from homeward.estimation.kalman import (
+    add_energy_to_used,
+    add_noise_along,
+    follow_curve,
+    kalman_update,
+    propagate,
+)
 from homeward.estimation.prior import (
     EAST,
     GAIN,
@@ -24,7 +30,8 @@ from homeward.estimation.prior import (
 )
 
 NO_JUMP = np.zeros(STATES)
-OUTLIERS = 1e-3  # share of readings that say nothing, spread evenly from 0 to what was read or expected
+# share of readings that say nothing, spread evenly from 0 to what was read or expected
+OUTLIERS = 1e-3
 
 
 def hypothesis(seed: int) -> tuple[Any, Any]:
@@ -42,10 +49,13 @@ def row(of: dict[int, float]) -> Any:
 
 
 def test_an_update_in_one_dimension_is_the_closed_form() -> None:
-    """Prior N(1, 0.1^2), a reading of twice the state, 2.1, with a noise of 0.05: precisions add."""
+    """Prior N(1, 0.1^2), a reading of twice the state, 2.1, with a noise of 0.05: precisions
+    add."""
     x, p = row({ROLLING: 1.0}), np.diag(row({ROLLING: 0.01}))
     variance = 4.0 * 0.01 + 0.05**2
-    log_likelihood, nis = kalman_update(x, p, 0.1, variance, 2.0 * p[ROLLING], NO_JUMP, 0.0, 0.0, 2.1, 10.0)
+    log_likelihood, nis = kalman_update(
+        x, p, 0.1, variance, 2.0 * p[ROLLING], NO_JUMP, 0.0, 0.0, 2.1, 10.0
+    )
     precision = 1.0 / 0.01 + 4.0 / 0.05**2
     # One reading in a thousand is an outlier, which moves the mean by that share less.
     assert x[ROLLING] == pytest.approx((1.0 / 0.01 + 2.0 * 2.1 / 0.05**2) / precision, rel=1e-4)
@@ -58,7 +68,8 @@ def test_an_update_in_one_dimension_is_the_closed_form() -> None:
 
 
 def test_updates_one_by_one_are_least_squares_of_all() -> None:
-    """So large a known part of the readings that an outlier, which could lie anywhere in it, is improbable."""
+    """So large a known part of the readings that an outlier, which could lie anywhere in it, is
+    improbable."""
     rng = np.random.default_rng(3)
     mean, covariance = hypothesis(4)
     truth = rng.multivariate_normal(mean, covariance)
@@ -67,9 +78,13 @@ def test_updates_one_by_one_are_least_squares_of_all() -> None:
     x, p = mean.copy(), covariance.copy()
     for h, reading in zip(measured, readings, strict=True):
         shared = p @ h
-        kalman_update(x, p, reading - h @ x, h @ shared + noise**2, shared, NO_JUMP, 0.0, 0.0, 1e12, 0.0)
+        kalman_update(
+            x, p, reading - h @ x, h @ shared + noise**2, shared, NO_JUMP, 0.0, 0.0, 1e12, 0.0
+        )
     information = np.linalg.inv(covariance) + measured.T @ measured / noise**2
-    expected = np.linalg.solve(information, np.linalg.solve(covariance, mean) + measured.T @ readings / noise**2)
+    expected = np.linalg.solve(
+        information, np.linalg.solve(covariance, mean) + measured.T @ readings / noise**2
+    )
     after = np.linalg.inv(information)
     assert np.abs((x - expected) / np.sqrt(np.diag(after))).max() < 1e-3
     np.testing.assert_allclose(p, after, atol=1e-3 * np.diag(after).max())
@@ -77,7 +92,8 @@ def test_updates_one_by_one_are_least_squares_of_all() -> None:
 
 @pytest.mark.parametrize("innovation", [0.0, -0.4, 3.0, 40.0])
 def test_the_three_hypotheses_are_mixed_by_their_probabilities(innovation: float) -> None:
-    """Nothing changed, the ground changed, the reading is an outlier: each alone, then the moments of the mixture."""
+    """Nothing changed, the ground changed, the reading is an outlier: each alone, then the moments
+    of the mixture."""
     mean, covariance = hypothesis(5)
     covariance *= 0.01
     h, jump = row({ROLLING: 0.7, WEIGHT: 0.2}), row({ROLLING: 1.0, ROLLED: 0.3})
@@ -88,10 +104,18 @@ def test_the_three_hypotheses_are_mixed_by_their_probabilities(innovation: float
     for share, before, density in (
         (1.0 - change, covariance, None),
         (change, covariance + change_sd**2 * np.outer(jump, jump), None),
-        (1.0, covariance + change * change_sd**2 * np.outer(jump, jump), OUTLIERS / max(read, predicted)),
+        (
+            1.0,
+            covariance + change * change_sd**2 * np.outer(jump, jump),
+            OUTLIERS / max(read, predicted),
+        ),
     ):
         shared = covariance @ h + (before - covariance)[:, ROLLING] * jump[USED]
-        variance = h @ covariance @ h + noise**2 + (before - covariance)[ROLLING, ROLLING] * jump[USED] ** 2
+        variance = (
+            h @ covariance @ h
+            + noise**2
+            + (before - covariance)[ROLLING, ROLLING] * jump[USED] ** 2
+        )
         if density is None:
             density = stats.norm.pdf(innovation, 0.0, variance**0.5)
             gain = shared / variance
@@ -103,7 +127,16 @@ def test_the_three_hypotheses_are_mixed_by_their_probabilities(innovation: float
     after = sum(weight * (own + np.outer(shift, shift)) for weight, shift, own in parts) / total
     x, p = mean.copy(), covariance.copy()
     log_likelihood, _ = kalman_update(
-        x, p, innovation, h @ covariance @ h + noise**2, covariance @ h, jump, change, change_sd, read, 50.0
+        x,
+        p,
+        innovation,
+        h @ covariance @ h + noise**2,
+        covariance @ h,
+        jump,
+        change,
+        change_sd,
+        read,
+        50.0,
     )
     np.testing.assert_allclose(x, mean + moved, rtol=1e-9)
     np.testing.assert_allclose(p, after - np.outer(moved, moved), rtol=1e-9, atol=1e-12)
@@ -114,14 +147,19 @@ def test_an_absurd_reading_changes_nothing() -> None:
     mean, covariance = hypothesis(6)
     x, p, h = mean.copy(), covariance.copy(), row({ROLLING: 1.0})
     variance = covariance[ROLLING, ROLLING] + 0.01
-    log_likelihood, nis = kalman_update(x, p, 1e3, variance, covariance @ h, NO_JUMP, 0.0, 0.0, 1e3, 10.0)
+    log_likelihood, nis = kalman_update(
+        x, p, 1e3, variance, covariance @ h, NO_JUMP, 0.0, 0.0, 1e3, 10.0
+    )
     np.testing.assert_allclose(x, mean)
     np.testing.assert_allclose(p, covariance)
-    assert log_likelihood == pytest.approx(np.log(OUTLIERS / 1e3)) and nis == pytest.approx(0.0, abs=1e-9)
+    assert log_likelihood == pytest.approx(np.log(OUTLIERS / 1e3)) and nis == pytest.approx(
+        0.0, abs=1e-9
+    )
 
 
 def used_after(p: Any, slope: Any) -> tuple[Any, Any]:
-    """Covariance, and that with the energy, after the energy is added to the energy used: the matrix form."""
+    """Covariance, and that with the energy, after the energy is added to the energy used: the
+    matrix form."""
     moves = np.eye(STATES)
     moves[USED] += slope
     return moves @ p @ moves.T, moves @ p @ slope
@@ -157,10 +195,12 @@ def test_a_random_change_adds_its_variance_along_its_direction() -> None:
 
 
 def test_one_wind_follows_the_parabola() -> None:
-    """Rolling plus b/2 w^2 is as read: w moves by 1.5 from the point of the tangent, rolling falls by b/2 1.5^2 and
-    its slope there is -b w."""
+    """Rolling plus b/2 w^2 is as read: w moves by 1.5 from the point of the tangent, rolling falls
+    by b/2 1.5^2 and its slope there is -b w."""
     x, p = row({ROLLING: 2.0}), np.diag(row({EAST: 0.4}))
-    follow_curve(x, p, ROLLING, np.array([[0.6, 0.0, 0.0], [0.0, 0.0, 0.0]]), 1.0, (1.5, 0.0), (0.0, 0.0))
+    follow_curve(
+        x, p, ROLLING, np.array([[0.6, 0.0, 0.0], [0.0, 0.0, 0.0]]), 1.0, (1.5, 0.0), (0.0, 0.0)
+    )
     assert x[ROLLING] == pytest.approx(2.0 - 0.5 * 0.6 * 1.5**2)
     assert p[ROLLING, EAST] == pytest.approx(-0.6 * 1.5 * 0.4)
     assert p[ROLLING, ROLLING] == pytest.approx((0.6 * 1.5) ** 2 * 0.4)

@@ -1,4 +1,5 @@
-"""Margins: energy left less that of the way, against the range equations, scipy, and drawn states."""
+"""Margins: energy left less that of the way, against the range equations, scipy, and drawn
+states."""
 
 from __future__ import annotations
 
@@ -37,23 +38,30 @@ def test_out_and_home_of_a_known_robot_is_eq_7(out_mps: float, home_mps: float) 
     plans["onwards_m"], plans["speed_mps"], plans["onwards_s"] = 300.0, out_mps, 300.0 / out_mps
     plans["onwards_j"] = estimator.vehicle.idle_w * 300.0 / out_mps
     total = estimator.margin(plans, 1e-3).total[0]
-    expected = float(mission_energy(ROBOT, 300.0, out_mps)) + float(mission_energy(ROBOT, 300.0, home_mps))
+    expected = float(mission_energy(ROBOT, 300.0, out_mps)) + float(
+        mission_energy(ROBOT, 300.0, home_mps)
+    )
     assert total["cost_j"] == pytest.approx(expected)
     assert total["left_j"] == pytest.approx(ROBOT.usable_energy_j)
     assert total["margin_j"] == pytest.approx(ROBOT.usable_energy_j - expected)
-    assert total["margin_low_j"] == pytest.approx(total["margin_j"], rel=1e-6)  # nothing is uncertain
+    # nothing is uncertain
+    assert total["margin_low_j"] == pytest.approx(total["margin_j"], rel=1e-6)
     assert total["cost_share"] == pytest.approx(expected / ROBOT.usable_energy_j)
     assert total["margin_sd_j"] == pytest.approx(0.0, abs=1.0)
 
 
 @pytest.mark.parametrize(("position_m", "home_mps"), [(100.0, 0.5), (330.0, 0.5), (330.0, 0.9)])
-def test_from_where_it_is_a_known_robot_gets_home_by_eq_7(position_m: float, home_mps: float) -> None:
+def test_from_where_it_is_a_known_robot_gets_home_by_eq_7(
+    position_m: float, home_mps: float
+) -> None:
     estimator = alone(CALM)
     read(estimator, position_m / 0.5, position_m)
     total = estimator.margin(home_plan(estimator, home_mps), 0.0).total[0]
     home_j = float(mission_energy(ROBOT, position_m, home_mps))
     assert total["cost_j"] == pytest.approx(home_j)
-    assert total["left_j"] == pytest.approx(ROBOT.usable_energy_j - float(mission_energy(ROBOT, position_m, 0.5)))
+    assert total["left_j"] == pytest.approx(
+        ROBOT.usable_energy_j - float(mission_energy(ROBOT, position_m, 0.5))
+    )
     assert total["margin_j"] == pytest.approx(total["left_j"] - home_j)
 
 
@@ -69,7 +77,8 @@ def test_a_slope_counts_the_other_way_round_on_the_way_home() -> None:
 
 
 def test_a_head_wind_on_the_way_home_is_the_drag_of_both_speeds() -> None:
-    """Wind from the west against a robot that drove out to the east: behind it out, against it home."""
+    """Wind from the west against a robot that drove out to the east: behind it out, against it
+    home."""
     estimator = alone(CALM)
     read(estimator, 400.0, 200.0)
     h = estimator.state["hypotheses"]
@@ -77,7 +86,8 @@ def test_a_head_wind_on_the_way_home_is_the_drag_of_both_speeds() -> None:
     h["mean"][..., EAST] = -2.0
     windy = estimator.margin(home_plan(estimator), 0.0).total[0]["cost_j"]
     per_n2 = ROBOT.drag_ns2_per_m2 * 200.0 / ROBOT.traction_efficiency
-    # Either component of the gusts has 0.3 of the wind as its standard deviation; that along the way adds its square.
+    # Either component of the gusts has 0.3 of the wind as its standard deviation; that along the
+    # way adds its square.
     assert windy - still == pytest.approx(per_n2 * (2.5**2 - 0.5**2 + (0.3 * 2.0) ** 2), rel=1e-6)
 
 
@@ -106,7 +116,10 @@ def test_a_part_of_the_way_home_may_be_driven_at_another_speed() -> None:
 def test_another_way_home_is_the_sum_of_its_stretches() -> None:
     estimator = alone(CALM)
     read(estimator, 400.0, 200.0)
-    ways = np.array([(120.0, 0.04, 0.0, 1.0, 0.5), (80.0, -0.5, 1.0, 0.0, 0.9), (30.0, 0.0, 1.0, 0.0, 0.5)], WAY_DTYPE)
+    ways = np.array(
+        [(120.0, 0.04, 0.0, 1.0, 0.5), (80.0, -0.5, 1.0, 0.0, 0.9), (30.0, 0.0, 1.0, 0.0, 0.5)],
+        WAY_DTYPE,
+    )
     expected, modelled = (
         sum(
             float(mission_energy(ROBOT, way["way_m"], mps, np.arcsin(way["sine"])))
@@ -115,7 +128,9 @@ def test_another_way_home_is_the_sum_of_its_stretches() -> None:
         for speeds in (ways["speed_mps"], [0.5, 0.5, 0.5])
     )
     # Besides driving, a way home has what the model says at cruise, here the electronics.
-    slower_j = estimator.vehicle.idle_w * float(np.sum(ways["way_m"] / ways["speed_mps"] - ways["way_m"] / 0.5))
+    slower_j = estimator.vehicle.idle_w * float(
+        np.sum(ways["way_m"] / ways["speed_mps"] - ways["way_m"] / 0.5)
+    )
     plans = estimator.plans(np.array([modelled + slower_j]))
     plans["elsewhere"] = 1.0
     assert estimator.margin(plans, 0.0, ways).total[0]["cost_j"] == pytest.approx(expected)
@@ -157,12 +172,15 @@ def test_going_on_costs_more_than_turning() -> None:
     later = estimator.margin(plans, 1e-3).total
     assert np.all(later["margin_j"] < now["margin_j"])
     assert np.all(later["margin_low_j"] < now["margin_low_j"])
-    # Half a way home that is driven first changes nothing: the same energy is taken before and after.
+    # Half a way home that is driven first changes nothing: the same energy is taken before and
+    # after.
     plans = estimator.plans(world.home_cost_j)
     plans["onwards_m"] = -0.5 * world.position_m
     plans["onwards_j"] = 0.588 * 0.5 * world.position_m / world.cruise_mps
     plans["onwards_s"] = 0.5 * world.position_m / world.cruise_mps
-    assert np.allclose(estimator.margin(plans, 1e-3).total["margin_j"], now["margin_j"], rtol=0.02, atol=50.0)
+    assert np.allclose(
+        estimator.margin(plans, 1e-3).total["margin_j"], now["margin_j"], rtol=0.02, atol=50.0
+    )
 
 
 def test_the_third_cumulant_is_that_of_drawn_states_and_gusts_to_come() -> None:
@@ -172,12 +190,16 @@ def test_the_third_cumulant_is_that_of_drawn_states_and_gusts_to_come() -> None:
     states = rng.multivariate_normal(np.zeros(STATES), p, DRAWS)
     come = rng.normal(0.0, to_come**0.5, (DRAWS, 2))
     wind = states[:, [EAST, NORTH]] + stays * states[:, [GUST_EAST, GUST_NORTH]] + come
-    energy = states @ slope + come @ slope[[EAST, NORTH]] + 0.5 * np.einsum("na,ab,nb->n", wind, BEND, wind)
+    energy = (
+        states @ slope
+        + come @ slope[[EAST, NORTH]]
+        + 0.5 * np.einsum("na,ab,nb->n", wind, BEND, wind)
+    )
     expected = np.mean((energy - energy.mean()) ** 3)
     among = np.array(covariance_of_wind(p, stays, to_come))
-    assert margin._third_cumulant(p, slope, np.array([0.8, 0.3, -0.2]), among, stays, to_come) == pytest.approx(
-        expected, rel=0.1
-    )
+    assert margin._third_cumulant(
+        p, slope, np.array([0.8, 0.3, -0.2]), among, stays, to_come
+    ) == pytest.approx(expected, rel=0.1)
 
 
 def quantile(each: Any, risk: float) -> float:
@@ -199,13 +221,19 @@ def test_a_rare_hypothesis_counts_where_the_risk_is_as_small() -> None:
 
 
 def test_a_mixture_has_the_quantile_that_a_root_search_finds() -> None:
-    each = np.array([[0.6, 1.0, 0.1, 0.0], [0.3, 0.5, 0.3, 0.0], [0.1, -2.0, 0.01, 0.0], [0.0, -99.0, 0.0, 0.0]])
+    each = np.array(
+        [[0.6, 1.0, 0.1, 0.0], [0.3, 0.5, 0.3, 0.0], [0.1, -2.0, 0.01, 0.0], [0.0, -99.0, 0.0, 0.0]]
+    )
     weight, mean, sd, _ = each[:3].T
     for risk in (1e-6, 1e-3, 0.05, 0.1, 0.4, 0.9):
-        expected = optimize.brentq(lambda x, r=risk: weight @ stats.norm.cdf((x - mean) / sd) - r, -5.0, 5.0)
+        expected = optimize.brentq(
+            lambda x, r=risk: weight @ stats.norm.cdf((x - mean) / sd) - r, -5.0, 5.0
+        )
         # The tolerance is in probability, and in a gap between hypotheses any number has the same.
         below = weight @ stats.norm.cdf((quantile(each, risk) - mean) / sd)
-        assert quantile(each, risk) == pytest.approx(expected, abs=1e-3) or below == pytest.approx(risk, rel=2e-3)
+        assert quantile(each, risk) == pytest.approx(expected, abs=1e-3) or below == pytest.approx(
+            risk, rel=2e-3
+        )
 
 
 @given(st.floats(-4.0, 4.0), st.floats(-1.0, 1.0))
@@ -225,13 +253,17 @@ def test_a_sum_with_a_second_number_has_the_tails_of_student() -> None:
         )
         assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(expected, rel=1e-6)
     for risk in (1e-6, 1e-3, 0.3):
-        value = quantile_of_sum(each, totals, weights, risk, float(stdtrit(thresholds.DEGREES, risk)))
+        value = quantile_of_sum(
+            each, totals, weights, risk, float(stdtrit(thresholds.DEGREES, risk))
+        )
         assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(risk, rel=0.05)
 
 
 def test_the_quantile_of_a_sum_ends_where_no_number_is_between_its_parts() -> None:
     """Energies so large that neighbouring numbers are farther apart than what is asked for."""
-    each = np.array([[0.5, -2.58978540e18, 1.0466e17, 0.0], [0.5, -2.58978540e18, 1.0466e17, -1e-12]])
+    each = np.array(
+        [[0.5, -2.58978540e18, 1.0466e17, 0.0], [0.5, -2.58978540e18, 1.0466e17, -1e-12]]
+    )
     each[1, 1] = np.nextafter(each[0, 1], 0.0)
     value = quantile_of_sum(each, np.full(3, -1.728e6), np.full(3, 1.0 / 3.0), 1e-3, -4.785)
     assert value == pytest.approx(-2.58978540e18 - 4.785 * 1.0466e17, rel=0.01)

@@ -1,4 +1,5 @@
-"""Robots that find themselves elsewhere on their way home: the ground between is kept, or is as here."""
+"""Robots that find themselves elsewhere on their way home: the ground between is kept, or is as
+here."""
 
 from __future__ import annotations
 
@@ -49,11 +50,14 @@ def test_a_short_cut_over_even_ground_keeps_its_share(position_m: float) -> None
     others = [ROLLING, WEIGHT, USED, PER_CAPACITY]
     np.testing.assert_array_equal(after.mean[0, others], before.mean[0, others])
     assert estimator.state["robot"]["position_m"][0] == position_m
-    np.testing.assert_allclose(estimator.state["hypotheses"]["rolled"][0, 0], rolls(estimator, position_m) * 1.155)
+    np.testing.assert_allclose(
+        estimator.state["hypotheses"]["rolled"][0, 0], rolls(estimator, position_m) * 1.155
+    )
 
 
 def test_a_short_cut_over_uneven_ground_keeps_that_near_home() -> None:
-    """Rolling was 1 for two places and then 3 for another two: three places from home are 5 of 8 parts."""
+    """Rolling was 1 for two places and then 3 for another two: three places from home are 5 of 8
+    parts."""
     estimator = alone(CALM)
     read(estimator, 200.0, 4.0 * PLACE_M)
     estimator.state["rollings"][:, :, :4] = 1.0, 1.0, 3.0, 3.0
@@ -72,11 +76,15 @@ def test_a_home_that_moves_away_adds_ground_as_here() -> None:
     before = estimator.estimate()
     estimator.relocate(300.0)
     after, more = estimator.estimate(), rolls(estimator, 100.0)
-    assert after.mean[0, ROLLED] == pytest.approx(before.mean[0, ROLLED] + more * before.mean[0, ROLLING])
+    assert after.mean[0, ROLLED] == pytest.approx(
+        before.mean[0, ROLLED] + more * before.mean[0, ROLLING]
+    )
     p = before.covariance[0]
     expected = p[ROLLED, ROLLED] + 2.0 * more * p[ROLLED, ROLLING] + more**2 * p[ROLLING, ROLLING]
     assert after.covariance[0, ROLLED, ROLLED] == pytest.approx(expected)
-    assert after.covariance[0, ROLLED, ROLLING] == pytest.approx(p[ROLLED, ROLLING] + more * p[ROLLING, ROLLING])
+    assert after.covariance[0, ROLLED, ROLLING] == pytest.approx(
+        p[ROLLED, ROLLING] + more * p[ROLLING, ROLLING]
+    )
     assert after.mean[0, CLIMB] == before.mean[0, CLIMB]
 
 
@@ -92,7 +100,8 @@ def test_new_ground_has_slope_and_direction_as_here() -> None:
 
 @pytest.mark.parametrize("position_m", [60.0, 380.0])
 def test_the_way_home_costs_as_if_it_had_been_driven(position_m: float) -> None:
-    """Over level ground all known robots are alike, whichever way they came to be where they are."""
+    """Over level ground all known robots are alike, whichever way they came to be where they
+    are."""
     there, moved = driven(position_m), driven()
     moved.relocate(position_m)
     plans = there.plans(np.array([there.vehicle.idle_w * position_m / there.vehicle.cruise_mps]))
@@ -107,4 +116,6 @@ def test_there_and_back_is_as_before() -> None:
     estimator.relocate(200.0)
     after = estimator.estimate()
     assert after.mean[0, ROLLED] == pytest.approx(before.mean[0, ROLLED])
-    assert after.covariance[0, ROLLED, ROLLED] == pytest.approx(before.covariance[0, ROLLED, ROLLED])
+    assert after.covariance[0, ROLLED, ROLLED] == pytest.approx(
+        before.covariance[0, ROLLED, ROLLED]
+    )

@@ -25,5 +25,7 @@ def test_tails_are_heavier_than_normal_ones(share: float) -> None:
 @pytest.mark.parametrize("sd", [0.0, 0.02, 3.0])
 def test_a_scaled_student_has_the_central_interval_of_the_normal_distribution(sd: float) -> None:
     np.testing.assert_allclose(
-        [scale_of(sd) * deviations(share) for share in (0.05, 0.95)], sd * stats.norm.ppf([0.05, 0.95]), atol=1e-12
+        [scale_of(sd) * deviations(share) for share in (0.05, 0.95)],
+        sd * stats.norm.ppf([0.05, 0.95]),
+        atol=1e-12,
     )

@@ -21,7 +21,12 @@ def test_the_covariance_of_the_wind_is_that_of_mean_and_gusts() -> None:
     root = rng.normal(size=(STATES, STATES))
     p, stays, to_come = root @ root.T, 0.4, 0.7
     takes = np.zeros((2, STATES))
-    takes[0, EAST], takes[0, GUST_EAST], takes[1, NORTH], takes[1, GUST_NORTH] = 1.0, stays, 1.0, stays
+    takes[0, EAST], takes[0, GUST_EAST], takes[1, NORTH], takes[1, GUST_NORTH] = (
+        1.0,
+        stays,
+        1.0,
+        stays,
+    )
     expected = takes @ p @ takes.T + to_come * np.eye(2)
     np.testing.assert_allclose(covariance_of_wind(p, stays, to_come), triple(expected))
 

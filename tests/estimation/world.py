@@ -1,4 +1,5 @@
-"""A world to try the estimation in: robots of one kind on routes of their own, written from the equations alone."""
+"""A world to try the estimation in: robots of one kind on routes of their own, written from the
+equations alone."""
 
 from __future__ import annotations
 
@@ -41,11 +42,18 @@ GAUGE = Instruments(0.01, 0.003, 60.0, 0.03, 0.005, 0.01, 0.01, 0.005)
 def full_scale_w(robot: Robot) -> float:
     """Power at top speed on the flat with everything on, W."""
     v = robot.max_speed_mps
-    force_n = robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2 + robot.drag_ns2_per_m2 * v * v
-    return float(ancillary_power(robot, robot.max_sensing_hz)) + force_n * v / robot.traction_efficiency
+    force_n = (
+        robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2 + robot.drag_ns2_per_m2 * v * v
+    )
+    return (
+        float(ancillary_power(robot, robot.max_sensing_hz))
+        + force_n * v / robot.traction_efficiency
+    )
 
 
-def prior_of(robot: Robot, instruments: Instruments, *, rough: bool, route_m: float, **more: Any) -> Prior:
+def prior_of(
+    robot: Robot, instruments: Instruments, *, rough: bool, route_m: float, **more: Any
+) -> Prior:
     """What such a world says beforehand about robots, ground and instruments."""
     prior = Prior(
         gain_sd=instruments.gain / 3**0.5,
@@ -107,7 +115,9 @@ class World:
     def _flat_s(self) -> float:
         r, v = self.robot, float(optimal_speed(self.robot))
         force_n = r.rolling_resistance * r.mass_kg * GRAVITY_MPS2 + r.drag_ns2_per_m2 * v * v
-        return r.usable_energy_j / (float(ancillary_power(r, 0.0)) + force_n * v / r.traction_efficiency)
+        return r.usable_energy_j / (
+            float(ancillary_power(r, 0.0)) + force_n * v / r.traction_efficiency
+        )
 
     def _routes(self, rough: bool, straight: bool) -> None:
         rng, n = self.rng, self.count
@@ -122,7 +132,9 @@ class World:
         left = at.astype(int)
         self.sine = sines[:, left] + (at - left) * (sines[:, left + 1] - sines[:, left])
         bend = 0.0 if straight else 3.0 * turn[:, 1:][:, left] / PLACES
-        angle = rng.uniform(0.0, 2.0 * np.pi, (n, 1)) + np.cumsum(bend * np.ones((n, PLACES)), axis=1)
+        angle = rng.uniform(0.0, 2.0 * np.pi, (n, 1)) + np.cumsum(
+            bend * np.ones((n, PLACES)), axis=1
+        )
         self.heading = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
         roughness, now = np.empty((n, KNOTS)), np.zeros(n)
         for k in range(KNOTS):
@@ -131,16 +143,23 @@ class World:
         gain = rng.uniform(0.2, 1.0, (n, 1)) if rough else 0.0
         self.rough = 1.0 + (gain * roughness)[:, left]
 
-    def drive(self, towards: float, speed_mps: Any, sensing_hz: Any, lasts_s: Any = None) -> tuple[Array, Array]:
-        """Drive on at a speed (1 away from home, -1 towards it), stopping at home; energy taken and modelled, J."""
+    def drive(
+        self, towards: float, speed_mps: Any, sensing_hz: Any, lasts_s: Any = None
+    ) -> tuple[Array, Array]:
+        """Drive on at a speed (1 away from home, -1 towards it), stopping at home; energy taken and
+        modelled, J."""
         r, n, row = self.robot, self.count, np.arange(self.count)
-        dt_s = np.broadcast_to(np.asarray(self.decision_s if lasts_s is None else lasts_s, float), (n,))
+        dt_s = np.broadcast_to(
+            np.asarray(self.decision_s if lasts_s is None else lasts_s, float), (n,)
+        )
         speed = np.broadcast_to(np.asarray(speed_mps, float), (n,))
         kept = np.exp(-dt_s / self.gust_s)[:, None]
         gust_sd = 0.3 * np.hypot(*self.wind.T)[:, None]
         self.gust = kept * self.gust + np.sqrt(1 - kept**2) * gust_sd * self.rng.normal(size=(n, 2))
         wind = self.wind + self.gust
-        way = np.minimum(speed * dt_s, self.position_m if towards < 0 else self.route_m - self.position_m)
+        way = np.minimum(
+            speed * dt_s, self.position_m if towards < 0 else self.route_m - self.position_m
+        )
         # At home the mission ends: nothing is drawn after that.
         time = np.where(speed > 0.0, way / np.maximum(speed, 1e-9), dt_s) if towards < 0 else dt_s
         idle = ancillary_power(r, np.broadcast_to(np.asarray(sensing_hz, float), (n,))) * time
@@ -148,8 +167,14 @@ class World:
         idle_per_m = float(ancillary_power(r, 0.0)) / self.cruise_mps
         position = self.position_m.copy()
         while (left > 1e-9).any():
-            k = np.floor(position / self.place_m + (1e-9 if towards > 0 else -1e-9)).astype(int).clip(0, PLACES - 1)
-            border = (k + 1) * self.place_m - position if towards > 0 else position - k * self.place_m
+            k = (
+                np.floor(position / self.place_m + (1e-9 if towards > 0 else -1e-9))
+                .astype(int)
+                .clip(0, PLACES - 1)
+            )
+            border = (
+                (k + 1) * self.place_m - position if towards > 0 else position - k * self.place_m
+            )
             part = np.minimum(left, np.maximum(border, 1e-9))
             sine, cosine = towards * self.sine[row, k], np.sqrt(1.0 - self.sine[row, k] ** 2)
             headwind = towards * (wind * self.heading[row, k]).sum(axis=1)
@@ -160,16 +185,27 @@ class World:
             force = force + r.drag_ns2_per_m2 * air * np.abs(air)
             took += np.maximum(force, 0.0) / r.traction_efficiency * part
             at_cruise = r.drag_ns2_per_m2 * self.cruise_mps**2
-            own = np.maximum(rolls + climbs + at_cruise, 0.0) + r.drag_ns2_per_m2 * speed**2 - at_cruise
+            own = (
+                np.maximum(rolls + climbs + at_cruise, 0.0)
+                + r.drag_ns2_per_m2 * speed**2
+                - at_cruise
+            )
             modelled += np.maximum(own, 0.0) / r.traction_efficiency * part
             home = np.maximum(rolls - self.sine[row, k] * weight_n + at_cruise, 0.0)
             cost += (home / r.traction_efficiency + idle_per_m) * part
             position += towards * part
             left -= part
-        self.position_m = np.where(left > 1e-9, position, np.maximum(self.position_m + towards * way, 0.0))
+        self.position_m = np.where(
+            left > 1e-9, position, np.maximum(self.position_m + towards * way, 0.0)
+        )
         self.home_cost_j = self.home_cost_j + towards * cost
         self.time_s, self.used_j = self.time_s + time, self.used_j + took
-        self._took, self._modelled, self._lasted, self._speed = took, modelled, time, np.where(way > 0, speed, 0.0)
+        self._took, self._modelled, self._lasted, self._speed = (
+            took,
+            modelled,
+            time,
+            np.where(way > 0, speed, 0.0),
+        )
         lag_s = self.instruments.soc_lag_s
         kept_lag = np.exp(-time / lag_s) if lag_s else np.zeros(n)
         power = took / np.maximum(time, 1e-9)
@@ -182,9 +218,17 @@ class World:
         readings = np.zeros(n, READING_DTYPE)
         readings["time_s"], readings["position_m"] = self.time_s, self.position_m
         power = self._took / np.maximum(self._lasted, 1e-9)
-        readings["power_w"] = (power * self.gain + self.offset_w) * (1.0 + i.power_noise * rng.normal(size=n))
-        soc = 1.0 - (self.used_j - self.lagging_j) / self.capacity_j + i.soc_noise * rng.normal(size=n)
-        readings["soc"] = np.clip(np.round(soc / i.soc_step) * i.soc_step if i.soc_step else soc, 0.0, 1.0)
+        readings["power_w"] = (power * self.gain + self.offset_w) * (
+            1.0 + i.power_noise * rng.normal(size=n)
+        )
+        soc = (
+            1.0
+            - (self.used_j - self.lagging_j) / self.capacity_j
+            + i.soc_noise * rng.normal(size=n)
+        )
+        readings["soc"] = np.clip(
+            np.round(soc / i.soc_step) * i.soc_step if i.soc_step else soc, 0.0, 1.0
+        )
         readings["modelled_j"] = self._modelled
         readings["speed_mps"] = self._speed * (1.0 + i.speed_noise * rng.normal(size=n))
         k = np.floor(self.position_m / self.place_m).astype(int).clip(0, PLACES - 1)
@@ -194,12 +238,15 @@ class World:
         return readings.astype(READING_DTYPE)
 
     def way_home_j(self, seed: int) -> Array:
-        """What driving home at cruise takes from here, J: truth, by gusts of its own; the world stays as it is."""
+        """What driving home at cruise takes from here, J: truth, by gusts of its own; the world
+        stays as it is."""
         kept = dict(self.__dict__)
         self.rng = np.random.default_rng(seed)
         total = np.zeros(self.count)
         while (self.position_m > 1e-6).any():
-            total += np.where(self.position_m > 1e-6, self.drive(-1.0, self.cruise_mps, 0.0)[0], 0.0)
+            total += np.where(
+                self.position_m > 1e-6, self.drive(-1.0, self.cruise_mps, 0.0)[0], 0.0
+            )
         self.__dict__.update(kept)
         return total
 
@@ -222,11 +269,16 @@ def drive(world: World, estimator: Estimator, decisions: int, change: Any = None
 
 
 def home_error(world: World, estimator: Estimator) -> tuple[Array, Array, Array]:
-    """Way home beyond what was believed, its standard deviation, and whether the margin is below its 1e-3 quantile."""
+    """Way home beyond what was believed, its standard deviation, and whether the margin is below
+    its 1e-3 quantile."""
     home_j = world.way_home_j(99)
     total = estimator.margin(estimator.plans(world.home_cost_j), 1e-3).total
     margin_j = (world.capacity_j - world.used_j - home_j) * world.gain
-    return home_j / world.capacity_j - total["cost_share"], total["cost_share_sd"], margin_j < total["margin_low_j"]
+    return (
+        home_j / world.capacity_j - total["cost_share"],
+        total["cost_share_sd"],
+        margin_j < total["margin_low_j"],
+    )
 
 
 CALM = Prior(
@@ -238,14 +290,16 @@ PLACE_M = 25.0
 
 
 def alone(prior: Prior, east_mps: float = 0.0, north_mps: float = 0.0) -> Estimator:
-    """An estimator of one robot, cruising at 0.5 m/s, that begins with this forecast of the wind."""
+    """An estimator of one robot, cruising at 0.5 m/s, that begins with this forecast of the
+    wind."""
     estimator = Estimator(vehicle_of(ROBOT, PLACE_M, 0.5), prior, PLACES, 1)
     estimator.begin(np.ones(1, np.bool_), np.array([east_mps]), np.array([north_mps]))
     return estimator
 
 
 def read(estimator: Estimator, dt_s: float, position_m: float, **of: float) -> None:
-    """Give it a reading on a way to the east, level unless `of` says so; what `of` lacks was not read."""
+    """Give it a reading on a way to the east, level unless `of` says so; what `of` lacks was not
+    read."""
     reading = np.full(1, np.nan, READING_DTYPE)
     reading["time_s"], reading["position_m"] = estimator.state["robot"]["time_s"] + dt_s, position_m
     reading["sine"], reading["other_j"], reading["speed_mps"] = 0.0, 0.0, 0.5

@@ -1,4 +1,5 @@
-"""The Lagrangian example subtracts the multiplier times the cost, and runs from the command line."""
+"""The Lagrangian example subtracts the multiplier times the cost, and runs from the command
+line."""
 
 import re
 from collections.abc import Callable
@@ -47,10 +48,13 @@ def test_the_multiplier_follows_the_rate(stranded: float, rises: bool, example: 
 
 
 def test_it_learns_to_score_and_not_only_to_stay_safe() -> None:
-    """A policy that does nothing strands nowhere: of a penalty alone this is all that is learned."""
+    """A policy that does nothing strands nowhere: of a penalty alone this is all that is
+    learned."""
     code, printed, said = example_ended("lagrangian_ppo", "--steps", "98304", "--episodes", "256")
     assert code == 0, said
-    figures = re.search(r", 256 unseen missions: stranded ([\d.]+)% .*; score ([\d.]+);", printed.splitlines()[-1])
+    figures = re.search(
+        r", 256 unseen missions: stranded ([\d.]+)% .*; score ([\d.]+);", printed.splitlines()[-1]
+    )
     assert figures is not None
     stranded_percent, score = map(float, figures.groups())
     assert score > 50.0 and stranded_percent < 20.0
@@ -59,4 +63,6 @@ def test_it_learns_to_score_and_not_only_to_stay_safe() -> None:
 def test_an_unknown_environment_takes_one_line() -> None:
     code, _, said = example_ended("lagrangian_ppo", "--env", "CartPole-v1")
     assert code == 2 and said.count("\n") == 1
-    assert said.startswith("lagrangian_ppo.py: unknown env 'CartPole-v1'; choose from homeward/OutAndBack-v0")
+    assert said.startswith(
+        "lagrangian_ppo.py: unknown env 'CartPole-v1'; choose from homeward/OutAndBack-v0"
+    )

@@ -1,4 +1,5 @@
-"""The examples of other stacks run as a reader runs them, with few steps, and their parts agree with homeward's."""
+"""The examples of other stacks run as a reader runs them, with few steps, and their parts agree
+with homeward's."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ def lines_of(name: str, *arguments: str) -> list[str]:
 
 
 def run_example(name: str, *arguments: str, folder: Path, **environment: str) -> list[str]:
-    """Lines that an example prints, in a process of its own: what it starts there would stay in this one."""
+    """Lines that an example prints, in a process of its own: what it starts there would stay in
+    this one."""
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments],
         cwd=folder,
@@ -45,8 +47,14 @@ def run_example(name: str, *arguments: str, folder: Path, **environment: str) ->
 def test_cleanrl() -> None:
     pytest.importorskip("torch")
     lines = lines_of("cleanrl_ppo", "--steps", "32768", "--num-envs", "128")
-    assert [int(line.split(" steps")[0].replace(",", "")) for line in lines] == [8192, 16384, 24576, 32768]
-    assert "nan" in lines[0] and "nan" not in "".join(lines[1:])  # no mission ends within the first 64 decisions
+    assert [int(line.split(" steps")[0].replace(",", "")) for line in lines] == [
+        8192,
+        16384,
+        24576,
+        32768,
+    ]
+    # no mission ends within the first 64 decisions
+    assert "nan" in lines[0] and "nan" not in "".join(lines[1:])
     for line in lines[1:]:
         home, stranded = (float(line.split(name)[1].split("%")[0]) for name in ("home", "stranded"))
         assert 0.0 < home + stranded <= 100.1
@@ -110,7 +118,16 @@ def driven(env: Any, rule: Policy, seed: int) -> tuple[Any, Any, list[float]]:
 def test_omnisafe(tmp_path: Path) -> None:
     if importlib.util.find_spec("omnisafe") is None:
         pytest.skip("OmniSafe is installed apart, see docs/other_stacks.md")
-    steps = ("--env", "homeward/OutAndBack-v0", "--steps", "16384", "--n-envs", "64", "--per-update", "128")
+    steps = (
+        "--env",
+        "homeward/OutAndBack-v0",
+        "--steps",
+        "16384",
+        "--n-envs",
+        "64",
+        "--per-update",
+        "128",
+    )
     lines = run_example("omnisafe_ppolag", *steps, "--out", str(tmp_path), folder=tmp_path)
     assert lines[-1].startswith("homeward/OutAndBack-v0: return ")
     assert 0.0 <= float(lines[-1].split("stranded ")[1].split("%")[0]) <= 100.0
@@ -126,10 +143,13 @@ def test_the_zoo_file_fits_the_learner(env_id: str) -> None:
     from stable_baselines3.common.env_util import make_vec_env
     from torch import nn
 
-    settings: dict[str, Any] = yaml.safe_load((EXAMPLES / "rl_zoo" / "ppo.yml").read_text("utf-8"))[env_id]
+    settings: dict[str, Any] = yaml.safe_load((EXAMPLES / "rl_zoo" / "ppo.yml").read_text("utf-8"))[
+        env_id
+    ]
     assert settings.pop("n_timesteps") == 3e6
     schedule, start = settings.pop("learning_rate").split("_")  # as the Zoo reads it
-    settings["policy_kwargs"] = eval(settings["policy_kwargs"], {"nn": nn, "dict": dict})  # as the Zoo does
+    # as the Zoo does
+    settings["policy_kwargs"] = eval(settings["policy_kwargs"], {"nn": nn, "dict": dict})
     envs = make_vec_env(env_id, settings.pop("n_envs"), seed=0)
     model = sb3.PPO(env=envs, learning_rate=float(start), seed=0, device="cpu", **settings)
     assert (schedule, model.n_steps * envs.num_envs % model.batch_size) == ("lin", 0)

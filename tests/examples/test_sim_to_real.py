@@ -1,4 +1,5 @@
-"""The loop closes: what the example records leads back to the robot that drove, and its table says what it must."""
+"""The loop closes: what the example records leads back to the robot that drove, and its table says
+what it must."""
 
 import contextlib
 import io
@@ -40,8 +41,12 @@ def example(load_example: Callable[[str], Any]) -> Any:
 
 @pytest.fixture(scope="module")
 def args(example: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    small = example.PPOSettings(start="scratch", n_envs=32, n_steps=16, batch_size=128, epochs=1, hidden=16)
-    return example.Args(steps=512, episodes=40, trainings=1, out=tmp_path_factory.mktemp("sim") / "out", ppo=small)
+    small = example.PPOSettings(
+        start="scratch", n_envs=32, n_steps=16, batch_size=128, epochs=1, hidden=16
+    )
+    return example.Args(
+        steps=512, episodes=40, trainings=1, out=tmp_path_factory.mktemp("sim") / "out", ppo=small
+    )
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +72,11 @@ def test_the_corrected_robot_consumes_what_the_real_one_does(
     real = load_robot(args.out / "real.toml")
     assert real == example.real_robot()
     grid = [
-        (v, yaw, rough, hz) for v in (0.5, 1.0) for yaw in (0.0, 0.5) for rough in (0.0, 0.5, 1.0) for hz in (0, 25)
+        (v, yaw, rough, hz)
+        for v in (0.5, 1.0)
+        for yaw in (0.0, 0.5)
+        for rough in (0.0, 0.5, 1.0)
+        for hz in (0, 25)
     ]
     speed, yaw_rate, roughness, sensing_hz = np.array(grid).T
 
@@ -99,35 +108,61 @@ def test_all_meet_the_same_missions_of_the_real_robot(
         envs[label] = env.batch
     first = envs["nominal-trained"]
     for batch in envs.values():
-        for name in ("turning_scrub", "surface_gain", "compute_power_w", "rolling_resistance", "payload_mass_kg"):
+        for name in (
+            "turning_scrub",
+            "surface_gain",
+            "compute_power_w",
+            "rolling_resistance",
+            "payload_mass_kg",
+        ):
             np.testing.assert_array_equal(batch.robots[name], first.robots[name])
         np.testing.assert_array_equal(batch.records["capacity_j"], first.records["capacity_j"])
-        np.testing.assert_array_equal(batch.routes["places"]["sin_grade"], first.routes["places"]["sin_grade"])
-        for name in ("length_m", "decision_s", "max_decisions", "backlog_limit", "link_m", "score_scale"):
+        np.testing.assert_array_equal(
+            batch.routes["places"]["sin_grade"], first.routes["places"]["sin_grade"]
+        )
+        for name in (
+            "length_m",
+            "decision_s",
+            "max_decisions",
+            "backlog_limit",
+            "link_m",
+            "score_scale",
+        ):
             assert batch.known.shared[name] == first.known.shared[name]
     assert "turning" in envs["corrected-trained"].known.robot.effects
     assert not first.known.robot.effects
     assert first.robots["turning_scrub"][0] == 0.6
-    # What the file says of itself is what its policy reckons with, and not what the missions are drawn from.
-    generic, own = (known_of(example.simulator(example.contenders(args)[label])) for label in TRAINED[2:])
-    assert own.robot == generic.robot and own.difficulty.rolling.deviation < 0.5 * generic.difficulty.rolling.deviation
+    # What the file says of itself is what its policy reckons with, and not what the missions are
+    # drawn from.
+    generic, own = (
+        known_of(example.simulator(example.contenders(args)[label])) for label in TRAINED[2:]
+    )
+    assert (
+        own.robot == generic.robot
+        and own.difficulty.rolling.deviation < 0.5 * generic.difficulty.rolling.deviation
+    )
     assert envs["file-randomised"].known.difficulty == envs["corrected-trained"].known.difficulty
 
 
-def test_the_table_has_a_row_for_everyone(example: Any, args: Any, done: tuple[dict[str, Any], str]) -> None:
+def test_the_table_has_a_row_for_everyone(
+    example: Any, args: Any, done: tuple[dict[str, Any], str]
+) -> None:
     result, printed = done
     labels = [*TRAINED, *(f"{rule}, {file}" for rule in ("dmax_mapped", "dmax_adaptive")
                           for file in ("nominal", "corrected"))]  # fmt: skip
     assert list(result["real"]["agents"]) == list(result["simulated"]["agents"]) == labels
     for label in labels:
-        assert printed.count(label.split()[0]) == (2 if ", " in label else 1)  # the rest may stand on the next line
+        # the rest may stand on the next line
+        assert printed.count(label.split()[0]) == (2 if ", " in label else 1)
         one = result["real"]["agents"][label]
         assert one["stranded_ci95"][0] <= one["stranded_rate"] <= one["stranded_ci95"][1]
         assert one["score_ci95"][0] <= one["score_mean"] <= one["score_ci95"][1]
         assert label == labels[0] or f"{label} - nominal-trained" in result["real"]["paired"]
     assert result["real"]["options"]["true_robot"] == str(args.out / "real.toml")
     # A rule that trusts its map strands on the real robot, and comes home with the corrected file.
-    mapped, corrected = (result["real"]["agents"][f"dmax_mapped, {file}"] for file in ("nominal", "corrected"))
+    mapped, corrected = (
+        result["real"]["agents"][f"dmax_mapped, {file}"] for file in ("nominal", "corrected")
+    )
     assert mapped["stranded"] > corrected["stranded"]
     assert result["simulated"]["agents"]["dmax_mapped, nominal"]["stranded"] < mapped["stranded"]
 

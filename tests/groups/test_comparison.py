@@ -1,4 +1,5 @@
-"""Named groups: what differs is named with its size, chance and driving style are not, and bad input is refused."""
+"""Named groups: what differs is named with its size, chance and driving style are not, and bad
+input is refused."""
 
 import json
 import re
@@ -25,11 +26,19 @@ def of_values(labels: Sequence[str], values: Sequence[float] | NDArray[np.float6
 
 @pytest.mark.parametrize(
     ("labels", "spread"),
-    [(SIX, 1.0), (list("aaabbb"), 1.0), (list("aabb"), 1.0), (SIX, np.repeat([1.0, 1.0, 1.0, 1.0, 3.0, 3.0], 3))],
+    [
+        (SIX, 1.0),
+        (list("aaabbb"), 1.0),
+        (list("aabb"), 1.0),
+        (SIX, np.repeat([1.0, 1.0, 1.0, 1.0, 3.0, 3.0], 3)),
+    ],
 )
 def test_groups_that_do_not_differ_are_not_named(labels: list[str], spread: Any) -> None:
     rng = np.random.default_rng(0)
-    alarms = sum(any(one.named for one in of_values(labels, spread * rng.normal(size=len(labels)))) for _ in range(200))
+    alarms = sum(
+        any(one.named for one in of_values(labels, spread * rng.normal(size=len(labels))))
+        for _ in range(200)
+    )
     assert alarms / 200 <= 0.05
 
 
@@ -49,7 +58,10 @@ def test_a_real_difference_is_named_and_proved_on_runs_left_out() -> None:
     assert [(one.group, one.minus) for one in found if one.named].count(("f", "a")) == 1
     assert all("f" in (one.group, one.minus) for one in found if one.named)
     best = found[0]
-    assert best.ci95[0] < 0.6 < best.ci95[1] and best.held_out_rmse < 0.3 * best.held_out_rmse_without_groups
+    assert (
+        best.ci95[0] < 0.6 < best.ci95[1]
+        and best.held_out_rmse < 0.3 * best.held_out_rmse_without_groups
+    )
 
 
 def test_one_odd_run_names_nothing() -> None:
@@ -58,7 +70,9 @@ def test_one_odd_run_names_nothing() -> None:
         values = rng.normal(size=18)
         values[rng.integers(18)] += 20.0
         assert not any(one.named for one in of_values(SIX, values))
-        assert not any(one.named for one in of_values(list("aaabbb"), values[:6] + 20.0 * (np.arange(6) == 2)))
+        assert not any(
+            one.named for one in of_values(list("aaabbb"), values[:6] + 20.0 * (np.arange(6) == 2))
+        )
 
 
 def test_runs_that_agree_to_the_digit() -> None:
@@ -89,19 +103,42 @@ def test_groups_from_the_command_line(
 ) -> None:
     out = logs / "out"
     several = f"after={logs / 'b0.csv'},{logs / 'b1.csv'}"
-    groups = ("--group", f"before={logs}/a*.csv", "--group", several, "--group", f"after={logs / 'b2.csv'}")
+    groups = (
+        "--group",
+        f"before={logs}/a*.csv",
+        "--group",
+        several,
+        "--group",
+        f"after={logs / 'b2.csv'}",
+    )
     assert diagnosed(monkeypatch, *groups, "--out", out) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert said.startswith("groups_differ P_anc, idle part is 3.") and "Significant: 1 of 1 compared" in said
+    assert (
+        said.startswith("groups_differ P_anc, idle part is 3.")
+        and "Significant: 1 of 1 compared" in said
+    )
     data = json.loads((out / "groups.json").read_text())
     assert (data["schema"], data["kind"], data["verdict"]) == (1, "standing", "groups_differ")
     assert [one["group"] for one in data["runs"]] == ["before"] * 3 + ["after"] * 3
     (difference,) = data["differences"]
-    assert difference["value"] == pytest.approx(3.0, abs=0.3) and difference["named"] and difference["p_holm"] < 0.05
+    assert (
+        difference["value"] == pytest.approx(3.0, abs=0.3)
+        and difference["named"]
+        and difference["p_holm"] < 0.05
+    )
     page = (out / "groups.html").read_text()
-    assert "Groups differ" in page and "figure-group-0" in page and "http" not in page.split("</script>")[-1]
-    assert re.search(r"<li>before: a0\.csv, P_anc, idle part (8|9)\.\d+<br>", page) and str(logs) not in page
-    assert re.search(r'<div role="img" aria-label="P_anc, idle part, means: before (8|9)(\.\d+)? W, 95 % ', page)
+    assert (
+        "Groups differ" in page
+        and "figure-group-0" in page
+        and "http" not in page.split("</script>")[-1]
+    )
+    assert (
+        re.search(r"<li>before: a0\.csv, P_anc, idle part (8|9)\.\d+<br>", page)
+        and str(logs) not in page
+    )
+    assert re.search(
+        r'<div role="img" aria-label="P_anc, idle part, means: before (8|9)(\.\d+)? W, 95 % ', page
+    )
     assert '"dragmode":false' in page, "a finger that scrolls would zoom, and no key would undo it"
 
 
@@ -114,10 +151,15 @@ def test_a_standing_robot_without_groups(
     assert diagnosed(monkeypatch, silent, "--standing", "--out", logs / "out") == 0
     assert "the spread between runs is unknown" in " ".join(capsys.readouterr().out.split())
     data = json.loads((logs / "out" / "groups.json").read_text())
-    assert data["levels"][0]["value"] == pytest.approx(9.0, abs=0.3) and (logs / "out" / "diagnosis.json").is_file()
+    assert (
+        data["levels"][0]["value"] == pytest.approx(9.0, abs=0.3)
+        and (logs / "out" / "diagnosis.json").is_file()
+    )
 
 
-def test_unusable_groups(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], logs: Path) -> None:
+def test_unusable_groups(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], logs: Path
+) -> None:
     a, b = f"a={logs}/a*.csv", f"b={logs}/b*.csv"
     table = pd.read_csv(logs / "b0.csv").assign(speed_mps=0.5)
     table.to_csv(logs / "moves.csv", index=False)
@@ -133,23 +175,37 @@ def test_unusable_groups(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
         assert said in error and error.count("\n") == 1
 
 
-def test_the_variants_of_the_turtlebot(monkeypatch: pytest.MonkeyPatch, data_folder: Path, tmp_path: Path) -> None:
+def test_the_variants_of_the_turtlebot(
+    monkeypatch: pytest.MonkeyPatch, data_folder: Path, tmp_path: Path
+) -> None:
     names = ("baseline", "EE1", "EE2", "EE3", "EE4", "combined")
     groups = [part for name in names for part in ("--group", f"{name}=turtlebot3_tactics/{name}")]
     assert diagnosed(monkeypatch, *groups, "--out", tmp_path) == 0
     data = json.loads((tmp_path / "groups.json").read_text())
-    differs = {frozenset((one["group"], one["minus"])) for one in data["differences"] if one["named"]}
+    differs = {
+        frozenset((one["group"], one["minus"])) for one in data["differences"] if one["named"]
+    }
     assert differs == {
-        frozenset((high, low)) for high in ("baseline", "EE1", "EE3") for low in ("EE2", "EE4", "combined")
+        frozenset((high, low))
+        for high in ("baseline", "EE1", "EE3")
+        for low in ("EE2", "EE4", "combined")
     }
 
 
-def test_the_conditions_of_the_rover(monkeypatch: pytest.MonkeyPatch, data_folder: Path, tmp_path: Path) -> None:
+def test_the_conditions_of_the_rover(
+    monkeypatch: pytest.MonkeyPatch, data_folder: Path, tmp_path: Path
+) -> None:
     names = ("before", "powersave", "conservative", "imaging")
-    groups = [part for name in names for part in ("--group", f"{name}=ase_rover/{name}_intervention")]
+    groups = [
+        part for name in names for part in ("--group", f"{name}=ase_rover/{name}_intervention")
+    ]
     assert diagnosed(monkeypatch, *groups, "--out", tmp_path) == 2  # no motion was recorded
     assert diagnosed(monkeypatch, *groups, "--standing", "--out", tmp_path) == 0
     data = json.loads((tmp_path / "groups.json").read_text())
     named_pairs = [(one["group"], one["minus"]) for one in data["differences"] if one["named"]]
-    assert sorted(named_pairs) == [("imaging", "before"), ("imaging", "conservative"), ("imaging", "powersave")]
+    assert sorted(named_pairs) == [
+        ("imaging", "before"),
+        ("imaging", "conservative"),
+        ("imaging", "powersave"),
+    ]
     assert any("in one stretch" in remark for remark in data["remarks"])

@@ -33,7 +33,9 @@ def test_a_file_whose_name_looks_like_a_pattern_is_that_file(files: Path) -> Non
     assert [path.name for path, _ in first.runs] == ["a[1].csv"]
 
 
-def test_a_group_of_a_data_set_has_its_runs_and_its_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_group_of_a_data_set_has_its_runs_and_its_columns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     fetched = {"EE1": [tmp_path / "1.csv"], "EE2": [tmp_path / "2.csv", tmp_path / "3.csv"]}
     monkeypatch.setattr("homeward.groups.inputs.fetch", lambda dataset, group: fetched[group])
     given = ["one=turtlebot3_tactics/EE1", "two=turtlebot3_tactics/EE2"]
@@ -45,20 +47,28 @@ def test_a_group_of_a_data_set_has_its_runs_and_its_columns(tmp_path: Path, monk
         grouped_runs([given[0], "two=ase_rover/EE2"], None)
 
 
-@pytest.mark.parametrize("wrong", ["b", "=x.csv", "b=", "b= , ", "[b]=x.csv", f"{'b' * 41}=x.csv", "a\nb=x.csv"])
+@pytest.mark.parametrize(
+    "wrong", ["b", "=x.csv", "b=", "b= , ", "[b]=x.csv", f"{'b' * 41}=x.csv", "a\nb=x.csv"]
+)
 def test_what_is_no_named_group_is_refused_with_an_example(files: Path, wrong: str) -> None:
-    with pytest.raises(RecordingError, match=r"^--group .* is not NAME=RUNS, such as before=a1\.csv") as caught:
+    with pytest.raises(
+        RecordingError, match=r"^--group .* is not NAME=RUNS, such as before=a1\.csv"
+    ) as caught:
         grouped_runs([f"a={files}/a1.csv", wrong], None)
     assert "\n" not in str(caught.value)
 
 
 def test_one_group_is_no_comparison(files: Path) -> None:
-    with pytest.raises(RecordingError, match="one group only, a; a comparison needs --group at least twice"):
+    with pytest.raises(
+        RecordingError, match="one group only, a; a comparison needs --group at least twice"
+    ):
         grouped_runs([f"a={files}/a1.csv", f"a={files}/a2.csv"], None)
 
 
 def test_what_is_not_there_is_said(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(RecordingError, match=r"none\*\.csv: no such file, and no file matches it as a pattern"):
+    with pytest.raises(
+        RecordingError, match=r"none\*\.csv: no such file, and no file matches it as a pattern"
+    ):
         grouped_runs([f"a={files}/a1.csv", f"b={files}/none*.csv"], None)
     monkeypatch.setenv(LOCAL_FOLDER, str(files))
     with pytest.raises(DatasetError, match="has no group 'EE9'; groups: EE1"):

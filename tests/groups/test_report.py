@@ -24,7 +24,9 @@ LEVELS = (
     Level("P_anc", "W", "cold", 7.5, None, 1, None),
     Level("C_rr", "1", "warm", 0.14, (0.13, 0.15), 2, 0.01),
 )
-DIFFERENCE = Difference("P_anc", "W", "cold", "warm", 2.3766, (1.5, 3.2), 0.001, 0.0042, 0.15, 1.25, True)
+DIFFERENCE = Difference(
+    "P_anc", "W", "cold", "warm", 2.3766, (1.5, 3.2), 0.001, 0.0042, 0.15, 1.25, True
+)
 COMPARISON = Comparison(
     "standing", "groups_differ", "P_anc is higher.", RUNS, LEVELS, (DIFFERENCE,),
     ("warm0.csv: a remark", "one of none"),
@@ -39,7 +41,10 @@ def shown(comparison: Comparison) -> str:
 
 def test_recordings_have_their_shortest_distinct_names(tmp_path: Path) -> None:
     paths = [f"/far/away/{folder}/{i}.csv" for folder in ("ice", "snow") for i in (1, 2)]
-    steady = [standing(10.0 + noise(np.random.default_rng(i), 400, 0.0), path) for i, path in enumerate(paths)]
+    steady = [
+        standing(10.0 + noise(np.random.default_rng(i), 400, 0.0), path)
+        for i, path in enumerate(paths)
+    ]
     runs = [dataclasses.replace(one, sha256="0", notes=("a column is left out",)) for one in steady]
     comparison = compare_standing(runs, ["ice", "ice", "snow", "snow"])
     assert comparison.runs[0].path == paths[0]
@@ -47,7 +52,11 @@ def test_recordings_have_their_shortest_distinct_names(tmp_path: Path) -> None:
     terminal = io.StringIO()
     show_groups(comparison, Console(file=terminal, width=200))
     for text in ((tmp_path / "groups.html").read_text("utf-8"), terminal.getvalue()):
-        assert "ice/1.csv: a column is left out" in text and "snow/2.csv" in text and "/far/away" not in text
+        assert (
+            "ice/1.csv: a column is left out" in text
+            and "snow/2.csv" in text
+            and "/far/away" not in text
+        )
 
 
 def test_the_terminal_has_a_line_for_each_level_and_difference() -> None:
@@ -61,7 +70,9 @@ def test_the_terminal_has_a_line_for_each_level_and_difference() -> None:
 
 
 def test_a_single_group_has_no_verdict_and_no_pairs() -> None:
-    alone = dataclasses.replace(COMPARISON, runs=RUNS[:2], levels=LEVELS[:1], differences=(), remarks=())
+    alone = dataclasses.replace(
+        COMPARISON, runs=RUNS[:2], levels=LEVELS[:1], differences=(), remarks=()
+    )
     text = shown(alone)
     assert "groups_differ" not in text and "pair" not in text and "5.123 W" in text
 
@@ -71,7 +82,10 @@ def test_the_files_have_what_the_comparison_has(tmp_path: Path) -> None:
     assert [file.name for file in files] == ["groups.json", "groups.html"]
     data = json.loads(files[0].read_text("utf-8"))
     assert data == json.loads(COMPARISON.to_json())
-    assert data["runs"][0]["values"] == {"P_anc": 5.0, "C_rr": None} and data["levels"][1]["ci95"] is None
+    assert (
+        data["runs"][0]["values"] == {"P_anc": 5.0, "C_rr": None}
+        and data["levels"][1]["ci95"] is None
+    )
     page = files[1].read_text("utf-8")
     # A figure for each quantity, with the same numbers for those who do not see it.
     assert "figure-group-0" in page and "figure-group-1" in page and "figure-group-2" not in page
@@ -82,7 +96,11 @@ def test_the_files_have_what_the_comparison_has(tmp_path: Path) -> None:
 def test_names_given_by_others_are_text(name: str, tmp_path: Path) -> None:
     runs = tuple(dataclasses.replace(one, group=name, path=f"{name}.csv") for one in RUNS[:2])
     given = dataclasses.replace(
-        COMPARISON, runs=runs, levels=(dataclasses.replace(LEVELS[0], group=name),), differences=(), summary=name
+        COMPARISON,
+        runs=runs,
+        levels=(dataclasses.replace(LEVELS[0], group=name),),
+        differences=(),
+        summary=name,
     )
     write_groups(given, tmp_path)
     assert "<script>alert" not in (tmp_path / "groups.html").read_text("utf-8")

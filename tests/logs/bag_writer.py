@@ -26,7 +26,8 @@ KINDS = ("ros1", "sqlite3", "mcap")
 class Stream:
     """What is published on one topic.
 
-    `values` maps paths such as `twist.twist.linear.x` to one number a message, or to anything that is the same in all.
+    `values` maps paths such as `twist.twist.linear.x` to one number a message, or to anything that
+    is the same in all.
     """
 
     kind: str
@@ -39,8 +40,11 @@ class Stream:
     extra: dict[str, str] = field(default_factory=dict)  # further definitions that this one needs
 
 
-def write_bag(folder: Path, form: str, streams: Mapping[str, Stream], compression: str = "") -> Path:
-    """Write a bag named `run` and return what a user would hand over: a .bag file or the folder of a ROS 2 bag."""
+def write_bag(
+    folder: Path, form: str, streams: Mapping[str, Stream], compression: str = ""
+) -> Path:
+    """Write a bag named `run` and return what a user would hand over: a .bag file or the folder of
+    a ROS 2 bag."""
     ros1 = form == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
     for stream in streams.values():
@@ -65,7 +69,9 @@ def write_bag(folder: Path, form: str, streams: Mapping[str, Stream], compressio
             connection = writer.add_connection(name, stream.kind, typestore=store)
             for index, at_s in enumerate(stream.time_s):
                 message = _message(store, stream, index)
-                content = (store.serialize_ros1 if ros1 else store.serialize_cdr)(message, stream.kind)
+                content = (store.serialize_ros1 if ros1 else store.serialize_cdr)(
+                    message, stream.kind
+                )
                 queue.append((_ns(at_s + stream.received_late_s), len(queue), connection, content))
         for received_ns, _, connection, content in sorted(queue, key=lambda one: one[:2]):
             writer.write(connection, received_ns, content)
@@ -108,5 +114,7 @@ def _blank(store: Typestore, kind: str) -> Any:
             if inner == Nodetype.NAME:
                 fields[name] = [_blank(store, sort) for _ in range(count)]
             else:
-                fields[name] = [] if sort[0] == "string" else np.zeros(count, dtype=np.dtype(sort[0]))
+                fields[name] = (
+                    [] if sort[0] == "string" else np.zeros(count, dtype=np.dtype(sort[0]))
+                )
     return store.types[kind](**fields)

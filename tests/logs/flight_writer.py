@@ -1,4 +1,5 @@
-"""Logs of autopilots for the tests, written by `pyulog` and `pymavlink`: real files of the real formats."""
+"""Logs of autopilots for the tests, written by `pyulog` and `pymavlink`: real files of the real
+formats."""
 
 from __future__ import annotations
 
@@ -16,18 +17,28 @@ Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 BOOT_US = 41_250_000  # since the start of the autopilot, at the first sample
-LAYOUTS = {  # of ArduPilot 4.5, as its LogStructure.h and Rover/Log.cpp have them: format, labels, units
+# of ArduPilot 4.5, as its LogStructure.h and Rover/Log.cpp have them: format, labels, units
+LAYOUTS = {
     "BAT": ("QBfffffcf", "TimeUS,Inst,Volt,VoltR,Curr,CurrTot,EnrgTot,Temp,Res", "s#vvAaXOw"),
     "THR": ("Qhffff", "TimeUS,ThrIn,ThrOut,DesSpeed,Speed,AccY", "s--nno"),
     "STER": ("Qhfffff", "TimeUS,SteerIn,SteerOut,DesLatAcc,LatAcc,DesTurnRate,TurnRate", "s--ookk"),
-    "ATT": ("QccccCCCCB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF", "sddddhhdh-"),
+    "ATT": (
+        "QccccCCCCB",
+        "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF",
+        "sddddhhdh-",
+    ),
     "POS": ("QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt", "sDUmmm"),
-    "GPS": ("QBBIHBcLLeffffB", "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U", "s#-s-S-DUmnhnh-"),
+    "GPS": (
+        "QBBIHBcLLeffffB",
+        "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U",
+        "s#-s-S-DUmnhnh-",
+    ),
 }
 
 
 def write_ulog(path: Path, messages: Mapping[str, tuple[Array, Values]]) -> Path:
-    """Write messages of PX4, each with its times since the first sample in s, and an array or number for each field.
+    """Write messages of PX4, each with its times since the first sample in s, and an array or
+    number for each field.
 
     A name may end in `#1` for the second instance.
     """
@@ -35,13 +46,20 @@ def write_ulog(path: Path, messages: Mapping[str, tuple[Array, Values]]) -> Path
     log._start_timestamp = BOOT_US
     for number, (name, (time_s, values)) in enumerate(messages.items()):
         kind, _, instance = name.partition("#")
-        fields = [("uint64_t", "timestamp"), *((_kind(one), field) for field, one in values.items())]
+        fields = [
+            ("uint64_t", "timestamp"),
+            *((_kind(one), field) for field, one in values.items()),
+        ]
         whole = [ULog._FieldData(field, kind) for kind, field in fields]
-        log._message_formats[kind] = SimpleNamespace(name=kind, fields=[(kind, 0, field) for kind, field in fields])
+        log._message_formats[kind] = SimpleNamespace(
+            name=kind, fields=[(kind, 0, field) for kind, field in fields]
+        )
         data = {"timestamp": BOOT_US + np.round(time_s * 1e6).astype(np.uint64)}
         data |= {field: np.broadcast_to(one, len(time_s)) for field, one in values.items()}
         log._data_list.append(
-            SimpleNamespace(name=kind, multi_id=int(instance or 0), msg_id=number, field_data=whole, data=data)
+            SimpleNamespace(
+                name=kind, multi_id=int(instance or 0), msg_id=number, field_data=whole, data=data
+            )
         )
     log.write_ulog(str(path))
     return path
@@ -52,21 +70,29 @@ def _kind(values: Any) -> str:
 
 
 def write_dataflash(path: Path, messages: Sequence[tuple[str, Array, Values]]) -> Path:
-    """Write messages of ArduPilot: name, times since the first sample in s, and fields; 0 where left out."""
+    """Write messages of ArduPilot: name, times since the first sample in s, and fields; 0 where
+    left out."""
     of_formats = DFFormat(128, "FMT", 89, "BBnNZ", "Type,Length,Name,Format,Columns")
     of_units = DFFormat(129, "FMTU", 44, "QBNN", "TimeUS,FmtType,UnitIds,MultIds")
     layouts = {name: _layout(130 + i, name) for i, name in enumerate(LAYOUTS)}
     head, body = [], []
     for one in (of_formats, of_units, *layouts.values()):
-        head.append(_bytes(of_formats, [one.type, one.len, one.name, one.format, ",".join(one.columns)]))
+        head.append(
+            _bytes(of_formats, [one.type, one.len, one.name, one.format, ",".join(one.columns)])
+        )
     for name, one in layouts.items():
         head.append(_bytes(of_units, [0, one.type, LAYOUTS[name][2], "-" * len(one.columns)]))
     for name, time_s, values in messages:
         layout = layouts[name]
         for index, at_s in enumerate(time_s):
-            row = {field: np.broadcast_to(one, len(time_s))[index].item() for field, one in values.items()}
+            row = {
+                field: np.broadcast_to(one, len(time_s))[index].item()
+                for field, one in values.items()
+            }
             row["TimeUS"] = BOOT_US + round(at_s * 1e6)
-            body.append((row["TimeUS"], _bytes(layout, [row.get(column, 0) for column in layout.columns])))
+            body.append(
+                (row["TimeUS"], _bytes(layout, [row.get(column, 0) for column in layout.columns]))
+            )
     body.sort(key=lambda one: one[0])
     path.write_bytes(b"".join([*head, *(one for _, one in body)]))
     return path

@@ -15,7 +15,9 @@ ONE_RUN: Index = np.zeros(20_000, dtype=np.intp)
 
 def test_its_thresholds_are_what_they_are_derived_from() -> None:
     assert 1.0 / math.sqrt(thresholds.LONGEST_LAG) == pytest.approx(thresholds.UNCORRELATED)
-    assert pytest.approx(19.0) == (1.0 + thresholds.MOST_CORRELATED) / (1.0 - thresholds.MOST_CORRELATED)
+    assert pytest.approx(19.0) == (1.0 + thresholds.MOST_CORRELATED) / (
+        1.0 - thresholds.MOST_CORRELATED
+    )
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.8])

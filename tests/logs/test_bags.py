@@ -1,4 +1,5 @@
-"""Bags are read as tables are: the channels that were driven come out, and what cannot be read says why."""
+"""Bags are read as tables are: the channels that were driven come out, and what cannot be read says
+why."""
 
 from __future__ import annotations
 
@@ -36,7 +37,11 @@ OLDER = shipped_definitions()[1]
 SECONDS = 60.0
 FAST_S, SLOW_S = np.arange(0.0, SECONDS, 0.04), np.arange(0.4, SECONDS, 0.5)
 ODOMETRY, BATTERY = "nav_msgs/msg/Odometry", "sensor_msgs/msg/BatteryState"
-IMU, TWIST, JOINTS = "sensor_msgs/msg/Imu", "geometry_msgs/msg/TwistStamped", "sensor_msgs/msg/JointState"
+IMU, TWIST, JOINTS = (
+    "sensor_msgs/msg/Imu",
+    "geometry_msgs/msg/TwistStamped",
+    "sensor_msgs/msg/JointState",
+)
 STATUS, POWER = "husky_msgs/msg/HuskyStatus", "clearpath_platform_msgs/msg/Power"
 JACKAL_STATUS = "jackal_msgs/msg/Status"
 JACKAL_STATUS_FIELDS = "std_msgs/Header header\nfloat32 measured_battery\nfloat32 total_current\n"
@@ -59,7 +64,11 @@ def power(time_s: Array) -> Array:
 
 
 def odometry(time_s: Array = FAST_S) -> Stream:
-    return Stream(ODOMETRY, time_s, {"twist.twist.linear.x": speed(time_s), "twist.twist.angular.z": yaw_rate(time_s)})
+    return Stream(
+        ODOMETRY,
+        time_s,
+        {"twist.twist.linear.x": speed(time_s), "twist.twist.angular.z": yaw_rate(time_s)},
+    )
 
 
 def imu(time_s: Array = FAST_S) -> Stream:
@@ -82,11 +91,15 @@ def status(time_s: Array = SLOW_S) -> Stream:
     return Stream(STATUS, time_s, fields, definition=DEFINITIONS[STATUS])
 
 
-def clearpath_power(time_s: Array, currents: list[Array], definition: str = DEFINITIONS[POWER]) -> Stream:
+def clearpath_power(
+    time_s: Array, currents: list[Array], definition: str = DEFINITIONS[POWER]
+) -> Stream:
     rows = np.empty(len(time_s), dtype=object)
     rows[:] = [np.array(row, dtype=np.float32) for row in np.column_stack(currents)]
     voltages = np.array([24.0, 5.0, 12.0], dtype=np.float32)
-    return Stream(POWER, time_s, {"measured_voltages": voltages, "measured_currents": rows}, definition)
+    return Stream(
+        POWER, time_s, {"measured_voltages": voltages, "measured_currents": rows}, definition
+    )
 
 
 def joints(names: list[str], radius_m: float, time_s: Array = FAST_S) -> Stream:
@@ -102,7 +115,9 @@ def check(recording: Recording, tolerance: float = 0.02) -> None:
     """The drive above comes out, on the clock of the power."""
     channels = recording.channels
     time_s = channels["time_s"] + SLOW_S[0]
-    np.testing.assert_allclose(channels["voltage_v"] * channels["current_a"], power(time_s), rtol=1e-5)
+    np.testing.assert_allclose(
+        channels["voltage_v"] * channels["current_a"], power(time_s), rtol=1e-5
+    )
     np.testing.assert_allclose(channels["speed_mps"], speed(time_s), atol=tolerance)
     if "yaw_rate_radps" in channels:
         np.testing.assert_allclose(channels["yaw_rate_radps"], yaw_rate(time_s), atol=tolerance)
@@ -117,8 +132,12 @@ def test_every_format_gives_the_drive_back(tmp_path: Path, form: str, compressio
     recording = read_recording(write_bag(tmp_path, form, HUSKY, compression))
     check(recording)
     assert len(recording) == len(SLOW_S)
-    np.testing.assert_allclose(recording.channels["grade_rad"], slope(recording.channels["time_s"] + 0.4), atol=5e-3)
-    assert recording.notes[0].startswith("topic mapping husky: power from /status, motion from /odometry/filtered")
+    np.testing.assert_allclose(
+        recording.channels["grade_rad"], slope(recording.channels["time_s"] + 0.4), atol=5e-3
+    )
+    assert recording.notes[0].startswith(
+        "topic mapping husky: power from /status, motion from /odometry/filtered"
+    )
     assert len(recording.sha256) == 64
 
 
@@ -198,7 +217,9 @@ def test_stock_robots_need_no_mapping(tmp_path: Path, robot: str) -> None:
     form, streams, mapping, source = ROBOTS[robot]
     recording = read_recording(write_bag(tmp_path, form, streams))
     check(recording)
-    assert recording.notes[0].startswith(f"topic mapping {mapping}: power from {source}, motion from")
+    assert recording.notes[0].startswith(
+        f"topic mapping {mapping}: power from {source}, motion from"
+    )
     if any("joint_states" in name for name in streams):
         for side in ("wheel_left_mps", "wheel_right_mps"):
             np.testing.assert_allclose(
@@ -211,7 +232,9 @@ def test_a_kobuki_gives_motor_currents(tmp_path: Path) -> None:
     rows = np.empty(len(SLOW_S), dtype=object)
     rows[:] = [np.array([50, 60], dtype=np.uint8) for _ in SLOW_S]
     core = Stream(kind, SLOW_S, {"current": rows, "battery": 160}, DEFINITIONS[kind])
-    recording = read_recording(write_bag(tmp_path, "mcap", {"/sensors/core": core, "/odom": odometry()}))
+    recording = read_recording(
+        write_bag(tmp_path, "mcap", {"/sensors/core": core, "/odom": odometry()})
+    )
     assert set(recording.channels["motor_left_a"]) == {0.5}
     assert set(recording.channels["motor_right_a"]) == {0.6}
 
@@ -221,16 +244,22 @@ def test_discharge_is_positive_whatever_the_driver_thinks(tmp_path: Path, sign: 
     streams = {"/platform/bms/state": battery(sign=sign), "/platform/odom/filtered": odometry()}
     recording = read_recording(write_bag(tmp_path, "mcap", streams))
     check(recording)
-    assert any("against the definition of BatteryState" in note for note in recording.notes) == (sign > 0.0)
+    assert any("against the definition of BatteryState" in note for note in recording.notes) == (
+        sign > 0.0
+    )
 
 
 def test_charging_at_the_dock_does_not_turn_the_sign(tmp_path: Path) -> None:
     """Two thirds of the time the robot stands and charges."""
     docked = SLOW_S < 40.0
     current = np.where(docked, 2.0, -power(SLOW_S) / 24.0)
-    drives = Stream(ODOMETRY, FAST_S, {"twist.twist.linear.x": np.where(FAST_S < 40.0, 0.0, speed(FAST_S))})
+    drives = Stream(
+        ODOMETRY, FAST_S, {"twist.twist.linear.x": np.where(FAST_S < 40.0, 0.0, speed(FAST_S))}
+    )
     bms = Stream(BATTERY, SLOW_S, {"voltage": 24.0, "current": current})
-    recording = read_recording(write_bag(tmp_path, "mcap", {"/battery_state": bms, "/odom": drives}))
+    recording = read_recording(
+        write_bag(tmp_path, "mcap", {"/battery_state": bms, "/odom": drives})
+    )
     assert np.all(recording.channels["current_a"][~docked] > 0.0)
 
 
@@ -246,13 +275,20 @@ def accelerometer(covariance: float = -1.0) -> Stream:
 
 def tilted_odometry() -> Stream:
     half = -0.5 * slope(FAST_S)
-    values = {**odometry().values, "pose.pose.orientation.y": np.sin(half), "pose.pose.orientation.w": np.cos(half)}
+    values = {
+        **odometry().values,
+        "pose.pose.orientation.y": np.sin(half),
+        "pose.pose.orientation.w": np.cos(half),
+    }
     return Stream(ODOMETRY, FAST_S, values)
 
 
 GRADES: dict[str, tuple[dict[str, Stream], str]] = {
     "orientation": ({"/odom": odometry(), "/imu": imu()}, "grade from the orientation of /imu"),
-    "acceleration": ({"/odom": odometry(), "/imu": accelerometer()}, "grade from the acceleration of /imu"),
+    "acceleration": (
+        {"/odom": odometry(), "/imu": accelerometer()},
+        "grade from the acceleration of /imu",
+    ),
     "odometry": ({"/odom": tilted_odometry()}, "grade from the orientation of /odom"),
 }
 
@@ -260,15 +296,21 @@ GRADES: dict[str, tuple[dict[str, Stream], str]] = {
 @pytest.mark.parametrize("method", GRADES)
 def test_the_grade_comes_from_what_there_is(tmp_path: Path, method: str) -> None:
     streams, said = GRADES[method]
-    recording = read_recording(write_bag(tmp_path, "mcap", {"/bms": battery(), **streams}), "any_robot")
+    recording = read_recording(
+        write_bag(tmp_path, "mcap", {"/bms": battery(), **streams}), "any_robot"
+    )
     inner = slice(4, -4)  # averages end at the ends
     expected = slope(recording.channels["time_s"] + SLOW_S[0])
     np.testing.assert_allclose(recording.channels["grade_rad"][inner], expected[inner], atol=0.012)
     assert any(note.startswith(said) for note in recording.notes)
 
 
-@pytest.mark.parametrize(("given", "taken"), [(0.8, 0.8), (80.0, 0.8), (np.nan, None), (-300.0, None)])
-def test_a_state_of_charge_that_is_none_is_left_out(tmp_path: Path, given: float, taken: float | None) -> None:
+@pytest.mark.parametrize(
+    ("given", "taken"), [(0.8, 0.8), (80.0, 0.8), (np.nan, None), (-300.0, None)]
+)
+def test_a_state_of_charge_that_is_none_is_left_out(
+    tmp_path: Path, given: float, taken: float | None
+) -> None:
     pack = battery()
     streams = {
         "/battery_state": dataclasses.replace(pack, values={**pack.values, "percentage": given}),
@@ -283,7 +325,9 @@ def test_a_state_of_charge_that_is_none_is_left_out(tmp_path: Path, given: float
 
 
 def test_a_level_robot_has_no_grade(tmp_path: Path) -> None:
-    recording = read_recording(write_bag(tmp_path, "mcap", {"/battery_state": battery(), "/odom": odometry()}))
+    recording = read_recording(
+        write_bag(tmp_path, "mcap", {"/battery_state": battery(), "/odom": odometry()})
+    )
     assert "grade_rad" not in recording.channels
 
 
@@ -302,16 +346,23 @@ def test_the_heading_comes_from_the_odometry(tmp_path: Path) -> None:
 
 def test_stamps_say_when_and_not_the_time_of_receipt(tmp_path: Path) -> None:
     late = dataclasses.replace(battery(), received_late_s=0.8)
-    check(read_recording(write_bag(tmp_path, "mcap", {"/battery_state": late, "/odom": odometry()})))
+    check(
+        read_recording(write_bag(tmp_path, "mcap", {"/battery_state": late, "/odom": odometry()}))
+    )
 
 
 @pytest.mark.parametrize("change", [{"stamped": False}, {"clock_s": 3600.0}])
-def test_a_topic_without_a_stamp_of_the_clock_is_placed_by_receipt(tmp_path: Path, change: dict[str, Any]) -> None:
+def test_a_topic_without_a_stamp_of_the_clock_is_placed_by_receipt(
+    tmp_path: Path, change: dict[str, Any]
+) -> None:
     odd = dataclasses.replace(battery(), **change)
     streams = {"/battery_state": odd, "/odom": odometry(), "/imu": imu()}
     recording = read_recording(write_bag(tmp_path, "mcap", streams))
     check(recording)
-    assert "/battery_state: placed by the time of receipt, as they have no stamp of the same clock" in recording.notes
+    assert (
+        "/battery_state: placed by the time of receipt, as they have no stamp of the same clock"
+        in recording.notes
+    )
 
 
 def test_a_mapping_may_ask_for_receipt(tmp_path: Path) -> None:
@@ -321,13 +372,19 @@ def test_a_mapping_may_ask_for_receipt(tmp_path: Path) -> None:
         'current_a = "current"\n[[topics]]\nname = "/wheels"\nspeed_mps = "twist.twist.linear.x"\n'
     )
     shifted = dataclasses.replace(battery(sign=0.5), clock_s=2.0)
-    recording = read_recording(write_bag(tmp_path, "mcap", {"/pack": shifted, "/wheels": odometry()}), mapping)
+    recording = read_recording(
+        write_bag(tmp_path, "mcap", {"/pack": shifted, "/wheels": odometry()}), mapping
+    )
     check(recording)
 
 
 def storage(bag: Path) -> Path:
     """The file that holds the messages."""
-    return bag if bag.is_file() else next(one for one in bag.iterdir() if one.suffix in (".mcap", ".db3"))
+    return (
+        bag
+        if bag.is_file()
+        else next(one for one in bag.iterdir() if one.suffix in (".mcap", ".db3"))
+    )
 
 
 @pytest.mark.parametrize("share", [0.97, 0.5])
@@ -335,7 +392,9 @@ def storage(bag: Path) -> Path:
     ("form", "compression"),
     [("ros1", ""), ("ros1", "bz2"), ("ros1", "lz4"), ("mcap", ""), ("mcap", "storage")],
 )
-def test_a_cut_bag_gives_what_is_left(tmp_path: Path, form: str, compression: str, share: float) -> None:
+def test_a_cut_bag_gives_what_is_left(
+    tmp_path: Path, form: str, compression: str, share: float
+) -> None:
     bag = write_bag(tmp_path, form, HUSKY, compression)
     file = storage(bag)
     whole = file.read_bytes()
@@ -345,7 +404,9 @@ def test_a_cut_bag_gives_what_is_left(tmp_path: Path, form: str, compression: st
     assert recording.duration_s < SECONDS
     assert recording.duration_s > (0.5 if compression else 0.85) * share * SECONDS - 2.0
     (note,) = (note for note in recording.notes if "cut off" in note)
-    assert note.startswith(f"{file.name} is cut off or damaged (") and note.endswith(" messages could be read")
+    assert note.startswith(f"{file.name} is cut off or damaged (") and note.endswith(
+        " messages could be read"
+    )
 
 
 @pytest.mark.parametrize("form", ["ros1", "mcap"])
@@ -368,7 +429,10 @@ def test_a_cut_database_is_for_sqlite_to_rebuild(tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
     with pytest.raises(RecordingError) as caught:
         read_recording(bag)
-    assert f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3' in str(caught.value)
+    assert (
+        f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
+        in str(caught.value)
+    )
 
 
 @pytest.mark.parametrize("form", ["sqlite3", "mcap"])
@@ -377,7 +441,9 @@ def test_a_bag_whose_recorder_was_killed_is_read(tmp_path: Path, form: str) -> N
     (bag / "metadata.yaml").unlink()
     recording = read_recording(bag)
     check(recording)
-    assert "has no metadata.yaml: the recorder was stopped before it ended the bag" in recording.notes
+    assert (
+        "has no metadata.yaml: the recorder was stopped before it ended the bag" in recording.notes
+    )
 
 
 def test_an_active_bag_is_read(tmp_path: Path) -> None:
@@ -404,11 +470,15 @@ def test_a_hole_in_the_middle_ends_the_recording_there(tmp_path: Path) -> None:
     assert note.startswith("run.bag is damaged (") and note.endswith(" s could be read")
 
 
-@given(st.binary(max_size=300), st.sampled_from([".bag", ".mcap", ".db3", ".active"]), st.booleans())
+@given(
+    st.binary(max_size=300), st.sampled_from([".bag", ".mcap", ".db3", ".active"]), st.booleans()
+)
 def test_junk_never_raises_anything_else(
     tmp_path_factory: pytest.TempPathFactory, junk: bytes, suffix: str, head: bool
 ) -> None:
-    magic = {".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite format 3\x00"}.get(suffix, b"#ROSBAG V2.0\n")
+    magic = {".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite format 3\x00"}.get(
+        suffix, b"#ROSBAG V2.0\n"
+    )
     path = tmp_path_factory.mktemp("junk") / f"run{suffix}"
     path.write_bytes((magic if head else b"") + junk)
     with pytest.raises(RecordingError) as caught:
@@ -426,7 +496,9 @@ def without_definitions(bag: Path) -> Path:
 
 
 @pytest.mark.parametrize("layout", [DEFINITIONS, OLDER], ids=["newest", "older"])
-def test_a_bag_without_definitions_takes_those_that_ship(tmp_path: Path, layout: dict[str, str]) -> None:
+def test_a_bag_without_definitions_takes_those_that_ship(
+    tmp_path: Path, layout: dict[str, str]
+) -> None:
     assert DEFINITIONS[POWER] != OLDER[POWER]
     supply = clearpath_power(SLOW_S, [power(SLOW_S) / 24.0, SLOW_S, SLOW_S], layout[POWER])
     streams = {"/j100_1/platform/mcu/status/power": supply, "/j100_1/platform/odom": odometry()}
@@ -444,13 +516,20 @@ def test_an_own_message_type_is_read_by_the_definition_in_the_bag(tmp_path: Path
     streams = {"/meter": custom("my_msgs/msg/Meter"), "/odom": odometry()}
     for form in KINDS:
         recording = read_recording(write_bag(tmp_path / form, form, streams), mapping)
-        np.testing.assert_allclose(recording.channels["power_w"], power(recording.channels["time_s"] + SLOW_S[0]))
-    with pytest.raises(RecordingError, match=r"/meter is left out: my_msgs/msg/Meter: the bag has no definition"):
+        np.testing.assert_allclose(
+            recording.channels["power_w"], power(recording.channels["time_s"] + SLOW_S[0])
+        )
+    with pytest.raises(
+        RecordingError, match=r"/meter is left out: my_msgs/msg/Meter: the bag has no definition"
+    ):
         read_recording(without_definitions(tmp_path / "sqlite3" / "run"), mapping)
 
 
 REFUSED: dict[str, tuple[dict[str, Stream], str]] = {
-    "no power": ({"/odom": odometry()}, r"has no power by the topic mapping any_robot; its topics: /odom \(nav_msgs"),
+    "no power": (
+        {"/odom": odometry()},
+        r"has no power by the topic mapping any_robot; its topics: /odom \(nav_msgs",
+    ),
     "no motion": ({"/battery_state": battery()}, "has no motion by the topic mapping"),
     "nothing known": (
         {"/scan": Stream("std_msgs/msg/Header", SLOW_S, {}, stamped=False)},
@@ -480,7 +559,10 @@ def test_what_a_bag_lacks_is_said_in_one_line(tmp_path: Path, case: str) -> None
 def test_a_field_that_is_not_there_names_those_that_are(tmp_path: Path) -> None:
     mapping = tmp_path / "map.toml"
     mapping.write_text('[[topics]]\nname = "/odom"\nspeed_mps = "twist.linear.x"\n')
-    with pytest.raises(RecordingError, match=r"/odom \(nav_msgs/msg/Odometry\): no field 'linear' of 'twist.linear.x'"):
+    with pytest.raises(
+        RecordingError,
+        match=r"/odom \(nav_msgs/msg/Odometry\): no field 'linear' of 'twist.linear.x'",
+    ):
         read_recording(write_bag(tmp_path, "mcap", {"/odom": odometry()}), mapping)
 
 
@@ -534,7 +616,11 @@ def test_two_connections_of_one_topic_are_one(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     for folder, at_s in ((first, slice(None, 750)), (second, slice(750, None))):
         half = (FAST_S[at_s][0] <= SLOW_S) & (FAST_S[at_s][-1] >= SLOW_S)
-        write_bag(folder, "mcap", {"/battery_state": battery(SLOW_S[half]), "/odom": odometry(FAST_S[at_s])})
+        write_bag(
+            folder,
+            "mcap",
+            {"/battery_state": battery(SLOW_S[half]), "/odom": odometry(FAST_S[at_s])},
+        )
     bag = tmp_path / "both"
     bag.mkdir()
     for index, folder in enumerate((first, second)):
@@ -562,10 +648,14 @@ def test_a_recording_of_a_bag_knows_when_it_began(tmp_path: Path) -> None:
     assert signals(recording, load_robot("husky")).start_s == recording.start_s
 
 
-def test_a_missing_package_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bag = write_bag(tmp_path, "ros1", HUSKY)
     monkeypatch.setitem(sys.modules, "homeward.logs.bags.assemble", None)
-    with pytest.raises(RecordingError, match=r"a bag needs rosbags; install it with pip install 'homeward\[logs\]'"):
+    with pytest.raises(
+        RecordingError, match=r"a bag needs rosbags; install it with pip install 'homeward\[logs\]'"
+    ):
         read_recording(bag)
 
 
@@ -575,7 +665,9 @@ def test_a_folder_that_is_no_bag_is_refused_as_before(tmp_path: Path) -> None:
         read_recording(tmp_path)
 
 
-def test_a_bag_is_diagnosed_as_its_table_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bag_is_diagnosed_as_its_table_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     table = pd.read_csv(Path(str(files("homeward") / "recordings" / "synthetic_husky.csv.gz")))
     time_s = table["time_s"].to_numpy()
     pitch = -0.5 * table["grade_rad"].to_numpy()
@@ -599,10 +691,15 @@ def test_a_bag_is_diagnosed_as_its_table_is(tmp_path: Path, capsys: pytest.Captu
     read = read_recording(bag)
     for name in ("time_s", "speed_mps", "yaw_rate_radps"):
         np.testing.assert_allclose(read.channels[name], table[name], atol=1e-6)
-    np.testing.assert_allclose(read.channels["voltage_v"] * read.channels["current_a"], table["power_w"], rtol=1e-9)
+    np.testing.assert_allclose(
+        read.channels["voltage_v"] * read.channels["current_a"], table["power_w"], rtol=1e-9
+    )
     assert analysis.diagnosis.verdict == "missing_physics"
-    turning = analysis.diagnosis.missing_physics[0]  # the rate of sensing, which no bag has, leaves more than that
+    # the rate of sensing, which no bag has, leaves more than that
+    turning = analysis.diagnosis.missing_physics[0]
     assert turning.effect == "turning"
     assert turning.parameters["scrub"].value == pytest.approx(0.3, abs=0.04)  # as it was made
     said = capsys.readouterr().err
-    assert "run.bag: topic mapping husky: power from /status, motion from /odometry/filtered" in said
+    assert (
+        "run.bag: topic mapping husky: power from /status, motion from /odometry/filtered" in said
+    )

@@ -30,7 +30,9 @@ def test_limits_are_included_and_what_lies_beyond_is_impossible() -> None:
         ("payload_kg", "grams", 750.0, 0.75),
     ],
 )
-def test_a_mistaken_unit_has_its_factor_to_si(channel: str, unit: str, value: float, si: float) -> None:
+def test_a_mistaken_unit_has_its_factor_to_si(
+    channel: str, unit: str, value: float, si: float
+) -> None:
     assert dict(CHANNELS[channel].mistaken)[unit] * value == pytest.approx(si)
 
 
@@ -41,12 +43,19 @@ def test_a_channel_has_its_unit_in_its_name_and_room_for_real_values(channel: Ch
     )
     assert channel.name.endswith(ending)
     assert channel.low < channel.high and not channel.impossible(np.array([0.0, 0.5]))[0]
-    assert all(0.0 < factor < 1.0 for _, factor in channel.mistaken)  # SI is the largest unit of each
+    # SI is the largest unit of each
+    assert all(0.0 < factor < 1.0 for _, factor in channel.mistaken)
 
 
 def test_the_most_informative_complete_set_is_taken() -> None:
-    assert first_set(POWER, ["current_a", "motor_left_a", "motor_right_a"]) == ("motor_left_a", "motor_right_a")
-    assert first_set(POWER, {"motor_left_a", "motor_right_a", "voltage_v", "current_a"}) == ("voltage_v", "current_a")
+    assert first_set(POWER, ["current_a", "motor_left_a", "motor_right_a"]) == (
+        "motor_left_a",
+        "motor_right_a",
+    )
+    assert first_set(POWER, {"motor_left_a", "motor_right_a", "voltage_v", "current_a"}) == (
+        "voltage_v",
+        "current_a",
+    )
     assert first_set(POWER, ["voltage_v", "motor_left_a"]) == () == first_set(MOTION, [])
 
 
@@ -86,7 +95,9 @@ def test_stray_values_are_left_out_and_noted(table: pd.DataFrame, csv: Write) ->
     table.loc[7, "speed_mps"] = 1e4
     recording = read_recording(csv(table))
     assert np.isnan(recording.channels["speed_mps"][7])
-    assert recording.notes == ("1 of 600 values of speed_mps are outside -70 to 70 m/s and left out",)
+    assert recording.notes == (
+        "1 of 600 values of speed_mps are outside -70 to 70 m/s and left out",
+    )
 
 
 def test_one_wrong_reading_in_sixty_is_no_other_unit(table: pd.DataFrame, csv: Write) -> None:
@@ -97,6 +108,8 @@ def test_one_wrong_reading_in_sixty_is_no_other_unit(table: pd.DataFrame, csv: W
 
 
 @pytest.mark.parametrize("ratio", [0.7, 1.5])
-def test_two_odometers_that_differ_are_asked_about(table: pd.DataFrame, csv: Write, ratio: float) -> None:
+def test_two_odometers_that_differ_are_asked_about(
+    table: pd.DataFrame, csv: Write, ratio: float
+) -> None:
     table["distance_m"] = np.cumsum(table.speed_mps) / 10.0 / ratio
     assert "which is right? Give the other a factor" in refusal(csv(table))

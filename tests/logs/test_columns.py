@@ -1,4 +1,5 @@
-"""Mapping files: foreign columns become channels in SI units, or one line says what is wrong with the mapping."""
+"""Mapping files: foreign columns become channels in SI units, or one line says what is wrong with
+the mapping."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +26,10 @@ def test_a_source_is_the_sum_of_its_columns_by_their_factors() -> None:
     [
         ("v", Source((("v", 1.0),))),
         ({"column": "v", "factor": 2}, Source((("v", 2.0),))),
-        ({"columns": ["a", "b"], "factors": [1, 1e-9], "offset": -3}, Source((("a", 1.0), ("b", 1e-9)), -3.0)),
+        (
+            {"columns": ["a", "b"], "factors": [1, 1e-9], "offset": -3},
+            Source((("a", 1.0), ("b", 1e-9)), -3.0),
+        ),
         ({"columns": ["a", "b"], "factor": 4.0}, Source((("a", 4.0), ("b", 4.0)))),
     ],
 )
@@ -33,9 +37,13 @@ def test_an_entry_is_its_source(entry: object, source: Source) -> None:
     assert source_of("here", entry, "column") == source
 
 
-@pytest.mark.parametrize("entry", [{"column": "v", "factor": one} for one in (0.0, True, "1", 10**400, np.nan)])
+@pytest.mark.parametrize(
+    "entry", [{"column": "v", "factor": one} for one in (0.0, True, "1", 10**400, np.nan)]
+)
 def test_a_factor_is_a_finite_number(entry: object) -> None:
-    with pytest.raises(RecordingError, match=r"^here has a factor or offset that is not a finite number, or"):
+    with pytest.raises(
+        RecordingError, match=r"^here has a factor or offset that is not a finite number, or"
+    ):
         source_of("here", entry, "column")
 
 
@@ -58,19 +66,24 @@ def test_a_table_is_known_only_by_all_the_columns_of_its_program() -> None:
 
 
 def test_numbers_of_text_and_gaps() -> None:
-    np.testing.assert_array_equal(numeric(pd.Series(["1.5", "x", None, "-2e3"])), [1.5, np.nan, np.nan, -2000.0])
+    np.testing.assert_array_equal(
+        numeric(pd.Series(["1.5", "x", None, "-2e3"])), [1.5, np.nan, np.nan, -2000.0]
+    )
     with pytest.raises(RecordingError, match="a whole number of hundreds of digits"):
         numeric(pd.Series([1, 10**400], dtype=object))
 
 
-def test_a_channel_that_is_zero_throughout_is_missing_where_the_mapping_says_so(tmp_path: Path) -> None:
+def test_a_channel_that_is_zero_throughout_is_missing_where_the_mapping_says_so(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "map.toml").write_text(
         'unknown_if_zero = ["speed_mps"]\nsample_hz = 4.0\n[columns]\nspeed_mps = "v"\npower_w = "p"\n'
     )
     mapping = load_columns(tmp_path / "map.toml")
     table = pd.DataFrame({"v": [0.0, 0.0], "p": [0.0, 0.0]}, index=[0, 3])
     still = mapping.apply(table)
-    assert list(still) == ["time_s", "power_w"] and still["time_s"].tolist() == [0.0, 0.75]  # a line is lost
+    # a line is lost
+    assert list(still) == ["time_s", "power_w"] and still["time_s"].tolist() == [0.0, 0.75]
     assert list(mapping.apply(table.assign(v=[0.0, 0.1]))) == ["time_s", "speed_mps", "power_w"]
 
 
@@ -111,8 +124,14 @@ def test_mapping_applies_factors_sums_and_constants(tmp_path: Path) -> None:
         ("columns = " + "[" * 50 + "]" * 50, "nested too deeply"),
         ("a" + ".a" * 100000 + " = 1", "too many dots"),
         ("rows = 1\n[columns]\ntime_s = 't'", "rows is not a known entry"),
-        ("unknown_if_zero = 'speed_mps'\n[columns]\ntime_s = 't'", "unknown_if_zero = 'speed_mps' is not a list"),
-        ("unknown_if_zero = [[]]\n[columns]\ntime_s = 't'", "unknown_if_zero = [[]] is not a list of channels"),
+        (
+            "unknown_if_zero = 'speed_mps'\n[columns]\ntime_s = 't'",
+            "unknown_if_zero = 'speed_mps' is not a list",
+        ),
+        (
+            "unknown_if_zero = [[]]\n[columns]\ntime_s = 't'",
+            "unknown_if_zero = [[]] is not a list of channels",
+        ),
     ],
 )
 def test_wrong_mappings(tmp_path: Path, text: str, said: str) -> None:
@@ -135,7 +154,8 @@ VESC_TOOL = (  # the line of names that vescinterface.cpp writes, with its last 
 
 @pytest.fixture
 def vesc_tool(tmp_path: Path) -> Callable[[float], Path]:
-    """A log of VESC Tool of ten seconds at 20 Hz, two controllers on one battery, by the speed at its start."""
+    """A log of VESC Tool of ten seconds at 20 Hz, two controllers on one battery, by the speed at
+    its start."""
 
     def write(speed_mps: float) -> Path:
         names = VESC_TOOL.split(";")[:-1]
@@ -175,7 +195,9 @@ def test_unknown_mapping_and_missing_mapped_column(tmp_path: Path) -> None:
         load_columns("husky")
     path = tmp_path / "run.csv"
     path.write_text("time,curL,curR,velL\n0,1,1,0\n1,1,1,0\n")
-    assert "has no column velR, which the mapping husky_borealtc names" in refusal(path, "husky_borealtc")
+    assert "has no column velR, which the mapping husky_borealtc names" in refusal(
+        path, "husky_borealtc"
+    )
 
 
 METER = """
@@ -195,7 +217,8 @@ def test_files_without_names_or_times(tmp_path: Path) -> None:
     run.write_text("\n".join(lines))
     recording = read_recording(run, tmp_path / "meter.toml", standing=True)
     assert len(recording) == 197 and recording.notes == ("3 broken lines are left out",)
-    assert recording.channels["time_s"][[0, 20, -1]] == pytest.approx([0.0, 2.1, 19.9])  # a lost line keeps its time
+    # a lost line keeps its time
+    assert recording.channels["time_s"][[0, 20, -1]] == pytest.approx([0.0, 2.1, 19.9])
     assert recording.channels["current_a"][0] == pytest.approx(0.5)
     run.write_text("\n".join(lines[:60] + ["rubbish"] * 60))
     with pytest.raises(RecordingError, match="63 of 120 lines do not hold the 3 numbers"):
@@ -209,7 +232,9 @@ def clock(tmp_path: Path, stamps: list[str]) -> Recording:
     (tmp_path / "clock.toml").write_text(
         '[columns]\ntime_s = { column = "stamp", whole_seconds = true }\npower_w = "power"\n'
     )
-    (tmp_path / "run.csv").write_text("stamp,power\n" + "".join(f"{s},{7 + i % 2}\n" for i, s in enumerate(stamps)))
+    (tmp_path / "run.csv").write_text(
+        "stamp,power\n" + "".join(f"{s},{7 + i % 2}\n" for i, s in enumerate(stamps))
+    )
     return read_recording(tmp_path / "run.csv", tmp_path / "clock.toml", standing=True)
 
 
@@ -232,13 +257,28 @@ def test_whole_seconds_are_spread(tmp_path: Path) -> None:
     ("text", "said"),
     [
         ('[columns]\npower_w = "p"', "or with sample_hz instead of it"),
-        ('sample_hz = 5\n[columns]\ntime_s = "t"\npower_w = "p"', "or with sample_hz instead of it"),
+        (
+            'sample_hz = 5\n[columns]\ntime_s = "t"\npower_w = "p"',
+            "or with sample_hz instead of it",
+        ),
         ('sample_hz = "5"\n[columns]\npower_w = "p"', "is not a finite number"),
         ('sample_hz = -5\n[columns]\npower_w = "p"', "is not between"),
-        ('sample_hz = 5\nheader = ["p", "p"]\n[columns]\npower_w = "p"', "not a list of different names"),
-        ('[columns]\ntime_s = { column = "t", whole_seconds = true }\nspeed_mps = "t"', "is the column of the stamps"),
-        ('[columns]\ntime_s = "t"\npower_w = { column = "p", whole_seconds = true }', "is for time_s only"),
-        ('[columns]\ntime_s = { column = "t", whole_seconds = true, factor = 2.0 }', "is not understood"),
+        (
+            'sample_hz = 5\nheader = ["p", "p"]\n[columns]\npower_w = "p"',
+            "not a list of different names",
+        ),
+        (
+            '[columns]\ntime_s = { column = "t", whole_seconds = true }\nspeed_mps = "t"',
+            "is the column of the stamps",
+        ),
+        (
+            '[columns]\ntime_s = "t"\npower_w = { column = "p", whole_seconds = true }',
+            "is for time_s only",
+        ),
+        (
+            '[columns]\ntime_s = { column = "t", whole_seconds = true, factor = 2.0 }',
+            "is not understood",
+        ),
     ],
 )
 def test_wrong_mappings_of_files_without_times(tmp_path: Path, text: str, said: str) -> None:

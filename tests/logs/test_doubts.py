@@ -1,4 +1,5 @@
-"""Units that pass every limit are doubted where other channels, or the values themselves, speak against them."""
+"""Units that pass every limit are doubted where other channels, or the values themselves, speak
+against them."""
 
 from collections.abc import Callable
 
@@ -22,9 +23,21 @@ def drive() -> dict[str, Array]:
 SPOILED: dict[str, tuple[str, Callable[[Array], Array], str]] = {
     "degrees": ("heading_rad", lambda values: np.degrees(values) + 270.0, "in degrees?"),
     "Fahrenheit": ("temperature_c", lambda values: 1.8 * values + 32.0, "in Fahrenheit"),
-    "charge used": ("soc", lambda values: 1.0 - values, "rises from 0.1 to 0.299 while 4.98 kJ are drawn"),
-    "Ah for A": ("current_a", lambda values: np.cumsum(values) / 7200.0, "a counter of charge (Ah)?"),
-    "Wh left": ("power_w", lambda values: 500.0 - np.cumsum(values) / 7200.0, "falls 199 times and never rises"),
+    "charge used": (
+        "soc",
+        lambda values: 1.0 - values,
+        "rises from 0.1 to 0.299 while 4.98 kJ are drawn",
+    ),
+    "Ah for A": (
+        "current_a",
+        lambda values: np.cumsum(values) / 7200.0,
+        "a counter of charge (Ah)?",
+    ),
+    "Wh left": (
+        "power_w",
+        lambda values: 500.0 - np.cumsum(values) / 7200.0,
+        "falls 199 times and never rises",
+    ),
 }
 
 
@@ -52,4 +65,5 @@ def test_a_drive_as_it_should_be_has_no_doubts() -> None:
     charged = drive()["soc"].copy()
     charged[100:] += 0.5  # a battery that was swapped
     assert doubts({**drive(), "soc": charged}) == {}
-    assert doubts({"time_s": drive()["time_s"], "soc": 1.0 - drive()["soc"]}) == {}  # nothing shows that it is drawn
+    # nothing shows that it is drawn
+    assert doubts({"time_s": drive()["time_s"], "soc": 1.0 - drive()["soc"]}) == {}

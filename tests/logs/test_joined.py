@@ -1,4 +1,5 @@
-"""Several tables of one run, as one file a topic is written, are one recording: on one clock, and said."""
+"""Several tables of one run, as one file a topic is written, are one recording: on one clock, and
+said."""
 
 from pathlib import Path
 
@@ -26,25 +27,42 @@ def two_tables(folder: Path, motion_start_s: float, battery_start_s: float) -> s
     t, speed = motion(motion_start_s)
     pd.DataFrame({"time_s": t, "speed_mps": speed}).to_csv(folder / "odom.csv", index=False)
     t, current = battery(battery_start_s)
-    pd.DataFrame({"time_s": t, "voltage_v": 24.0, "current_a": current}).to_csv(folder / "bat.csv", index=False)
+    pd.DataFrame({"time_s": t, "voltage_v": 24.0, "current_a": current}).to_csv(
+        folder / "bat.csv", index=False
+    )
     return f"{folder}/odom.csv+{folder}/bat.csv"
 
 
 def test_two_tables_on_one_clock_are_one_run(tmp_path: Path) -> None:
     recording = read_recording(two_tables(tmp_path, START_S, START_S))
     assert recording.name == f"{tmp_path}/odom.csv+bat.csv" and len(recording) == 120
-    assert "tables of one run are joined: speed_mps from odom.csv; voltage_v, current_a from bat.csv" in recording.notes
-    assert "times of odom.csv and bat.csv overlap by 59.5 s: assumed to be of one clock" in recording.notes
+    assert (
+        "tables of one run are joined: speed_mps from odom.csv; voltage_v, current_a from bat.csv"
+        in recording.notes
+    )
+    assert (
+        "times of odom.csv and bat.csv overlap by 59.5 s: assumed to be of one clock"
+        in recording.notes
+    )
     since_s = recording.channels["time_s"] - START_S
-    assert np.allclose(recording.channels["speed_mps"], 0.5 + 0.3 * np.sin(0.2 * since_s), atol=2e-3)
+    assert np.allclose(
+        recording.channels["speed_mps"], 0.5 + 0.3 * np.sin(0.2 * since_s), atol=2e-3
+    )
 
 
 def test_tables_of_different_clocks_are_taken_to_start_together_or_refused(tmp_path: Path) -> None:
     recording = read_recording(two_tables(tmp_path, 0.0, 5000.0))
-    assert any("bat.csv is another: it is taken to start together with odom.csv" in note for note in recording.notes)
-    with pytest.raises(RecordingError, match=r"not recorded at the same time: 5000\.05 s lie between their starts"):
+    assert any(
+        "bat.csv is another: it is taken to start together with odom.csv" in note
+        for note in recording.notes
+    )
+    with pytest.raises(
+        RecordingError, match=r"not recorded at the same time: 5000\.05 s lie between their starts"
+    ):
         read_recording(two_tables(tmp_path, START_S, START_S + 5000.0))
-    with pytest.raises(RecordingError, match=r"speed_mps is in odom\.csv and in odom\.csv; name one"):
+    with pytest.raises(
+        RecordingError, match=r"speed_mps is in odom\.csv and in odom\.csv; name one"
+    ):
         read_recording(f"{tmp_path}/odom.csv+{tmp_path}/odom.csv")
     with pytest.raises(RecordingError, match=r"no\.csv: no such file"):
         read_recording(f"{tmp_path}/odom.csv+{tmp_path}/no.csv")
@@ -57,7 +75,9 @@ def test_tables_of_different_clocks_are_taken_to_start_together_or_refused(tmp_p
 def test_a_robot_that_stood_needs_no_motion_in_any_of_its_tables(tmp_path: Path) -> None:
     t = np.arange(0.0, 60.0, 0.5)
     pd.DataFrame({"time_s": t, "voltage_v": 24.0}).to_csv(tmp_path / "a.csv", index=False)
-    pd.DataFrame({"time_s": t, "current_a": 1.0 + np.sin(t)}).to_csv(tmp_path / "b.csv", index=False)
+    pd.DataFrame({"time_s": t, "current_a": 1.0 + np.sin(t)}).to_csv(
+        tmp_path / "b.csv", index=False
+    )
     both = f"{tmp_path}/a.csv+{tmp_path}/b.csv"
     assert not read_recording(both, standing=True).channels["speed_mps"].any()
     with pytest.raises(RecordingError, match="has no motion channel"):
@@ -67,7 +87,9 @@ def test_a_robot_that_stood_needs_no_motion_in_any_of_its_tables(tmp_path: Path)
 def test_one_file_a_topic_of_rostopic_echo(tmp_path: Path) -> None:
     t, speed = motion()
     field = "field.twist.twist.linear.x"
-    pd.DataFrame({"%time": np.int64(t * 1e9), field: speed}).to_csv(tmp_path / "odom.csv", index=False)
+    pd.DataFrame({"%time": np.int64(t * 1e9), field: speed}).to_csv(
+        tmp_path / "odom.csv", index=False
+    )
     t, current = battery()
     table = {"%time": np.int64(t * 1e9), "field.voltage": 24.0, "field.current": -current}
     pd.DataFrame(table).to_csv(tmp_path / "bat.csv", index=False)
@@ -95,9 +117,16 @@ def test_one_file_a_topic_of_ros2_topic_echo(tmp_path: Path) -> None:
     ]
     (tmp_path / "bat.csv").write_text("\n".join(states))
     both = f"{tmp_path}/odom.csv+{tmp_path}/bat.csv"
-    with pytest.raises(RecordingError, match=r"has no line of names .* are ros2_echo_odometry and ros2_echo_battery"):
+    with pytest.raises(
+        RecordingError,
+        match=r"has no line of names .* are ros2_echo_odometry and ros2_echo_battery",
+    ):
         read_recording(both)
     recording = read_recording(both, "ros2_echo_odometry+ros2_echo_battery")
-    assert len(recording) == 120 and {*recording.channels} >= {"speed_mps", "yaw_rate_radps", "current_a"}
+    assert len(recording) == 120 and {*recording.channels} >= {
+        "speed_mps",
+        "yaw_rate_radps",
+        "current_a",
+    }
     with pytest.raises(RecordingError, match="2 tables are joined by 3 mappings"):
         read_recording(both, "a.toml+b.toml+c.toml")

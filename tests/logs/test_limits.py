@@ -1,4 +1,5 @@
-"""Small files that would take gigabytes or never end are refused; memory is measured in a process of its own."""
+"""Small files that would take gigabytes or never end are refused; memory is measured in a process
+of its own."""
 
 from __future__ import annotations
 
@@ -100,12 +101,16 @@ def a_chunk_of_bz2(folder: Path) -> Path:
     fields = (b"op=\x05", b"compression=bz2", b"size=\xff\xff\xff\x7f")
     head = b"".join(TEXT(len(one)) + one for one in fields)
     content = bz2.compress(ZEROS)
-    path.write_bytes(bag[:first] + TEXT(len(head)) + head + TEXT(len(content)) + content + bag[first:])
+    path.write_bytes(
+        bag[:first] + TEXT(len(head)) + head + TEXT(len(content)) + content + bag[first:]
+    )
     return path
 
 
 def a_whole_file(folder: Path) -> Path:
-    path = write_bag(folder / "file", "mcap", {"/odom": Stream(ODOMETRY, np.arange(9.0), {})}, "file")
+    path = write_bag(
+        folder / "file", "mcap", {"/odom": Stream(ODOMETRY, np.arange(9.0), {})}, "file"
+    )
     (file,) = path.glob("*.zstd")
     file.write_bytes(zstd.compress(ZEROS))
     return path
@@ -115,7 +120,9 @@ def a_message(folder: Path) -> Path:
     path = folder / "message"
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.write(
-            writer.add_connection("/odom", ODOMETRY, msgdef="float64 x", rihs01="RIHS01_0"), 1, zstd.compress(ZEROS)
+            writer.add_connection("/odom", ODOMETRY, msgdef="float64 x", rihs01="RIHS01_0"),
+            1,
+            zstd.compress(ZEROS),
         )
     about = path / "metadata.yaml"
     about.write_text(about.read_text().replace("compression_format: ''", "compression_format: zstd")
@@ -125,7 +132,10 @@ def a_message(folder: Path) -> Path:
 
 def topics(folder: Path) -> Path:
     path = folder / "topics.mcap"
-    channels = (record(4, struct.pack("<HH", i, 0) + text(f"/{i}") + text("cdr") + bytes(4)) for i in range(60_000))
+    channels = (
+        record(4, struct.pack("<HH", i, 0) + text(f"/{i}") + text("cdr") + bytes(4))
+        for i in range(60_000)
+    )
     path.write_bytes(mcap(*channels))
     return path
 
@@ -146,20 +156,34 @@ def fields_of_fields(folder: Path) -> Path:
     def message(kind: str, content: bytes) -> bytes:
         return struct.pack("<HB", len(content), ord(kind)) + content
 
-    formats = [f"a{i}:a{i + 1}[10] x;" for i in range(12)] + ["a12:float x;", "battery_status:uint64_t timestamp;a0 x;"]
-    added = message("A", struct.pack("<BH", 0, 0) + b"battery_status"), message("D", struct.pack("<HQ", 0, 5))
+    formats = [f"a{i}:a{i + 1}[10] x;" for i in range(12)] + [
+        "a12:float x;",
+        "battery_status:uint64_t timestamp;a0 x;",
+    ]
+    added = (
+        message("A", struct.pack("<BH", 0, 0) + b"battery_status"),
+        message("D", struct.pack("<HQ", 0, 5)),
+    )
     path = folder / "fields.ulg"
     definitions = (message("F", one.encode()) for one in formats)
-    path.write_bytes(b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1) + b"".join([*definitions, *added]))
+    path.write_bytes(
+        b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1) + b"".join([*definitions, *added])
+    )
     return path
 
 
 def a_text_in_each_row(folder: Path) -> Path:
     path = folder / "text.parquet"
     rows = 65_536
-    times = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, np.int32)), pa.array(["x" * 200_000]))
+    times = pa.DictionaryArray.from_arrays(
+        pa.array(np.zeros(rows, np.int32)), pa.array(["x" * 200_000])
+    )
     numbers = np.ones(rows)
-    pq.write_table(pa.table({"time_s": times, "speed_mps": numbers, "power_w": numbers}), path, store_schema=False)
+    pq.write_table(
+        pa.table({"time_s": times, "speed_mps": numbers, "power_w": numbers}),
+        path,
+        store_schema=False,
+    )
     return path
 
 
@@ -197,11 +221,14 @@ SMALL: dict[Callable[[Path], Path], str] = {
 
 @pytest.fixture(scope="module")
 def ended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, float, float]]:
-    """What was said of each file, the time in s and the further memory in MB, by one process for all."""
+    """What was said of each file, the time in s and the further memory in MB, by one process for
+    all."""
     if sys.platform != "linux":
         pytest.skip("the memory of a process is read as Linux gives it")
     paths = {make.__name__: str(make(tmp_path_factory.mktemp("small"))) for make in SMALL}
-    done = subprocess.run([sys.executable, "-c", READ, *paths.values()], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", READ, *paths.values()], capture_output=True, text=True, check=True
+    )
     said = json.loads(done.stdout)
     return {name: said[path] for name, path in paths.items()}
 

@@ -1,4 +1,5 @@
-"""Logs as recorders leave them: parts, clocks that begin again, other encodings, no schema. Each is said."""
+"""Logs as recorders leave them: parts, clocks that begin again, other encodings, no schema. Each is
+said."""
 
 from __future__ import annotations
 
@@ -66,7 +67,10 @@ def test_stamps_that_go_back_are_replaced_by_the_time_of_receipt() -> None:
 @pytest.mark.parametrize("schema", ["other", "empty", "none"])
 def test_topics_of_an_mcap_file_without_a_schema_of_ros(tmp_path: Path, schema: str) -> None:
     other = record(3, struct.pack("<H", 9) + text("Status") + text("jsonschema") + text("{}"))
-    records = [other, record(4, struct.pack("<HH", 9, 9) + text("/status") + text("json") + bytes(4))]
+    records = [
+        other,
+        record(4, struct.pack("<HH", 9, 9) + text("/status") + text("json") + bytes(4)),
+    ]
     records *= schema == "other"
     with Reader(drive(tmp_path)) as bag:
         numbers = {name: number for number, name in enumerate(KINDS, start=1)}
@@ -74,13 +78,25 @@ def test_topics_of_an_mcap_file_without_a_schema_of_ros(tmp_path: Path, schema: 
             number = numbers[connection.topic]
             definition = text("ros2msg") + text("" if schema == "empty" else connection.msgdef.data)
             if schema != "none":
-                records.append(record(3, struct.pack("<H", number) + text(connection.msgtype) + definition))
+                records.append(
+                    record(3, struct.pack("<H", number) + text(connection.msgtype) + definition)
+                )
             of_schema = 0 if schema == "none" else number
             records.append(
-                record(4, struct.pack("<HH", number, of_schema) + text(connection.topic) + text("cdr") + bytes(4))
+                record(
+                    4,
+                    struct.pack("<HH", number, of_schema)
+                    + text(connection.topic)
+                    + text("cdr")
+                    + bytes(4),
+                )
             )
         for connection, at_ns, content in bag.messages():
-            records.append(record(5, struct.pack("<HIQQ", numbers[connection.topic], 0, at_ns, at_ns) + content))
+            records.append(
+                record(
+                    5, struct.pack("<HIQQ", numbers[connection.topic], 0, at_ns, at_ns) + content
+                )
+            )
     path = tmp_path / "run.mcap"
     path.write_bytes(mcap(*records))
     if schema == "none":
@@ -90,7 +106,10 @@ def test_topics_of_an_mcap_file_without_a_schema_of_ros(tmp_path: Path, schema: 
             "/odom": 'speed_mps = "twist.twist.linear.x"',
             "/battery": 'voltage_v = "voltage"\ncurrent_a = "current"',
         }
-        entries = (f'[[topics]]\nname = "{name}"\ntype = "{KINDS[name]}"\n{text_}\n' for name, text_ in fields.items())
+        entries = (
+            f'[[topics]]\nname = "{name}"\ntype = "{KINDS[name]}"\n{text_}\n'
+            for name, text_ in fields.items()
+        )
         (tmp_path / "map.toml").write_text("".join(entries))
         read = read_recording(path, tmp_path / "map.toml")
     else:
@@ -108,7 +127,9 @@ def test_topics_of_an_mcap_file_without_a_schema_of_ros(tmp_path: Path, schema: 
         ("a.geojson", "gpsbabel"), ("a.gpx", "homeward routes"), ("a.xlsx", "save it as CSV"), ("a.zip", "unpack it"),
     ],
 )  # fmt: skip
-def test_what_is_no_recording_is_refused_with_the_remedy(tmp_path: Path, name: str, remedy: str) -> None:
+def test_what_is_no_recording_is_refused_with_the_remedy(
+    tmp_path: Path, name: str, remedy: str
+) -> None:
     (tmp_path / name).write_bytes(b"content")
     with pytest.raises(RecordingError, match=remedy):
         read_recording(tmp_path / name)

@@ -72,13 +72,18 @@ TABLES = {
 def test_what_is_proposed_reads_as_the_truth(tmp_path: Path, case: str) -> None:
     columns = TABLES[case]
     table = pd.DataFrame(
-        {name: TRUTH[channel] * factor + offset for name, (channel, factor, offset) in columns.items()}
+        {
+            name: TRUTH[channel] * factor + offset
+            for name, (channel, factor, offset) in columns.items()
+        }
     )
     table = table.assign(remark="ok", temp_fet=31.5, avg_motor_current=9.0)
     path, mapping = tmp_path / "run.csv", tmp_path / "map.toml"
     table.to_csv(path, index=False)
     proposal = propose(path)
-    assert {one.column: one.channel for one in proposal.guesses} == {name: to[0] for name, to in columns.items()}
+    assert {one.column: one.channel for one in proposal.guesses} == {
+        name: to[0] for name, to in columns.items()
+    }
     assert list(proposal.left_over) == ["remark", "temp_fet", "avg_motor_current"]
     mapping.write_text(proposal.toml())
     channels = read_recording(path, mapping).channels
@@ -87,7 +92,9 @@ def test_what_is_proposed_reads_as_the_truth(tmp_path: Path, case: str) -> None:
 
 
 def test_how_sure_it_is_says_why(tmp_path: Path) -> None:
-    table = pd.DataFrame({"time_s": TRUTH.time_s, "Speed": TRUTH.speed_mps, "current": -TRUTH.current_a})
+    table = pd.DataFrame(
+        {"time_s": TRUTH.time_s, "Speed": TRUTH.speed_mps, "current": -TRUTH.current_a}
+    )
     table.to_csv(tmp_path / "run.csv", index=False)
     by_channel = {one.channel: one for one in propose(tmp_path / "run.csv").guesses}
     assert [by_channel[name].sure for name in ("time_s", "speed_mps", "current_a")] == [0, 1, 2]
@@ -95,7 +102,9 @@ def test_how_sure_it_is_says_why(tmp_path: Path) -> None:
 
 
 def test_one_of_several_by_its_number_is_only_a_guess(tmp_path: Path) -> None:
-    table = pd.DataFrame({"time_s": TRUTH.time_s, "speed1 [m/s]": TRUTH.speed_mps, "voltage [V]": TRUTH.voltage_v})
+    table = pd.DataFrame(
+        {"time_s": TRUTH.time_s, "speed1 [m/s]": TRUTH.speed_mps, "voltage [V]": TRUTH.voltage_v}
+    )
     table.to_csv(tmp_path / "run.csv", index=False)
     written = propose(tmp_path / "run.csv").toml()
     (line,) = (line for line in written.splitlines() if "speed1" in line)
@@ -103,10 +112,12 @@ def test_one_of_several_by_its_number_is_only_a_guess(tmp_path: Path) -> None:
 
 
 def test_dates_and_decimal_commas(tmp_path: Path) -> None:
-    stamps = [(pd.Timestamp("2024-05-01") + pd.Timedelta(seconds=one)).isoformat() for one in TRUTH.time_s]
-    table = TRUTH.rename(columns={"speed_mps": "Geschwindigkeit speed (m/s)", "voltage_v": "U Spannung (V)"}).assign(
-        Date=stamps
-    )
+    stamps = [
+        (pd.Timestamp("2024-05-01") + pd.Timedelta(seconds=one)).isoformat() for one in TRUTH.time_s
+    ]
+    table = TRUTH.rename(
+        columns={"speed_mps": "Geschwindigkeit speed (m/s)", "voltage_v": "U Spannung (V)"}
+    ).assign(Date=stamps)
     path = tmp_path / "run.csv"
     table.drop(columns="time_s").to_csv(path, index=False, sep=";", decimal=",")
     proposal = propose(path)
@@ -123,7 +134,8 @@ def test_a_parquet_file_of_the_schema_is_its_own_mapping(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "content"), [("run.bag", b"x"), ("none.csv", None), ("run.csv", b"\x00\x01\x02"), ("e.csv", b"")]
+    ("name", "content"),
+    [("run.bag", b"x"), ("none.csv", None), ("run.csv", b"\x00\x01\x02"), ("e.csv", b"")],
 )
 def test_what_is_no_table_is_refused(tmp_path: Path, name: str, content: bytes | None) -> None:
     if content is not None:
@@ -140,7 +152,11 @@ def test_names_that_are_no_toml_are_quoted(tmp_path: Path) -> None:
 
 
 def test_a_line_of_units_tells_the_units(tmp_path: Path) -> None:
-    rows = TRUTH[["time_s", "speed_mps", "current_a"]].mul([1e3, 3.6, 1.0]).to_csv(index=False, header=False)
+    rows = (
+        TRUTH[["time_s", "speed_mps", "current_a"]]
+        .mul([1e3, 3.6, 1.0])
+        .to_csv(index=False, header=False)
+    )
     (tmp_path / "run.csv").write_text("time,speed,current\nms,km/h,A\n" + rows)
     factors = {one.channel: one.factor for one in propose(tmp_path / "run.csv").guesses}
     assert factors == {"time_s": 1e-3, "speed_mps": pytest.approx(1 / 3.6), "current_a": 1.0}
@@ -148,14 +164,19 @@ def test_a_line_of_units_tells_the_units(tmp_path: Path) -> None:
 
 def test_a_channel_that_is_negative_is_turned(tmp_path: Path) -> None:
     TRUTH.assign(current_a=-TRUTH["current_a"]).to_csv(tmp_path / "run.csv", index=False)
-    (current,) = (one for one in propose(tmp_path / "run.csv").guesses if one.channel == "current_a")
+    (current,) = (
+        one for one in propose(tmp_path / "run.csv").guesses if one.channel == "current_a"
+    )
     assert (current.factor, current.sure) == (-1.0, 2)
 
 
 @pytest.mark.parametrize("stamp", ["6024-05-01T12:00:00", "05/01/2024 12:00:00 PM"])
 def test_dates_that_are_none_are_left_over_with_the_reason(tmp_path: Path, stamp: str) -> None:
     TRUTH.assign(time=stamp).drop(columns="time_s").to_csv(tmp_path / "run.csv", index=False)
-    assert "neither numbers nor times such as 2024-05-01T" in propose(tmp_path / "run.csv").left_over["time"]
+    assert (
+        "neither numbers nor times such as 2024-05-01T"
+        in propose(tmp_path / "run.csv").left_over["time"]
+    )
 
 
 def test_what_a_program_wrote_goes_by_its_mapping(tmp_path: Path) -> None:
@@ -171,7 +192,9 @@ def test_what_a_program_wrote_goes_by_its_mapping(tmp_path: Path) -> None:
     assert "speed_meters_per_sec" in propose(tmp_path / "run.csv").left_over
 
 
-@pytest.mark.parametrize("other", [["a [A]", "b [A]"], ["Motor [A]"], ["leg (a)"], ["i_x"], ["Irradiance [W/m2]"]])
+@pytest.mark.parametrize(
+    "other", [["a [A]", "b [A]"], ["Motor [A]"], ["leg (a)"], ["i_x"], ["Irradiance [W/m2]"]]
+)
 def test_a_unit_that_may_be_of_anything_proposes_nothing(tmp_path: Path, other: list[str]) -> None:
     table = TRUTH[["time_s", "speed_mps"]].assign(**dict.fromkeys(other, TRUTH.current_a))
     table.to_csv(tmp_path / "run.csv", index=False)
@@ -180,7 +203,9 @@ def test_a_unit_that_may_be_of_anything_proposes_nothing(tmp_path: Path, other: 
 
 
 def test_a_letter_or_a_unit_is_only_a_guess(tmp_path: Path) -> None:
-    rows = TRUTH[["time_s", "speed_mps", "current_a", "voltage_v"]].to_csv(index=False, header=False)
+    rows = TRUTH[["time_s", "speed_mps", "current_a", "voltage_v"]].to_csv(
+        index=False, header=False
+    )
     (tmp_path / "run.csv").write_text("time,speed,i,pack\ns,m/s,A,V\n" + rows)
     sure = {one.channel: one.sure for one in propose(tmp_path / "run.csv").guesses}
     assert (sure["current_a"], sure["voltage_v"]) == (2, 2)
@@ -205,7 +230,9 @@ def test_a_letter_or_a_unit_is_only_a_guess(tmp_path: Path) -> None:
 def test_what_is_no_measurement_of_a_channel_is_not_proposed(
     tmp_path: Path, columns: tuple[str, ...], channel: str, right: str | None
 ) -> None:
-    table = pd.DataFrame({"time_s": np.arange(100.0), **{name: 1.0 + np.arange(100) % 7 / 10.0 for name in columns}})
+    table = pd.DataFrame(
+        {"time_s": np.arange(100.0), **{name: 1.0 + np.arange(100) % 7 / 10.0 for name in columns}}
+    )
     table.to_csv(tmp_path / "run.csv", index=False)
     chosen = {one.channel: one.column for one in propose(tmp_path / "run.csv").guesses}
     assert chosen.get(channel) == right
@@ -219,7 +246,9 @@ def test_a_date_and_the_time_of_day_are_joined(tmp_path: Path) -> None:
     proposal = propose(path)
     (tmp_path / "map.toml").write_text(proposal.toml())
     read = read_recording(path, tmp_path / "map.toml")
-    assert read.duration_s == pytest.approx(49.0) and read.channels["time_s"][0] == pytest.approx(1777629600.5)
+    assert read.duration_s == pytest.approx(49.0) and read.channels["time_s"][0] == pytest.approx(
+        1777629600.5
+    )
     assert read.channels["soc"][0] == 0.9 and read.channels["current_a"][0] == 1.5
 
 
@@ -237,17 +266,33 @@ def test_tables_of_one_run_get_a_mapping_each_that_reads_them_together(
     names = {"time_s": "Time [ms]", "speed_mps": "Velocity [km/h]", "voltage_v": "batt"}
     odometry = TRUTH[[*names]] * {"time_s": 1e3, "speed_mps": 3.6, "voltage_v": 1.0}
     odometry.rename(columns=names).to_csv(tmp_path / "odom.csv", index=False)
-    names = {"time_s": "t", "voltage_v": "Voltage (V)", "current_a": "Current (mA)", "speed_mps": "v"}
-    battery = TRUTH[[*names]][::5] * {"time_s": 1.0, "voltage_v": 1.0, "current_a": 1e3, "speed_mps": 1.0}
+    names = {
+        "time_s": "t",
+        "voltage_v": "Voltage (V)",
+        "current_a": "Current (mA)",
+        "speed_mps": "v",
+    }
+    battery = TRUTH[[*names]][::5] * {
+        "time_s": 1.0,
+        "voltage_v": 1.0,
+        "current_a": 1e3,
+        "speed_mps": 1.0,
+    }
     battery.rename(columns=names).to_csv(tmp_path / "bat.csv", index=False)
     both = Path(f"{tmp_path}/odom.csv+{tmp_path}/bat.csv")
     written = Path(f"{tmp_path}/odom.toml+{tmp_path}/bat.toml")
     first, second = main(Args(both, out=written))
     assert [guess.channel for guess in first.guesses] == ["time_s", "speed_mps"]
     assert [guess.channel for guess in second.guesses] == ["time_s", "voltage_v", "current_a"]
-    assert second.left_over["v"] == " (could be speed_mps, for which Velocity [km/h] of odom.csv is used)"
+    assert (
+        second.left_over["v"]
+        == " (could be speed_mps, for which Velocity [km/h] of odom.csv is used)"
+    )
     said = " ".join(capsys.readouterr().out.split())
-    assert "With it the file reads: 120 samples over 59.5 s." in said and f"--columns {written}" in said
+    assert (
+        "With it the file reads: 120 samples over 59.5 s." in said
+        and f"--columns {written}" in said
+    )
     recording = read_recording(both, str(written))
     np.testing.assert_allclose(recording.channels["current_a"], TRUTH["current_a"][::5], atol=1e-9)
     main(Args(both))

@@ -1,4 +1,5 @@
-"""Recordings are read whole or refused in one line that says what is wrong, where, and what to do."""
+"""Recordings are read whole or refused in one line that says what is wrong, where, and what to
+do."""
 
 import gzip
 import io
@@ -17,14 +18,20 @@ from tests.logs.refused import Write, refusal
 finite = st.floats(-60.0, 60.0, allow_subnormal=False)
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     speed=st.lists(finite, min_size=2, max_size=30),
     kind=st.sampled_from([".csv", ".csv.gz", ".parquet"]),
     step=st.floats(0.01, 5.0),
 )
-def test_every_format_gives_back_what_was_written(tmp_path: Path, speed: list[float], kind: str, step: float) -> None:
-    table = pd.DataFrame({"time_s": np.arange(len(speed)) * step, "speed_mps": speed, "power_w": np.abs(speed)})
+def test_every_format_gives_back_what_was_written(
+    tmp_path: Path, speed: list[float], kind: str, step: float
+) -> None:
+    table = pd.DataFrame(
+        {"time_s": np.arange(len(speed)) * step, "speed_mps": speed, "power_w": np.abs(speed)}
+    )
     path = tmp_path / f"run{kind}"
     table.to_parquet(path) if kind == ".parquet" else table.to_csv(path, index=False)
     channels = read_recording(path).channels
@@ -32,7 +39,9 @@ def test_every_format_gives_back_what_was_written(tmp_path: Path, speed: list[fl
         np.testing.assert_allclose(channels[str(name)], table[name], rtol=1e-12)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(junk=st.binary(max_size=300), kind=st.sampled_from([".csv", ".csv.gz", ".parquet"]))
 def test_junk_never_raises_anything_else(tmp_path: Path, junk: bytes, kind: str) -> None:
     path = tmp_path / f"junk{kind}"
@@ -80,7 +89,9 @@ def test_time_must_increase(table: pd.DataFrame, csv: Write) -> None:
     assert "time_s in row 101 is missing" in refusal(csv(table))
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")]
+)
 def test_time_in_another_unit(table: pd.DataFrame, csv: Write, factor: float, unit: str) -> None:
     table["time_s"] *= factor
     assert f"looks like {unit}" in refusal(csv(table))
@@ -108,7 +119,9 @@ def test_standard_input(table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) ->
     assert refusal(Path("-")).startswith("standard input: has no column time_s")
 
 
-def test_a_parquet_file_of_too_many_rows(tmp_path: Path, table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_parquet_file_of_too_many_rows(
+    tmp_path: Path, table: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
+) -> None:
     table.to_parquet(tmp_path / "run.parquet")
     monkeypatch.setattr("homeward.logs.limits.MOST_ROWS", 100)
     assert "more than 100 rows" in refusal(tmp_path / "run.parquet")
@@ -133,7 +146,11 @@ def test_current_in_milliamperes_shows_against_power(table: pd.DataFrame, csv: W
 
 def test_text_and_infinity_in_a_cell(table: pd.DataFrame, csv: Write) -> None:
     assert "power_w in row 4 is 'n/k', not a number" in refusal(
-        csv(table.astype({"power_w": object}).assign(power_w=lambda t: t.power_w.where(t.index != 3, "n/k")))
+        csv(
+            table.astype({"power_w": object}).assign(
+                power_w=lambda t: t.power_w.where(t.index != 3, "n/k")
+            )
+        )
     )
     table.loc[3, "power_w"] = np.inf
     assert "power_w in row 4 is infinite" in refusal(csv(table))
@@ -172,5 +189,9 @@ def test_a_table_with_a_row_for_each_topic_is_aligned_as_bags_are(
         "power and motion stand in different rows: faster columns are averaged at the times of the slower",
     )
     now = read.channels["time_s"]
-    np.testing.assert_allclose(read.channels["speed_mps"], np.interp(now, table.time_s, table.speed_mps), atol=1e-3)
-    np.testing.assert_allclose(read.channels["power_w"], np.interp(now, power.time_s, power.power_w))
+    np.testing.assert_allclose(
+        read.channels["speed_mps"], np.interp(now, table.time_s, table.speed_mps), atol=1e-3
+    )
+    np.testing.assert_allclose(
+        read.channels["power_w"], np.interp(now, power.time_s, power.power_w)
+    )

@@ -1,4 +1,5 @@
-"""Text tables of unknown format: inferred from their beginning, read in pieces, refused where they are broken."""
+"""Text tables of unknown format: inferred from their beginning, read in pieces, refused where they
+are broken."""
 
 import gzip
 from pathlib import Path
@@ -22,7 +23,12 @@ def written(folder: Path, text: str, encoding: str = "utf-8") -> Path:
 def test_the_format_is_that_of_the_beginning(tmp_path: Path) -> None:
     found = sniff(written(tmp_path, "# logger\nt;v°\ns;m/s\n0,5;1,25\n1,0;-2,5e1\n", "cp1252"))
     assert (found.header, found.units) == (["t", "v°"], ("s", "m/s"))
-    assert (found.separator, found.decimal, found.encoding, found.skipped) == (";", ",", "cp1252", (0, 2))
+    assert (found.separator, found.decimal, found.encoding, found.skipped) == (
+        ";",
+        ",",
+        "cp1252",
+        (0, 2),
+    )
     (piece,) = found.pieces(["v°", "t"])
     assert piece.to_dict("list") == {"v°": [1.25, -25.0], "t": [0.5, 1.0]}
     assert found.notes == (
@@ -75,7 +81,10 @@ def test_pieces_count_their_rows_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         (b" \n\n", "holds no samples"),
         (b"a,b\n1,\x002\n", "is not text but binary data"),
         (b"\xff\xfea\x00\x00", "is not text but binary data"),
-        (b"a,b\n1,2,3\n", r"row 1 has 3 cells, the header 2; numbers with decimal commas need another separator"),
+        (
+            b"a,b\n1,2,3\n",
+            r"row 1 has 3 cells, the header 2; numbers with decimal commas need another separator",
+        ),
         (b"a;b\n1;2;3\n", r"row 1 has 3 cells, the header 2$"),
     ],
 )
@@ -110,7 +119,10 @@ def test_limits_of_bytes_and_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     ):
         file.read()
     monkeypatch.setattr(limits, "MOST_BYTES", 100)
-    with pytest.raises(RecordingError, match="GB, unpacked; cut it"), opened(written(tmp_path, "a\n" * 51)) as file:
+    with (
+        pytest.raises(RecordingError, match="GB, unpacked; cut it"),
+        opened(written(tmp_path, "a\n" * 51)) as file,
+    ):
         file.read()
 
 
@@ -141,7 +153,9 @@ def test_tables_as_other_programs_write_them(
     table: pd.DataFrame, tmp_path: Path, separator: str, decimal: str, encoding: str
 ) -> None:
     path = tmp_path / "run.csv"
-    table.assign(**{"Temp °C": 20.5}).to_csv(path, sep=separator, decimal=decimal, encoding=encoding, index=False)
+    table.assign(**{"Temp °C": 20.5}).to_csv(
+        path, sep=separator, decimal=decimal, encoding=encoding, index=False
+    )
     recording = read_recording(path)
     for name in table:
         np.testing.assert_allclose(recording.channels[str(name)], table[name], rtol=1e-12)
@@ -152,20 +166,32 @@ def test_tables_as_other_programs_write_them(
 @pytest.mark.parametrize(
     ("head", "notes"),
     [
-        ("# logger 3.1\n#\ntime_s,speed_mps,power_w\n", "2 lines of comment before the names left out"),
+        (
+            "# logger 3.1\n#\ntime_s,speed_mps,power_w\n",
+            "2 lines of comment before the names left out",
+        ),
         ("# time_s,speed_mps,power_w\n", ""),  # as numpy.savetxt writes it
         ("# logger\n# time_s,speed_mps,power_w\n", "1 line of comment before the names left out"),
         ("time_s,speed_mps,power_w\ns,m/s,W\n", "the line of units after the names left out"),
-        ("# a\ntime_s,speed_mps,power_w\n[s],[m/s],[W]\n", "left out, the line of units after the names left out"),
+        (
+            "# a\ntime_s,speed_mps,power_w\n[s],[m/s],[W]\n",
+            "left out, the line of units after the names left out",
+        ),
     ],
 )
-def test_comments_and_units_around_the_names(table: pd.DataFrame, tmp_path: Path, head: str, notes: str) -> None:
+def test_comments_and_units_around_the_names(
+    table: pd.DataFrame, tmp_path: Path, head: str, notes: str
+) -> None:
     path = tmp_path / "run.csv"
     rows = table[["time_s", "speed_mps", "power_w"]].to_csv(index=False, header=False)
     path.write_text(head + rows)
     recording = read_recording(path)
     np.testing.assert_allclose(recording.channels["power_w"], table["power_w"], rtol=1e-12)
-    assert len(recording) == 600 and notes in "".join(recording.notes) and bool(notes) == bool(recording.notes)
+    assert (
+        len(recording) == 600
+        and notes in "".join(recording.notes)
+        and bool(notes) == bool(recording.notes)
+    )
 
 
 def test_cells_between_spaces(table: pd.DataFrame, tmp_path: Path) -> None:
@@ -186,7 +212,9 @@ def test_a_name_with_spaces_is_one_name(table: pd.DataFrame, tmp_path: Path) -> 
 
 def test_commas_for_both_cells_and_decimals_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    path.write_text("time_s,speed_mps,power_w\n" + "".join(f"0,{row},1,0,5,5\n" for row in range(9)))
+    path.write_text(
+        "time_s,speed_mps,power_w\n" + "".join(f"0,{row},1,0,5,5\n" for row in range(9))
+    )
     assert "row 1 has 6 cells, the header 3; numbers with decimal commas" in refusal(path)
 
 

@@ -35,7 +35,17 @@ def test_a_missing_date_stays_missing() -> None:
 
 
 @pytest.mark.parametrize(
-    "column", [[1.0, 2.0], [], ["now"], ["1970-01-01", "today"], ["05/01/2024"], ["12:00"], ["12:00:00", "x"], [None]]
+    "column",
+    [
+        [1.0, 2.0],
+        [],
+        ["now"],
+        ["1970-01-01", "today"],
+        ["05/01/2024"],
+        ["12:00"],
+        ["12:00:00", "x"],
+        [None],
+    ],
 )
 def test_what_is_no_text_of_a_time_is_none(column: list[object]) -> None:
     assert from_text(pd.Series(column)) is None
@@ -50,9 +60,12 @@ def test_counts_since_1970_are_seconds(unit: str | None, factor: float, first_s:
     assert said == unit
 
 
-@pytest.mark.parametrize("time_s", [[0.0, 0.1, 0.2], [], [1e5, 1e5 + 1.0], [1.7e9, 1.7e9 + 1000.0, 1.7e9 + 2000.0]])
+@pytest.mark.parametrize(
+    "time_s", [[0.0, 0.1, 0.2], [], [1e5, 1e5 + 1.0], [1.7e9, 1.7e9 + 1000.0, 1.7e9 + 2000.0]]
+)
 def test_other_times_stay_as_they_are(time_s: list[float]) -> None:
-    """From the start of a drive or of a computer, none at all, and with steps of a quarter of an hour."""
+    """From the start of a drive or of a computer, none at all, and with steps of a quarter of an
+    hour."""
     found, said = from_epoch(np.array(time_s))
     assert found.tolist() == time_s and said is None
 
@@ -70,18 +83,22 @@ def test_the_median_step_is_that_of_most_samples() -> None:
 @pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
 def test_time_since_1970(table: pd.DataFrame, csv: Write, factor: float, unit: str) -> None:
     since_s = table["time_s"].copy()
-    table["time_s"] = (factor * since_s).round(9).astype("int64" if factor > 1.0 else float) + 1_650_000_000 * int(
-        factor
-    )
+    table["time_s"] = (factor * since_s).round(9).astype(
+        "int64" if factor > 1.0 else float
+    ) + 1_650_000_000 * int(factor)
     recording = read_recording(csv(table))
     np.testing.assert_allclose(recording.channels["time_s"] - 1.65e9, since_s, atol=1e-6)
-    assert recording.notes == (() if unit == "s" else (f"time_s is in {unit}, read as s since 1970",))
+    assert recording.notes == (
+        () if unit == "s" else (f"time_s is in {unit}, read as s since 1970",)
+    )
 
 
 @pytest.mark.parametrize("zone", ["Z", "+02:00", ""])
 def test_dates(table: pd.DataFrame, csv: Write, zone: str) -> None:
     moments = pd.Timestamp("2024-05-01 12:00:00") + pd.to_timedelta(table["time_s"], unit="s")
-    recording = read_recording(csv(table.assign(time_s=[f"{one.isoformat()}{zone}" for one in moments])))
+    recording = read_recording(
+        csv(table.assign(time_s=[f"{one.isoformat()}{zone}" for one in moments]))
+    )
     time_s = recording.channels["time_s"]
     np.testing.assert_allclose(time_s - time_s[0], table["time_s"], atol=1e-6)
     assert time_s[0] == pd.Timestamp(f"2024-05-01 12:00:00{zone}").timestamp()
@@ -93,7 +110,9 @@ def test_dates(table: pd.DataFrame, csv: Write, zone: str) -> None:
     [("%d.%m.%Y %H:%M:%S,%f", "dates (day.month.year) as s since 1970"),
      ("%Y-%m-%d %H:%M:%S,%f", "dates (ISO 8601) as s since 1970"), ("%H:%M:%S,%f", "times of day as s since midnight")],
 )  # fmt: skip
-def test_times_as_german_programs_write_them(table: pd.DataFrame, csv: Write, form: str, taken: str) -> None:
+def test_times_as_german_programs_write_them(
+    table: pd.DataFrame, csv: Write, form: str, taken: str
+) -> None:
     moments = pd.Timestamp("2024-03-05 12:00:00") + pd.to_timedelta(table["time_s"], unit="s")
     recording = read_recording(csv(table.assign(time_s=moments.dt.strftime(form))))
     time_s = recording.channels["time_s"]
@@ -116,4 +135,7 @@ def test_times_of_day(table: pd.DataFrame, csv: Write) -> None:
     np.testing.assert_allclose(recording.channels["time_s"], 12 * 3600 + table["time_s"], atol=1e-6)
     assert recording.notes == ("read with times of day as s since midnight",)
     american = csv(table.assign(time_s="05/01/2024 12:00:00 PM"))
-    assert "row 1 is '05/01/2024 12:00:00 PM', neither a number nor a time such as 2024-05-01T" in refusal(american)
+    assert (
+        "row 1 is '05/01/2024 12:00:00 PM', neither a number nor a time such as 2024-05-01T"
+        in refusal(american)
+    )

@@ -20,13 +20,23 @@ def test_a_word_is_a_missing_value(table: pd.DataFrame, csv: Write, word: str) -
     table.loc[:4, "power_w"] = word
     read = read_recording(csv(table))
     assert np.isnan(read.channels["power_w"]).sum() == 5
-    by_pandas = word.lower().strip() in ("na", "nan", "null", "none", "n/a", "#n/a")  # which takes them for empty cells
-    assert by_pandas or f"5 times power_w is '{word.strip()}', which means unknown: left out" in read.notes
+    # which takes them for empty cells
+    by_pandas = word.lower().strip() in ("na", "nan", "null", "none", "n/a", "#n/a")
+    assert (
+        by_pandas
+        or f"5 times power_w is '{word.strip()}', which means unknown: left out" in read.notes
+    )
 
 
 @pytest.mark.parametrize("channel", VALUES)
 def test_a_value_is_a_missing_value(table: pd.DataFrame, csv: Write, channel: str) -> None:
-    usual = {"soc": 0.5, "voltage_v": 24.0, "current_a": 3.0, "elevation_m": 400.0, "heading_rad": 1.0}
+    usual = {
+        "soc": 0.5,
+        "voltage_v": 24.0,
+        "current_a": 3.0,
+        "elevation_m": 400.0,
+        "heading_rad": 1.0,
+    }
     table[channel] = table.get(channel, usual.get(channel, 20.0))
     for value in VALUES[channel]:
         changed = table.copy()
@@ -61,19 +71,24 @@ def test_zero_is_unknown_among_other_heights_only() -> None:
     assert not unknown("elevation_m", np.zeros(9)).any()
 
 
-def test_a_mapping_names_further_words_and_values(table: pd.DataFrame, csv: Write, tmp_path: Path) -> None:
+def test_a_mapping_names_further_words_and_values(
+    table: pd.DataFrame, csv: Write, tmp_path: Path
+) -> None:
     table["power_w"] = table.power_w.astype(object)
     table.loc[3, "power_w"], table.loc[4, "power_w"] = "off", -7.0
     mapping = tmp_path / "map.toml"
     power = '{ column = "power_w", factor = 2.0, unknown = ["Off", -7] }'
-    mapping.write_text(f'[columns]\ntime_s = "time_s"\nspeed_mps = "speed_mps"\npower_w = {power}\n')
+    mapping.write_text(
+        f'[columns]\ntime_s = "time_s"\nspeed_mps = "speed_mps"\npower_w = {power}\n'
+    )
     read = read_recording(csv(table), mapping)
     assert np.flatnonzero(np.isnan(read.channels["power_w"])).tolist() == [3, 4]
     assert "1 times power_w is 'off', which means unknown: left out" in read.notes
 
 
 def test_a_battery_that_knows_nothing_yet(tmp_path: Path) -> None:
-    """As MAVROS publishes one: 65.535 V, 0.01 A and -0.01 until the autopilot reports; and one percentage of 2430."""
+    """As MAVROS publishes one: 65.535 V, 0.01 A and -0.01 until the autopilot reports; and one
+    percentage of 2430."""
     pytest.importorskip("rosbags")
     pytest.importorskip("cyclonedds", reason="the live listener is of the extra ros2")
     from tests.logs.bag_writer import Stream, write_bag
@@ -86,7 +101,11 @@ def test_a_battery_that_knows_nothing_yet(tmp_path: Path) -> None:
         "voltage": np.where(silent, 65.535, 24.0), "current": np.where(silent, 0.01, -4.0), "percentage": soc,
     }  # fmt: skip
     odometry = Stream(ODOMETRY, time_s, {"twist.twist.linear.x": 1.0})
-    read = read_recording(write_bag(tmp_path, "mcap", {"/odom": odometry, "/battery": Stream(BATTERY, time_s, values)}))
+    read = read_recording(
+        write_bag(
+            tmp_path, "mcap", {"/odom": odometry, "/battery": Stream(BATTERY, time_s, values)}
+        )
+    )
     for name, value in (("voltage_v", 24.0), ("current_a", 4.0), ("soc", 0.8)):
         known = read.channels[name][np.isfinite(read.channels[name])]
         assert len(known) > 280 and np.abs(known - value).max() < 1e-6

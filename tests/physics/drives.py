@@ -1,4 +1,5 @@
-"""Robots and drives that hypothesis draws, and the one compiled loop that drives them in the tests of the physics."""
+"""Robots and drives that hypothesis draws, and the one compiled loop that drives them in the tests
+of the physics."""
 
 from __future__ import annotations
 
@@ -60,7 +61,11 @@ STEADY = Conditions(
 
 def quantities(low: float, high: float) -> st.SearchStrategy[float]:
     """Numbers whose order of magnitude is drawn evenly."""
-    return st.floats(math.log(low), math.log(high)).map(math.exp).map(lambda value: min(max(value, low), high))
+    return (
+        st.floats(math.log(low), math.log(high))
+        .map(math.exp)
+        .map(lambda value: min(max(value, low), high))
+    )
 
 
 def not_negative(low: float, high: float) -> st.SearchStrategy[float]:
@@ -70,7 +75,9 @@ def not_negative(low: float, high: float) -> st.SearchStrategy[float]:
 @st.composite
 def effects(draw: st.DrawFn, without: Sequence[str] = ()) -> dict[str, dict[str, float]]:
     """Any subset of the effects, their parameters within bounds."""
-    chosen = draw(st.sets(st.sampled_from([effect for effect in EFFECTS if effect.id not in without])))
+    chosen = draw(
+        st.sets(st.sampled_from([effect for effect in EFFECTS if effect.id not in without]))
+    )
     return {
         effect.id: {one.name: draw(st.floats(one.low, one.high)) for one in effect.parameters}
         for effect in sorted(chosen, key=lambda effect: effect.id)
@@ -79,7 +86,8 @@ def effects(draw: st.DrawFn, without: Sequence[str] = ()) -> dict[str, dict[str,
 
 @st.composite
 def robots(draw: st.DrawFn, with_effects: bool = True, without: Sequence[str] = ()) -> Robot:
-    """Ground robots from grams to tonnes, as lossy as the paper's and worse, with any effects on."""
+    """Ground robots from grams to tonnes, as lossy as the paper's and worse, with any effects
+    on."""
     slow, fast = sorted((draw(quantities(0.01, 10.0)), draw(quantities(0.01, 10.0))))
     return Robot(
         name="drawn",
@@ -135,11 +143,17 @@ def drive(
     energy_j: float | None = None,
     **state: float,
 ) -> Any:
-    """State, of shape (), after driving the steps in order, or after as many as the battery lasts."""
+    """State, of shape (), after driving the steps in order, or after as many as the battery
+    lasts."""
     states = full_charge(robot, energy_j)
     for name, value in state.items():
         states[name] = value
-    _drive(robot.record(), states, np.array(steps, dtype=np.float64), np.broadcast_to(dt_s, len(steps)).astype(float))
+    _drive(
+        robot.record(),
+        states,
+        np.array(steps, dtype=np.float64),
+        np.broadcast_to(dt_s, len(steps)).astype(float),
+    )
     return states[0]
 
 

@@ -30,14 +30,20 @@ SHARES = st.floats(0.0, 1.0)
 @st.composite
 def curves(draw: st.DrawFn) -> list[tuple[float, float]]:
     """Points of a pack whose voltage rises with its charge."""
-    between = draw(st.lists(st.floats(0.01, 0.99), max_size=MOST_KNOTS - 2, unique_by=lambda share: round(share, 3)))
+    between = draw(
+        st.lists(
+            st.floats(0.01, 0.99), max_size=MOST_KNOTS - 2, unique_by=lambda share: round(share, 3)
+        )
+    )
     charge = [0.0, *sorted(between), 1.0]
     volts = sorted(draw(st.lists(st.floats(2.0, 60.0), min_size=len(charge), max_size=len(charge))))
     return list(zip(charge, volts, strict=True))
 
 
 @given(curves(), SHARES)
-def test_the_energy_of_a_charge_is_the_integral_of_the_voltage(points: list[tuple[float, float]], share: float) -> None:
+def test_the_energy_of_a_charge_is_the_integral_of_the_voltage(
+    points: list[tuple[float, float]], share: float
+) -> None:
     curve = curve_of(points)
     charge, volts = np.transpose(points)
     below, _ = quad(np.interp, 0.0, share, args=(charge, volts), points=charge, limit=200)
@@ -63,7 +69,12 @@ def test_of_a_constant_voltage_both_are_equal_to_the_last_digit(share: float) ->
 @pytest.mark.parametrize("chemistry", CHEMISTRIES)
 def test_a_charge_near_full_has_more_energy_than_one_near_empty(chemistry: str) -> None:
     charge, volts = np.transpose(CHEMISTRIES[chemistry])
-    assert (np.diff(charge) > 0.0).all() and (np.diff(volts) > 0.0).all() and charge[0] == 0.0 and charge[-1] == 1.0
+    assert (
+        (np.diff(charge) > 0.0).all()
+        and (np.diff(volts) > 0.0).all()
+        and charge[0] == 0.0
+        and charge[-1] == 1.0
+    )
     curve = curve_of(CHEMISTRIES[chemistry])
     shares = np.linspace(0.05, 0.95, 19)
     assert (energy_share(curve, shares) < shares).all()

@@ -20,8 +20,12 @@ def test_warm_and_as_slow_as_on_the_label_they_give_all_of_it() -> None:
     assert LEAD.derating(math.nan, SLOWEST_PER_H) == (1.0, 1.0)  # not read: warm
 
 
-@pytest.mark.parametrize(("temperature_c", "least", "most"), [(15.0, 0.9, 0.94), (-10.0, 0.65, 0.79)])
-def test_lead_acid_loses_six_to_ten_permille_a_kelvin(temperature_c: float, least: float, most: float) -> None:
+@pytest.mark.parametrize(
+    ("temperature_c", "least", "most"), [(15.0, 0.9, 0.94), (-10.0, 0.65, 0.79)]
+)
+def test_lead_acid_loses_six_to_ten_permille_a_kelvin(
+    temperature_c: float, least: float, most: float
+) -> None:
     assert LEAD.derating(temperature_c, SLOWEST_PER_H) == pytest.approx((least, most))
 
 
@@ -41,5 +45,9 @@ def test_a_cut_off_is_the_one_known_or_the_usual_one() -> None:
 
 def test_a_measured_curve_is_trusted_more_than_that_of_a_chemistry() -> None:
     measured = cells_of(dataclasses.replace(FLAT, open_circuit_v=((0.0, 22.0), (1.0, 25.4))))
-    assert 0.0 < measured.facts.curve_sd < min(FACTS[name].curve_sd for name in ("nmc", "lipo", "lfp", "lead_acid"))
+    assert (
+        0.0
+        < measured.facts.curve_sd
+        < min(FACTS[name].curve_sd for name in ("nmc", "lipo", "lfp", "lead_acid"))
+    )
     assert measured.rate_per_h(measured.rated_as / 3600.0) == pytest.approx(1.0)

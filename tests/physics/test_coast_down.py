@@ -1,4 +1,5 @@
-"""A coast-down test and a weighed mass give a robot file its numbers, and narrow what is believed of them."""
+"""A coast-down test and a weighed mass give a robot file its numbers, and narrow what is believed
+of them."""
 
 from __future__ import annotations
 
@@ -43,8 +44,17 @@ def test_the_robot_rolls_out_as_it_was_measured(tmp_path: Path) -> None:
     force_n = traction_force(robot, speed_mps, 0.0) + drag_ns_per_m * speed_mps
     np.testing.assert_allclose(force_n, 30.0 + 4.0 * speed_mps + 0.5 * speed_mps**2)
     sure = robot.uncertainty
-    assert sure is not None and sure.of == "force" and sure.source == "eight runs on asphalt, and a scale"
-    for name, share in {"rolling": 0.02, "viscous.drag_ns_per_m": 0.25, "drag": 0.2, "mass": 0.01}.items():
+    assert (
+        sure is not None
+        and sure.of == "force"
+        and sure.source == "eight runs on asphalt, and a scale"
+    )
+    for name, share in {
+        "rolling": 0.02,
+        "viscous.drag_ns_per_m": 0.25,
+        "drag": 0.2,
+        "mass": 0.01,
+    }.items():
         assert sure.variance(name) == pytest.approx(share**2)
     assert np.count_nonzero(sure.covariance) == 4
     again = tmp_path / "again.toml"
@@ -54,7 +64,13 @@ def test_the_robot_rolls_out_as_it_was_measured(tmp_path: Path) -> None:
 
 def test_what_was_measured_narrows_the_energy_of_a_leg(tmp_path: Path) -> None:
     flat = np.zeros(40)
-    hill = Route(place_m=50.0, grade_rad=np.repeat((0.05, -0.05), 20), roughness=flat, interest=flat, heading_rad=flat)
+    hill = Route(
+        place_m=50.0,
+        grade_rad=np.repeat((0.05, -0.05), 20),
+        roughness=flat,
+        interest=flat,
+        heading_rad=flat,
+    )
 
     def sd_j(robot: Robot) -> float:
         return leg(robot, hill, speed_mps=0.8).sd_j
@@ -62,7 +78,13 @@ def test_what_was_measured_narrows_the_energy_of_a_leg(tmp_path: Path) -> None:
     measured = load_robot(written(tmp_path))
     unknown = sd_j(dataclasses.replace(measured, uncertainty=None))
     weighed = sd_j(
-        load_robot(written(tmp_path, "[coast_down]\nmass_sd_kg = 0.5\n", ("rolling_resistance", "drag_ns2_per_m2")))
+        load_robot(
+            written(
+                tmp_path,
+                "[coast_down]\nmass_sd_kg = 0.5\n",
+                ("rolling_resistance", "drag_ns2_per_m2"),
+            )
+        )
     )
     # The power at rest is as unsure as before: 2 km at 0.8 m/s last 2,500 s.
     at_rest_j = thresholds.GENERIC_IDLE_SD * float(ancillary_power(measured, 0.0)) * 2500.0
@@ -75,8 +97,14 @@ def test_what_was_measured_narrows_the_energy_of_a_leg(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ("a_n = 0.6\nmas_sd_kg = 1.0", r"coast_down\.mas_sd_kg is not a known field; known: source, a_n"),
-        ("b_ns_per_m = -0.4", r"b_ns_per_m = -0\.4 is not allowed; .* fit F = a \+ c v\^2 without b"),
+        (
+            "a_n = 0.6\nmas_sd_kg = 1.0",
+            r"coast_down\.mas_sd_kg is not a known field; known: source, a_n",
+        ),
+        (
+            "b_ns_per_m = -0.4",
+            r"b_ns_per_m = -0\.4 is not allowed; .* fit F = a \+ c v\^2 without b",
+        ),
         ("a_n = 'much'", "a_n = 'much' is not allowed"),
         ("a_n = 30.0\na_sd_n = 0", r"a_sd_n = 0 is not allowed; give a number in \(0, "),
         ("a_sd_n = 0.5", "a_sd_n needs a_n above 0; give both, or neither"),
@@ -94,7 +122,10 @@ def test_bad_input_takes_one_line(table: str, said: str, tmp_path: Path) -> None
 
 
 def test_what_stands_twice_is_refused(tmp_path: Path) -> None:
-    twice = TABLE + '\n[uncertainty]\nsource = "a diagnosis"\n\n[effects.viscous]\ndrag_ns_per_m = 1.0\n'
+    twice = (
+        TABLE
+        + '\n[uncertainty]\nsource = "a diagnosis"\n\n[effects.viscous]\ndrag_ns_per_m = 1.0\n'
+    )
     said = "gives body.rolling_resistance, effects.viscous, uncertainty too; remove one of them"
     with pytest.raises(RobotError, match=said):
         load_robot(written(tmp_path, twice, ("rolling_resistance",)))

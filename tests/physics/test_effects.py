@@ -1,4 +1,5 @@
-"""Each effect alone: off at zero, its equation when on, one formula for Python, NumPy and compiled kernels."""
+"""Each effect alone: off at zero, its equation when on, one formula for Python, NumPy and compiled
+kernels."""
 
 from __future__ import annotations
 
@@ -70,7 +71,10 @@ BY_HAND: dict[str, tuple[dict[str, float], float]] = {
     "cooler": ({"w_per_k": 0.4, "on_above_c": -15.0}, 0.4 * 10.0),
     "intermittent_load": ({"power_w": 8.0, "period_s": 60.0, "duty": 0.2}, 8.0 * 7.0 / STEP_S),
     "internal_resistance": ({"ohm": 0.1}, 0.1 * CURRENT_A**2),
-    "rate_capacity": ({"excess": 0.1, "reference_w": 20.0}, LOAD_W * ((LOAD_W / 20.0) ** 0.1 - 1.0)),
+    "rate_capacity": (
+        {"excess": 0.1, "reference_w": 20.0},
+        LOAD_W * ((LOAD_W / 20.0) ** 0.1 - 1.0),
+    ),
     "breakaway": ({"start_j": 70.0}, 70.0 / STEP_S),
     "ageing": ({"lost_share": 0.2}, LOAD_W * 0.25),
     "cold_battery": ({"per_k": 0.01, "warm_c": 20.0}, LOAD_W / 3.0),
@@ -85,7 +89,9 @@ def test_power_by_hand(effect_id: str) -> None:
     assert expected_w > 0.01
     assert float(off["power_w"]) == pytest.approx(LOAD_W, rel=1e-12)
     assert float(on["power_w"] - off["power_w"]) == pytest.approx(expected_w, rel=1e-9)
-    assert float(on["ledger_j"][CAUSES.index(effect_id)]) == pytest.approx(expected_w * STEP_S, rel=1e-9)
+    assert float(on["ledger_j"][CAUSES.index(effect_id)]) == pytest.approx(
+        expected_w * STEP_S, rel=1e-9
+    )
 
 
 def test_a_resistance_of_the_cold_loses_by_the_square_of_the_load() -> None:
@@ -93,7 +99,9 @@ def test_a_resistance_of_the_cold_loses_by_the_square_of_the_load() -> None:
     robot = with_effect(PLAIN, "cold_battery", per_k=0.01, warm_c=20.0, reference_w=2.0 * LOAD_W)
     lost = 0.25 / 2.0
     on = drive(robot, [X], STEP_S, np.inf, **STATE)
-    assert float(on["power_w"] - off["power_w"]) == pytest.approx(LOAD_W * lost / (1.0 - lost), rel=1e-9)
+    assert float(on["power_w"] - off["power_w"]) == pytest.approx(
+        LOAD_W * lost / (1.0 - lost), rel=1e-9
+    )
 
 
 def test_regeneration_by_hand() -> None:
@@ -109,17 +117,28 @@ def test_friction_brakes_take_what_exceeds_the_power_of_regeneration() -> None:
     braking_w = (0.6 * WEIGHT_N - 0.1 * WEIGHT_N * 0.8 - 2.0) * 2.0
     off = drive(PLAIN, [downhill], STEP_S, np.inf)
     for up_to_w, taken_w in ((0.3 * braking_w, 0.3 * braking_w), (1.1 * braking_w, braking_w)):
-        on = drive(with_effect(PLAIN, "regeneration", share=0.4, up_to_w=up_to_w), [downhill], STEP_S, np.inf)
+        on = drive(
+            with_effect(PLAIN, "regeneration", share=0.4, up_to_w=up_to_w),
+            [downhill],
+            STEP_S,
+            np.inf,
+        )
         assert float(off["power_w"] - on["power_w"]) == pytest.approx(0.4 * taken_w, rel=1e-12)
 
 
 def test_the_energy_of_a_start_is_spent_over_the_first_metres() -> None:
-    """Of 5 m at 2 m/s a step of one second spends two fifths, the third the rest; the next start begins anew."""
-    robot, still = with_effect(PLAIN, "breakaway", start_j=70.0, over_m=5.0), LEVEL._replace(speed_mps=0.0)
+    """Of 5 m at 2 m/s a step of one second spends two fifths, the third the rest; the next start
+    begins anew."""
+    robot, still = (
+        with_effect(PLAIN, "breakaway", start_j=70.0, over_m=5.0),
+        LEVEL._replace(speed_mps=0.0),
+    )
     moves = [still, LEVEL, LEVEL, LEVEL, LEVEL, still, LEVEL]
     starts_w = []
     for count in range(1, len(moves) + 1):
-        with_it, without = (float(drive(one, moves[:count], 1.0, np.inf)["power_w"]) for one in (robot, PLAIN))
+        with_it, without = (
+            float(drive(one, moves[:count], 1.0, np.inf)["power_w"]) for one in (robot, PLAIN)
+        )
         starts_w.append(with_it - without)
     np.testing.assert_allclose(starts_w, [0.0, 28.0, 28.0, 14.0, 0.0, 0.0, 28.0], atol=1e-9)
 
@@ -138,7 +157,9 @@ def test_regeneration_takes_what_slowing_down_leaves_over() -> None:
     force_n = 0.1 * WEIGHT_N + 2.0 - 3.0 * 10.0
     inertia, regeneration = {"inertia": {"mass_factor": 1.0}}, {"regeneration": {"share": 0.4}}
     off = drive(dataclasses.replace(PLAIN, effects=inertia), [slowing], STEP_S, np.inf)
-    on = drive(dataclasses.replace(PLAIN, effects=inertia | regeneration), [slowing], STEP_S, np.inf)
+    on = drive(
+        dataclasses.replace(PLAIN, effects=inertia | regeneration), [slowing], STEP_S, np.inf
+    )
     assert force_n < 0.0
     assert float(on["power_w"] - off["power_w"]) == pytest.approx(0.4 * force_n * 2.0, rel=1e-12)
 
@@ -146,18 +167,27 @@ def test_regeneration_takes_what_slowing_down_leaves_over() -> None:
 @pytest.mark.parametrize("effect_id", ["inertia", "turning", "slip", "hidden_grade"])
 @pytest.mark.parametrize("x", [X, X._replace(sin_grade=-0.05)])
 def test_what_is_carried_is_moved_as_the_robots_own_mass(effect_id: str, x: Conditions) -> None:
-    """A robot with a payload draws what a robot of the sum of both masses draws, and still tells the payload's part."""
+    """A robot with a payload draws what a robot of the sum of both masses draws, and still tells
+    the payload's part."""
     effect = {effect_id: BY_HAND[effect_id][0]}
     loaded = drive(
-        dataclasses.replace(PLAIN, effects=effect | {"payload": {"mass_kg": 3.0}}), [x], STEP_S, np.inf, **STATE
+        dataclasses.replace(PLAIN, effects=effect | {"payload": {"mass_kg": 3.0}}),
+        [x],
+        STEP_S,
+        np.inf,
+        **STATE,
     )
-    heavier = drive(dataclasses.replace(PLAIN, mass_kg=13.0, effects=effect), [x], STEP_S, np.inf, **STATE)
+    heavier = drive(
+        dataclasses.replace(PLAIN, mass_kg=13.0, effects=effect), [x], STEP_S, np.inf, **STATE
+    )
     empty = drive(dataclasses.replace(PLAIN, effects=effect), [x], STEP_S, np.inf, **STATE)
     assert float(loaded["power_w"]) == pytest.approx(float(heavier["power_w"]), rel=1e-12)
     column = CAUSES.index(effect_id)
     assert abs(float(loaded["parts_w"][column])) > 1.01 * abs(float(empty["parts_w"][column]))
     by_hand_w = 3.0 * GRAVITY_MPS2 * (0.1 * x.cos_grade + x.sin_grade) * PER_N
-    assert float(loaded["parts_w"][CAUSES.index("payload")]) == pytest.approx(by_hand_w, rel=1e-12, abs=1e-12)
+    assert float(loaded["parts_w"][CAUSES.index("payload")]) == pytest.approx(
+        by_hand_w, rel=1e-12, abs=1e-12
+    )
 
 
 def test_turning_on_the_spot_is_a_force_at_wheels_that_turn() -> None:
@@ -226,10 +256,19 @@ def test_a_vanishing_magnitude_has_a_vanishing_effect(data: st.DataObject, robot
     assert float(tiny["power_w"]) == pytest.approx(power_w, rel=1e-4, abs=1e-4 * scale_w)
 
 
-@given(data=st.data(), robot=robots(with_effects=False), dt_s=st.floats(0.01, 100.0), winding_k=st.floats(0.0, 100.0))
-def test_compiled_and_plain_formula_agree(data: st.DataObject, robot: Robot, dt_s: float, winding_k: float) -> None:
+@given(
+    data=st.data(),
+    robot=robots(with_effects=False),
+    dt_s=st.floats(0.01, 100.0),
+    winding_k=st.floats(0.0, 100.0),
+)
+def test_compiled_and_plain_formula_agree(
+    data: st.DataObject, robot: Robot, dt_s: float, winding_k: float
+) -> None:
     x = data.draw(conditions(robot))
-    effect = data.draw(st.sampled_from([effect for effect in EFFECTS if effect.id != "intermittent_load"]))
+    effect = data.draw(
+        st.sampled_from([effect for effect in EFFECTS if effect.id != "intermittent_load"])
+    )
     parameters = {one.name: data.draw(st.floats(one.low, one.high)) for one in effect.parameters}
     robot = with_effect(robot, effect.id, **parameters)
     end = drive(robot, [x], dt_s, np.inf, winding_k=winding_k)
@@ -237,11 +276,16 @@ def test_compiled_and_plain_formula_agree(data: st.DataObject, robot: Robot, dt_
     load = float(paper["power_w" if effect.kind in ("ancillary", "battery") else "traction_n"])
     expected = float(effect.function(record(robot), state(dt_s, winding_k), x, load))
     unit = x.speed_mps / robot.traction_efficiency if effect.kind == "force" else 1.0
-    assert float(end["parts_w"][CAUSES.index(effect.id)]) == pytest.approx(expected * unit, rel=1e-9, abs=1e-12)
+    assert float(end["parts_w"][CAUSES.index(effect.id)]) == pytest.approx(
+        expected * unit, rel=1e-9, abs=1e-12
+    )
 
 
 @given(
-    time_s=st.floats(0.0, 1e5), power_w=st.floats(0.0, 100.0), period_s=st.floats(1.0, 1000.0), duty=st.floats(0.0, 1.0)
+    time_s=st.floats(0.0, 1e5),
+    power_w=st.floats(0.0, 100.0),
+    period_s=st.floats(1.0, 1000.0),
+    duty=st.floats(0.0, 1.0),
 )
 def test_intermittent_load_is_on_in_the_first_share_of_every_period(
     time_s: float, power_w: float, period_s: float, duty: float
@@ -262,11 +306,15 @@ def test_formulas_broadcast(effect: Effect) -> None:
     speed = np.array([0.0, 0.5, 2.0])
     load = np.array([[-40.0], [0.0], [25.0], [600.0]])
     conditions_ = {**X._asdict(), "speed_mps": speed}
-    table: Array = np.broadcast_to(effect.function(p, s, SimpleNamespace(**conditions_), load), (4, 3))
+    table: Array = np.broadcast_to(
+        effect.function(p, s, SimpleNamespace(**conditions_), load), (4, 3)
+    )
     assert np.isfinite(table).all()
     for i, j in np.ndindex(4, 3):
         one: Any = X._replace(speed_mps=float(speed[j]))
-        assert table[i, j] == pytest.approx(float(effect.function(p, s, one, float(load[i, 0]))), rel=1e-12, abs=1e-15)
+        assert table[i, j] == pytest.approx(
+            float(effect.function(p, s, one, float(load[i, 0]))), rel=1e-12, abs=1e-15
+        )
 
 
 @given(load=st.floats(-1e4, 1e4), ohm=st.floats(1e-6, 100.0))
@@ -284,10 +332,14 @@ def test_internal_resistance_is_the_current_that_delivers_the_load(load: float, 
 def test_internal_resistance_takes_its_current_from_the_voltage_at_the_present_charge(
     charge: float, load: float
 ) -> None:
-    robot = dataclasses.replace(with_effect(PLAIN, "internal_resistance", ohm=0.05), open_circuit_v=FALLING)
+    robot = dataclasses.replace(
+        with_effect(PLAIN, "internal_resistance", ohm=0.05), open_circuit_v=FALLING
+    )
     now = full_charge(robot, robot.usable_energy_j * float(energy_share(robot.curve, charge)))
     now["capacity_j"] = robot.usable_energy_j
-    loss_w = float(BY_ID["internal_resistance"].function(record(robot), now.view(np.recarray)[0], LEVEL, load))
+    loss_w = float(
+        BY_ID["internal_resistance"].function(record(robot), now.view(np.recarray)[0], LEVEL, load)
+    )
     rest_v = float(open_circuit_v(robot.curve, charge))
     lost_w = 0.05 * ((rest_v - math.sqrt(rest_v**2 - 4.0 * 0.05 * load)) / (2.0 * 0.05)) ** 2
     assert loss_w == pytest.approx(lost_w, rel=0.025, abs=1e-9)  # it is interpolated
@@ -296,7 +348,9 @@ def test_internal_resistance_takes_its_current_from_the_voltage_at_the_present_c
 def test_slip_only_costs() -> None:
     downhill = LEVEL._replace(sin_grade=-0.6, cos_grade=0.8)
     for per_load in (0.5, 5.0):
-        robot = dataclasses.replace(PLAIN, effects={"regeneration": {"share": 0.9}, "slip": {"per_load": per_load}})
+        robot = dataclasses.replace(
+            PLAIN, effects={"regeneration": {"share": 0.9}, "slip": {"per_load": per_load}}
+        )
         grip = drive(with_effect(PLAIN, "regeneration", share=0.9), [downhill], 1.0, np.inf)
         slips = drive(robot, [downhill], 1.0, np.inf)
         assert grip["traction_n"] < slips["traction_n"] <= 0.0
@@ -316,7 +370,9 @@ def test_a_tailwind_pushes_no_harder_than_the_air_that_is_met() -> None:
 
 
 def test_motors_warm_up_to_the_steady_temperature_and_cool_again() -> None:
-    robot = with_effect(PLAIN, "motor_heating", per_k=0.004, rise_k_per_w=0.2, time_constant_s=100.0)
+    robot = with_effect(
+        PLAIN, "motor_heating", per_k=0.004, rise_k_per_w=0.2, time_constant_s=100.0
+    )
     work_w = (0.1 * WEIGHT_N + 2.0) * PER_N
     warm = drive(robot, [LEVEL] * 50, 100.0, np.inf)
     assert float(warm["winding_k"]) == pytest.approx(0.2 * work_w, rel=1e-9)

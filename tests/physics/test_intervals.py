@@ -24,7 +24,9 @@ def test_bounds_hold_arrays() -> None:
 @given(st.floats(-2.0, 2.0), st.booleans(), st.booleans())
 def test_what_holds_is_between_the_ends(value: float, open_low: bool, open_high: bool) -> None:
     bounds = Bounds(-1.0, 1.0, open_low, open_high)
-    inside = -1.0 < value < 1.0 or (value == -1.0 and not open_low) or (value == 1.0 and not open_high)
+    inside = (
+        -1.0 < value < 1.0 or (value == -1.0 and not open_low) or (value == 1.0 and not open_high)
+    )
     assert bool(bounds.hold(value)) == inside
 
 
@@ -54,7 +56,8 @@ def test_arguments_become_float64_of_their_shape(value: object, shape: tuple[int
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        ([1.0, -2.0, -3.0], "speed_mps = -2.0 is not allowed; allowed: a number in [0, inf)"),  # the first of them
+        # the first of them
+        ([1.0, -2.0, -3.0], "speed_mps = -2.0 is not allowed; allowed: a number in [0, inf)"),
         (np.nan, "speed_mps = nan is not allowed; allowed: a number in [0, inf)"),
         (np.inf, "speed_mps = inf is not allowed; allowed: a number in [0, inf)"),
         ("fast", "speed_mps = 'fast' is not a number or an array of numbers; allowed: [0, inf)"),

@@ -16,7 +16,12 @@ from homeward.physics.kernel import BASE_CAUSES, Conditions
 from tests.physics.drives import PLAIN, STEADY, conditions, drive, quantities, robots, with_effect
 
 EPSILON = float(np.finfo(np.float64).eps)
-DRIVING = ["rolling", "drag", "grade", *(effect.id for effect in EFFECTS if effect.kind in ("force", "drive"))]
+DRIVING = [
+    "rolling",
+    "drag",
+    "grade",
+    *(effect.id for effect in EFFECTS if effect.kind in ("force", "drive")),
+]
 LOSSES = [effect.id for effect in EFFECTS if effect.kind == "drive"]
 STEPS_S = quantities(1e-2, 1e3)
 
@@ -26,18 +31,25 @@ def drives(robot: Robot, most: int = 12) -> st.SearchStrategy[list[Conditions]]:
 
 
 @given(data=st.data(), robot=robots(), dt_s=STEPS_S)
-def test_ledger_sums_to_the_change_of_the_battery(data: st.DataObject, robot: Robot, dt_s: float) -> None:
+def test_ledger_sums_to_the_change_of_the_battery(
+    data: st.DataObject, robot: Robot, dt_s: float
+) -> None:
     steps = data.draw(drives(robot))
     start_j = robot.usable_energy_j * data.draw(st.floats(0.01, 1.0))
     end = drive(robot, steps, dt_s, start_j)
     rounding_j = 2.0 * EPSILON * start_j * len(steps)  # of the battery's own sum
     lost_j = start_j - float(end["energy_j"])
-    turnover_j = abs(lost_j) + abs(float(end["ledger_j"].clip(max=0.0).sum()))  # the way back may return what went out
-    assert float(end["ledger_j"].sum()) == pytest.approx(lost_j, rel=1e-9, abs=rounding_j + 1e-9 * turnover_j)
+    # the way back may return what went out
+    turnover_j = abs(lost_j) + abs(float(end["ledger_j"].clip(max=0.0).sum()))
+    assert float(end["ledger_j"].sum()) == pytest.approx(
+        lost_j, rel=1e-9, abs=rounding_j + 1e-9 * turnover_j
+    )
 
 
 @given(data=st.data(), robot=robots(without=("regeneration",)), dt_s=STEPS_S)
-def test_ledger_is_strict_without_energy_that_comes_back(data: st.DataObject, robot: Robot, dt_s: float) -> None:
+def test_ledger_is_strict_without_energy_that_comes_back(
+    data: st.DataObject, robot: Robot, dt_s: float
+) -> None:
     x = data.draw(conditions(robot))
     end = drive(robot, [x], dt_s)
     lost_j = robot.usable_energy_j - float(end["energy_j"])
@@ -57,7 +69,9 @@ def test_energy_is_never_negative_nor_above_what_the_battery_holds(
 
 
 @given(data=st.data(), robot=robots(), dt_s=quantities(0.1, 100.0), share=st.floats(0.05, 0.95))
-def test_depletion_does_not_depend_on_the_step(data: st.DataObject, robot: Robot, dt_s: float, share: float) -> None:
+def test_depletion_does_not_depend_on_the_step(
+    data: st.DataObject, robot: Robot, dt_s: float, share: float
+) -> None:
     stretches = data.draw(st.lists(conditions(robot), min_size=1, max_size=4))
     steps = [x for x in stretches for _ in range(40)]
     charge_j = share * float(drive(robot, steps, dt_s, np.inf)["ledger_j"].sum())
@@ -66,14 +80,17 @@ def test_depletion_does_not_depend_on_the_step(data: st.DataObject, robot: Robot
     assume(bool(whole["depleted"]))
     half = drive(robot, [x for x in steps for _ in range(2)], 0.5 * dt_s, charge_j)
     assert half["depleted"]
-    # The losses of a step are those at the voltage at its start: where a curve falls, the error is of first order.
+    # The losses of a step are those at the voltage at its start: where a curve falls, the error is
+    # of first order.
     rel = 1e-3 if robot.curve.mean_v == 0.0 else 5e-3
     assert float(half["distance_m"]) == pytest.approx(float(whole["distance_m"]), rel=rel)
     assert float(half["time_s"]) == pytest.approx(float(whole["time_s"]), rel=rel)
 
 
 @given(data=st.data(), robot=robots(with_effects=False), dt_s=STEPS_S, share=st.floats(1e-6, 1.0))
-def test_depletion_is_inside_the_step(data: st.DataObject, robot: Robot, dt_s: float, share: float) -> None:
+def test_depletion_is_inside_the_step(
+    data: st.DataObject, robot: Robot, dt_s: float, share: float
+) -> None:
     x = data.draw(conditions(robot))
     power_w = float(drive(robot, [x], dt_s, np.inf)["power_w"])
     end = drive(robot, [x, x], dt_s, share * power_w * dt_s)
@@ -103,14 +120,19 @@ def test_an_empty_battery_stays_empty() -> None:
 
 
 @given(data=st.data(), robot=robots(without=("regeneration",)), dt_s=STEPS_S)
-def test_nothing_but_regeneration_puts_energy_back(data: st.DataObject, robot: Robot, dt_s: float) -> None:
+def test_nothing_but_regeneration_puts_energy_back(
+    data: st.DataObject, robot: Robot, dt_s: float
+) -> None:
     x = data.draw(conditions(robot))
     end = drive(robot, [x], dt_s, np.inf)
     assert end["power_w"] >= ancillary_power(robot, x.sensing_hz)
 
 
 @given(
-    data=st.data(), robot=robots(without=(*LOSSES, "slip")), per_load=st.floats(0.0, 5.0), share=st.floats(0.0, 0.95)
+    data=st.data(),
+    robot=robots(without=(*LOSSES, "slip")),
+    per_load=st.floats(0.0, 5.0),
+    share=st.floats(0.0, 0.95),
 )
 def test_no_step_takes_less_than_the_work_on_the_outside_world(
     data: st.DataObject, robot: Robot, per_load: float, share: float
@@ -125,15 +147,24 @@ def test_no_step_takes_less_than_the_work_on_the_outside_world(
 
 
 @given(data=st.data(), robot=robots(), back_mps=st.floats(0.0, 1.0), regained=st.floats(0.0, 0.95))
-def test_a_closed_route_never_gains_energy(data: st.DataObject, robot: Robot, back_mps: float, regained: float) -> None:
-    """Out over any profile and back, starting and ending at rest; the air moves one way, so the wind turns round."""
-    robot = dataclasses.replace(robot, effects={**robot.effects, "regeneration": {"share": regained}})
+def test_a_closed_route_never_gains_energy(
+    data: st.DataObject, robot: Robot, back_mps: float, regained: float
+) -> None:
+    """Out over any profile and back, starting and ending at rest; the air moves one way, so the
+    wind turns round."""
+    robot = dataclasses.replace(
+        robot, effects={**robot.effects, "regeneration": {"share": regained}}
+    )
     profile = data.draw(st.lists(conditions(robot, standing=False), min_size=1, max_size=8))
-    lengths_m = data.draw(st.lists(quantities(0.1, 1000.0), min_size=len(profile), max_size=len(profile)))
+    lengths_m = data.draw(
+        st.lists(quantities(0.1, 1000.0), min_size=len(profile), max_size=len(profile))
+    )
     home_mps = robot.min_speed_mps + back_mps * (robot.max_speed_mps - robot.min_speed_mps)
     out = [x._replace(direction=1.0) for x in profile]
     home = [
-        x._replace(speed_mps=home_mps, sin_grade=-x.sin_grade, headwind_mps=-x.headwind_mps, direction=-1.0)
+        x._replace(
+            speed_mps=home_mps, sin_grade=-x.sin_grade, headwind_mps=-x.headwind_mps, direction=-1.0
+        )
         for x in reversed(profile)
     ]
     way = [*zip(out, lengths_m, strict=True), *zip(home, reversed(lengths_m), strict=True)]
@@ -154,12 +185,17 @@ def test_a_closed_route_never_gains_energy(data: st.DataObject, robot: Robot, ba
     data=st.data(), robot=robots(with_effects=False), speed=st.floats(0.0, 1.0), grade=st.floats(-1.2, 1.2),
     steps=st.integers(1, 50),
 )  # fmt: skip
-def test_kernel_range_is_eq_8(data: st.DataObject, robot: Robot, speed: float, grade: float, steps: int) -> None:
+def test_kernel_range_is_eq_8(
+    data: st.DataObject, robot: Robot, speed: float, grade: float, steps: int
+) -> None:
     speed_mps = robot.min_speed_mps + speed * (robot.max_speed_mps - robot.min_speed_mps)
     sensing_hz = data.draw(st.floats(0.0, robot.max_sensing_hz))
     reach_m = float(d_max(robot, speed_mps, grade, sensing_hz=sensing_hz))
     x = STEADY._replace(
-        speed_mps=speed_mps, sensing_hz=sensing_hz, sin_grade=float(np.sin(grade)), cos_grade=float(np.cos(grade))
+        speed_mps=speed_mps,
+        sensing_hz=sensing_hz,
+        sin_grade=float(np.sin(grade)),
+        cos_grade=float(np.cos(grade)),
     )
     end = drive(robot, [x] * (steps + 1), reach_m / speed_mps / (steps + 0.5))
     assert end["depleted"]
@@ -209,12 +245,16 @@ def test_no_force_is_charged_where_the_slope_drives() -> None:
     end = drive(PLAIN, [STEADY._replace(sin_grade=-0.6, cos_grade=0.8)], 10.0)
     ledger_j = dict(zip(CAUSES, end["ledger_j"].tolist(), strict=True))
     assert end["traction_n"] < 0.0
-    assert ledger_j["rolling"] == ledger_j["drag"] == ledger_j["grade"] == ledger_j["braking"] == 0.0
+    assert (
+        ledger_j["rolling"] == ledger_j["drag"] == ledger_j["grade"] == ledger_j["braking"] == 0.0
+    )
 
 
 def test_forces_come_first_so_that_their_columns_can_be_left_out() -> None:
     kinds = [effect.kind for effect in EFFECTS]
-    assert len(list(itertools.groupby(kind == "force" for kind in kinds))) == 2 and kinds[0] == "force"
+    assert (
+        len(list(itertools.groupby(kind == "force" for kind in kinds))) == 2 and kinds[0] == "force"
+    )
     assert (*BASE_CAUSES, *(effect.id for effect in EFFECTS)) == CAUSES
 
 
@@ -223,7 +263,8 @@ def test_an_intermittent_load_is_exact_across_steps() -> None:
     column = CAUSES.index("intermittent_load")
     for dt_s in (0.1, 1.0, 20.0):
         end = drive(robot, [STEADY] * round(100.0 / dt_s), dt_s, np.inf)
-        assert float(end["ledger_j"][column]) == pytest.approx(6.0 * (14 * 2.1 + 2.0), rel=1e-6)  # 14 periods and 2 s
+        # 14 periods and 2 s
+        assert float(end["ledger_j"][column]) == pytest.approx(6.0 * (14 * 2.1 + 2.0), rel=1e-6)
 
 
 def test_the_power_of_a_step_is_its_mean() -> None:

@@ -1,4 +1,5 @@
-"""The folder of compiled kernels: no old physics, no code of other users, and one process that compiles."""
+"""The folder of compiled kernels: no old physics, no code of other users, and one process that
+compiles."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ from homeward.physics.jit import compiled
 def power_w(p):
     return standby(p, 0, 0, 0)
 """
-"""A small kernel beside those of the physics, with one of its effects: the large ones take long to compile."""
+"""A small kernel beside those of the physics, with one of its effects: the large ones take long to
+compile."""
 ASK = """
 import dataclasses
 import homeward
@@ -36,8 +38,11 @@ print(power_w(robot.record()[0]))
 """
 
 
-def run(code: str, path: Path | str, cache: Path, *arguments: str, check: bool = True) -> tuple[str, str]:
-    """What code prints, on stdout and stderr, that imports from a path and caches its kernels in a folder."""
+def run(
+    code: str, path: Path | str, cache: Path, *arguments: str, check: bool = True
+) -> tuple[str, str]:
+    """What code prints, on stdout and stderr, that imports from a path and caches its kernels in a
+    folder."""
     environment = os.environ | {
         "HOMEWARD_CACHE": str(cache), "TMPDIR": str(cache.parent), "PYTHONPATH": str(path), "NUMBA_OPT": "0"
     }  # fmt: skip
@@ -61,7 +66,9 @@ def kernels(cache: Path) -> dict[Path, int]:
 
 def test_a_cached_kernel_never_keeps_old_physics(root: Path, tmp_path: Path) -> None:
     package, cache = tmp_path / "homeward", tmp_path / "cache"
-    shutil.copytree(root / "homeward", package, ignore=shutil.ignore_patterns("__pycache__", "recordings"))
+    shutil.copytree(
+        root / "homeward", package, ignore=shutil.ignore_patterns("__pycache__", "recordings")
+    )
     (package / "physics" / "standby_kernel.py").write_text(KERNEL)
     said = "homeward: compiling physics.standby_kernel.power_w, once (1 to 5 seconds) ..."
     assert run(ASK, tmp_path, cache) == ("3.0", said)
@@ -72,12 +79,16 @@ def test_a_cached_kernel_never_keeps_old_physics(root: Path, tmp_path: Path) -> 
     effect = package / "physics" / "effects" / "standby.py"
     source = effect.read_text("utf-8")
     assert source.count("return p.standby_power_w") == 1
-    effect.write_text(source.replace("return p.standby_power_w", "return 2.0 * p.standby_power_w"), "utf-8")
+    effect.write_text(
+        source.replace("return p.standby_power_w", "return 2.0 * p.standby_power_w"), "utf-8"
+    )
     assert run(ASK, tmp_path, cache) == ("6.0", said)
     assert first.items() <= kernels(cache).items()
 
 
-def test_the_cache_lies_where_the_user_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_lies_where_the_user_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("HOMEWARD_CACHE", str(tmp_path / "new" / "place"))
     folder = cache_base()
     assert folder == tmp_path / "new" / "place" / "homeward" and folder.is_dir()
@@ -104,10 +115,15 @@ def test_a_cache_that_cannot_be_written_moves_to_temporary_files(
         ("homeward.agents.planner.kernel", ("physics", "estimation", "envs", "agents")),
     ],
 )
-def test_a_kernel_is_made_of_the_packages_below_its_own(module: str, within: tuple[str, ...], root: Path) -> None:
+def test_a_kernel_is_made_of_the_packages_below_its_own(
+    module: str, within: tuple[str, ...], root: Path
+) -> None:
     package = root / "homeward"
     source = package.joinpath(*module.split(".")[1:]).with_suffix(".py")
-    expected = {*package.glob("*.py"), *(file for name in within for file in (package / name).rglob("*.py"))}
+    expected = {
+        *package.glob("*.py"),
+        *(file for name in within for file in (package / name).rglob("*.py")),
+    }
     assert set(kernel_cache.sources(module, source)) == expected
     assert source in expected
 
@@ -124,7 +140,10 @@ def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     finally:
         os.umask(before)
     assert folder == tmp_path / "parent" / "named" / "homeward"
-    assert all(place.stat().st_mode & 0o777 == 0o700 for place in (folder, folder.parent, folder.parents[1]))
+    assert all(
+        place.stat().st_mode & 0o777 == 0o700
+        for place in (folder, folder.parent, folder.parents[1])
+    )
     (folder / "kernels-0" / "serial").mkdir(mode=0o700, parents=True)
     (folder / "kernels-0" / "serial" / "kernel.nbc").touch()
     (folder / "kernels-0").chmod(0o700)
@@ -147,7 +166,9 @@ def test_a_cache_that_others_may_write_to_is_not_run(
     )
 
 
-def test_a_data_set_beside_the_kernels_is_nobodys_code(base: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_data_set_beside_the_kernels_is_nobodys_code(
+    base: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Downloads lie in the same cache folder, where anybody may read them."""
     data = base / "named" / "homeward" / "husky_borealtc"
     data.mkdir()
@@ -156,16 +177,26 @@ def test_a_data_set_beside_the_kernels_is_nobodys_code(base: Path, capsys: pytes
     assert capsys.readouterr().err == ""
 
 
-def test_below_a_sticky_folder_what_is_ones_own_is_safe(base: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_below_a_sticky_folder_what_is_ones_own_is_safe(
+    base: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     base.chmod(0o1777)
     folder = cache_base()
     assert folder is not None and folder.is_relative_to(base)
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root gives files away")
+@pytest.mark.skipif(
+    not hasattr(os, "getuid") or os.getuid() != 0, reason="only root gives files away"
+)
 @pytest.mark.parametrize(
-    "place", ["named", "named/homeward", "named/homeward/kernels-0", "named/homeward/kernels-0/serial/kernel.nbc"]
+    "place",
+    [
+        "named",
+        "named/homeward",
+        "named/homeward/kernels-0",
+        "named/homeward/kernels-0/serial/kernel.nbc",
+    ],
 )
 def test_a_cache_of_someone_else_is_not_run(base: Path, place: str, tmp_path: Path) -> None:
     os.chown(base / place, 4321, 4321)
@@ -210,7 +241,11 @@ print(len(indices))
 def test_a_planted_cache_is_not_run(root: Path, tmp_path: Path, mode: int, springs: bool) -> None:
     """In a private folder the same plant is run: it is a trap that springs."""
     (tmp_path / "doubling.py").write_text(DOUBLE)
-    cache, sprung, use = tmp_path / "cache", tmp_path / "sprung", "import doubling; print(doubling.double(21.0))"
+    cache, sprung, use = (
+        tmp_path / "cache",
+        tmp_path / "sprung",
+        "import doubling; print(doubling.double(21.0))",
+    )
     cache.mkdir(mode=0o700)
     places = f"{root}{os.pathsep}{tmp_path}"
     assert run(use, places, cache)[0] == "42.0"
@@ -260,12 +295,17 @@ print(doubling.double(21.0), len(compiled))
 """
 
 
-def test_of_two_processes_that_need_a_kernel_at_once_one_compiles(root: Path, tmp_path: Path) -> None:
+def test_of_two_processes_that_need_a_kernel_at_once_one_compiles(
+    root: Path, tmp_path: Path
+) -> None:
     (tmp_path / "doubling.py").write_text(DOUBLE)
     (tmp_path / "here").mkdir()
     places = f"{root}{os.pathsep}{tmp_path}"
     with ThreadPoolExecutor(2) as pool:
-        ask = [pool.submit(run, TOGETHER, places, tmp_path / "cache", str(tmp_path / "here"), name) for name in "ab"]
+        ask = [
+            pool.submit(run, TOGETHER, places, tmp_path / "cache", str(tmp_path / "here"), name)
+            for name in "ab"
+        ]
     assert sorted(asked.result()[0] for asked in ask) == ["42.0 0", "42.0 1"]
 
 
@@ -277,7 +317,9 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return lambda: kernel_cache.cache_of(double)
 
 
-def test_a_process_that_waits_in_vain_compiles_and_writes_nothing(cache: Any, tmp_path: Path) -> None:
+def test_a_process_that_waits_in_vain_compiles_and_writes_nothing(
+    cache: Any, tmp_path: Path
+) -> None:
     """Of two that write at once, numba could give each the code of the other."""
     signature = (numba.types.float64,)
     first: Any = jit.compiled(double)
@@ -290,7 +332,9 @@ def test_a_process_that_waits_in_vain_compiles_and_writes_nothing(cache: Any, tm
     assert len(list(tmp_path.rglob("*.nbi"))) == 1
 
 
-def test_where_no_lock_can_be_had_nothing_is_kept(cache: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_no_lock_can_be_had_nothing_is_kept(
+    cache: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(*_: object) -> None:
         raise NotImplementedError("this file system has no locks")
 

@@ -1,4 +1,5 @@
-"""Replay of a recorded drive: the same physics as the step, sample by sample, at millions of samples a second."""
+"""Replay of a recorded drive: the same physics as the step, sample by sample, at millions of
+samples a second."""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ TIME_S = np.arange(5.0)
 @given(data=st.data(), robot=robots())
 def test_replay_is_the_step_sample_by_sample(data: st.DataObject, robot: Robot) -> None:
     steps = data.draw(st.lists(conditions(robot), min_size=2, max_size=6))
-    dt_s = data.draw(st.lists(st.floats(0.01, 100.0), min_size=len(steps) - 1, max_size=len(steps) - 1))
+    dt_s = data.draw(
+        st.lists(st.floats(0.01, 100.0), min_size=len(steps) - 1, max_size=len(steps) - 1)
+    )
     time_s = np.concatenate([[0.0], np.cumsum(dt_s)])
     held = [*np.diff(time_s), time_s[-1] - time_s[-2]]
     channels: dict[str, Any] = {
@@ -40,41 +43,58 @@ def test_replay_is_the_step_sample_by_sample(data: st.DataObject, robot: Robot) 
 
 
 def test_power_is_that_of_the_equations() -> None:
-    speed_mps, grade_rad = np.array([0.0, 1.0, 2.0, 2.0, 3.0]), np.array([0.3, 0.0, 0.2, -0.4, -0.05])
+    speed_mps, grade_rad = (
+        np.array([0.0, 1.0, 2.0, 2.0, 3.0]),
+        np.array([0.3, 0.0, 0.2, -0.4, -0.05]),
+    )
     again = replay(PLAIN, TIME_S, speed_mps, grade_rad=grade_rad, sensing_hz=20.0)
     force_n = np.where(speed_mps > 0.0, traction_force(PLAIN, speed_mps, grade_rad), 0.0)
     np.testing.assert_allclose(again.traction_n, force_n, rtol=1e-12)
     np.testing.assert_allclose(again.drive_w, drive_power(PLAIN, force_n, speed_mps), rtol=1e-12)
-    np.testing.assert_allclose(again.power_w, again.drive_w + ancillary_power(PLAIN, 20.0), rtol=1e-12)
+    np.testing.assert_allclose(
+        again.power_w, again.drive_w + ancillary_power(PLAIN, 20.0), rtol=1e-12
+    )
 
 
 def test_energy_is_that_of_eq_7() -> None:
-    again = replay(PLAIN, np.array([0.0, 1.0, 4.0]), 2.0, grade_rad=0.1)  # the last sample lasts 3 s too
-    assert sum(again.energy_j.values()) == pytest.approx(float(mission_energy(PLAIN, 14.0, 2.0, 0.1)), rel=1e-12)
+    # the last sample lasts 3 s too
+    again = replay(PLAIN, np.array([0.0, 1.0, 4.0]), 2.0, grade_rad=0.1)
+    assert sum(again.energy_j.values()) == pytest.approx(
+        float(mission_energy(PLAIN, 14.0, 2.0, 0.1)), rel=1e-12
+    )
 
 
 def test_driving_backwards_is_driving_forwards_the_other_way() -> None:
-    robot = dataclasses.replace(PLAIN, effects={"inertia": {"mass_factor": 1.0}, "hidden_grade": {"slope": 0.05}})
+    robot = dataclasses.replace(
+        PLAIN, effects={"inertia": {"mass_factor": 1.0}, "hidden_grade": {"slope": 0.05}}
+    )
     back = replay(robot, TIME_S, -2.0, grade_rad=0.2, accel_mps2=-0.5)
     there = replay(PLAIN, TIME_S, 2.0, grade_rad=-0.2)
     np.testing.assert_allclose(
-        back.traction_n, there.traction_n + 10.0 * 0.5 - 10.0 * 9.80665 * 0.05 * math.cos(0.2), rtol=1e-12
+        back.traction_n,
+        there.traction_n + 10.0 * 0.5 - 10.0 * 9.80665 * 0.05 * math.cos(0.2),
+        rtol=1e-12,
     )
 
 
 def test_speed_alone_tells_the_acceleration() -> None:
-    """By central differences: from rest to rest, inertia takes no energy that it does not give back."""
+    """By central differences: from rest to rest, inertia takes no energy that it does not give
+    back."""
     time_s = np.linspace(0.0, 20.0, 41)
     speed_mps = 2.0 * np.sin(np.pi * time_s / 20.0) ** 2
     robot = dataclasses.replace(
-        PLAIN, rolling_resistance=0.5, effects={"inertia": {"mass_factor": 1.0}, "payload": {"mass_kg": 5.0}}
+        PLAIN,
+        rolling_resistance=0.5,
+        effects={"inertia": {"mass_factor": 1.0}, "payload": {"mass_kg": 5.0}},
     )
     alone = replay(robot, time_s, speed_mps)
     given = replay(robot, time_s, speed_mps, accel_mps2=np.gradient(speed_mps, time_s))
     steady = replay(robot, time_s, speed_mps, accel_mps2=0.0)
     np.testing.assert_array_equal(alone.power_w, given.power_w)
     assert steady.energy_j["inertia"] == 0.0
-    assert (alone.traction_n - steady.traction_n)[10] == pytest.approx(15.0 * 0.1 * math.pi, rel=0.01)
+    assert (alone.traction_n - steady.traction_n)[10] == pytest.approx(
+        15.0 * 0.1 * math.pi, rel=0.01
+    )
     assert alone.energy_j["inertia"] == pytest.approx(0.0, abs=1e-9)
     backwards = replay(robot, time_s, -speed_mps)
     np.testing.assert_allclose(backwards.power_w, alone.power_w, rtol=1e-12)
@@ -93,7 +113,9 @@ def test_braking_to_slow_down_gives_energy_back() -> None:
     np.testing.assert_allclose(
         on.power_w - off.power_w, np.where(braking, 0.6 * on.traction_n * speed_mps, 0.0), atol=1e-9
     )
-    assert on.energy_j["regeneration"] == pytest.approx(float((0.6 * on.traction_n * speed_mps)[braking].sum() * 0.5))
+    assert on.energy_j["regeneration"] == pytest.approx(
+        float((0.6 * on.traction_n * speed_mps)[braking].sum() * 0.5)
+    )
     assert rolling.energy_j["regeneration"] == 0.0
 
 
@@ -104,14 +126,20 @@ def test_turning_on_the_spot_shows_as_force_at_the_wheels() -> None:
     scrub_n = 0.3 * 10.0 * 9.80665 * (yaw_rate_radps != 0.0)
     np.testing.assert_allclose(spot.wheel_force_n, scrub_n, rtol=1e-12)
     np.testing.assert_allclose(spot.drive_w, scrub_n * 0.5 * 0.8 * 0.5 / 0.5, rtol=1e-12)
-    assert not spot.traction_n.any() and not replay(PLAIN, TIME_S, 0.0, yaw_rate_radps=0.8).wheel_force_n.any()
+    assert (
+        not spot.traction_n.any()
+        and not replay(PLAIN, TIME_S, 0.0, yaw_rate_radps=0.8).wheel_force_n.any()
+    )
 
 
 def test_the_force_at_the_wheels_is_what_the_drive_pays_for() -> None:
-    """P = F v / Gamma, on curves that are wide enough for the robot to be as fast as its outer wheels."""
+    """P = F v / Gamma, on curves that are wide enough for the robot to be as fast as its outer
+    wheels."""
     robot = with_effect(PLAIN, "turning", scrub=0.3)
     grade_rad = np.array([0.0, 0.1, -0.5, -0.5, 0.0])
-    again = replay(robot, TIME_S, 2.0, grade_rad=grade_rad, yaw_rate_radps=np.array([0.0, 1.0, 0.0, 1.0, -2.0]))
+    again = replay(
+        robot, TIME_S, 2.0, grade_rad=grade_rad, yaw_rate_radps=np.array([0.0, 1.0, 0.0, 1.0, -2.0])
+    )
     np.testing.assert_allclose(again.drive_w, again.wheel_force_n * 2.0 / 0.5, rtol=1e-12)
     assert again.traction_n[2] < 0.0 == again.wheel_force_n[2] and again.wheel_force_n[3] > 0.0
 
@@ -138,7 +166,9 @@ def test_a_hidden_slope_rises_on_the_way_out_and_falls_on_the_way_home(
     channels: dict[str, Any], direction: list[float]
 ) -> None:
     """Whichever way round the robot drives; a distance that stands still leaves it on its way."""
-    with_slope = replay(with_effect(PLAIN, "hidden_grade", slope=0.05), TIME_S, **{"speed_mps": 2.0} | channels)
+    with_slope = replay(
+        with_effect(PLAIN, "hidden_grade", slope=0.05), TIME_S, **{"speed_mps": 2.0} | channels
+    )
     without = replay(PLAIN, TIME_S, **{"speed_mps": 2.0} | channels)
     slope_n = with_slope.traction_n - without.traction_n
     np.testing.assert_allclose(slope_n, 10.0 * 9.80665 * 0.05 * np.array(direction), rtol=1e-9)
@@ -147,7 +177,9 @@ def test_a_hidden_slope_rises_on_the_way_out_and_falls_on_the_way_home(
 def test_what_moves_at_the_first_sample_did_not_start_there() -> None:
     robot = with_effect(PLAIN, "breakaway", start_j=70.0)
     assert replay(robot, TIME_S, 2.0).energy_j["breakaway"] == 0.0
-    assert replay(robot, TIME_S, np.array([0.0, 1.0, 0.0, 1.0, 1.0])).energy_j["breakaway"] == pytest.approx(140.0)
+    assert replay(robot, TIME_S, np.array([0.0, 1.0, 0.0, 1.0, 1.0])).energy_j[
+        "breakaway"
+    ] == pytest.approx(140.0)
 
 
 def test_the_battery_of_a_replay_does_not_run_out() -> None:
@@ -187,15 +219,20 @@ def test_the_battery_of_a_replay_does_not_run_out() -> None:
         ),
     ],
 )
-def test_recordings_that_cannot_be_replayed(time_s: list[float], channels: dict[str, Any], expected: str) -> None:
+def test_recordings_that_cannot_be_replayed(
+    time_s: list[float], channels: dict[str, Any], expected: str
+) -> None:
     with pytest.raises(ValueError) as error:
         replay(PLAIN, np.array(time_s), 1.0, **channels)
     assert str(error.value) == expected
 
 
 def test_the_voltage_of_a_replay_falls_with_its_charge_and_the_replay_goes_on_below_empty() -> None:
-    """A recording shows that the battery did not run out: below empty it keeps the voltage of an empty one."""
-    robot = dataclasses.replace(with_effect(PLAIN, "internal_resistance", ohm=0.05), open_circuit_v=FALLING)
+    """A recording shows that the battery did not run out: below empty it keeps the voltage of an
+    empty one."""
+    robot = dataclasses.replace(
+        with_effect(PLAIN, "internal_resistance", ohm=0.05), open_circuit_v=FALLING
+    )
     time_s = np.arange(4000.0)
     again = replay(robot, time_s, 2.0)
     assert (np.diff(again.power_w) >= 0.0).all()

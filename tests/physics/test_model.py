@@ -1,4 +1,5 @@
-"""The equations one by one: numbers by hand, laws of scale, broadcasting, and the optimal speed by search."""
+"""The equations one by one: numbers by hand, laws of scale, broadcasting, and the optimal speed by
+search."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ from homeward.physics import (
 from homeward.physics.model import GRAVITY_MPS2, drive_power, rolling_force, traction_efficiency
 from tests.physics.drives import PLAIN, robots, with_effect
 
-# PLAIN: 10 kg, C_rr 0.1, c 0.5, Gamma 0.5, 1e5 J; s0 0.5 W, s1 0.01 J, radio 0.25 W, controller 0.75 W,
-# computer 2 W + 0.02 J a sample.
+# PLAIN: 10 kg, C_rr 0.1, c 0.5, Gamma 0.5, 1e5 J; s0 0.5 W, s1 0.01 J, radio 0.25 W, controller
+# 0.75 W, computer 2 W + 0.02 J a sample.
 G = 9.80665
 SIN_3, COS_4 = 0.6, 0.8
 GRADE_RAD = math.atan2(3.0, 4.0)
@@ -42,8 +43,12 @@ def test_eq_2_ideal_range() -> None:
 
 
 def test_eq_3_traction() -> None:
-    assert traction_force(PLAIN, 3.0, GRADE_RAD) == pytest.approx(1.0 * G * COS_4 + 0.5 * 9.0 + 10.0 * G * SIN_3)
-    assert traction_force(PLAIN, 3.0, -GRADE_RAD) == pytest.approx(1.0 * G * COS_4 + 0.5 * 9.0 - 10.0 * G * SIN_3)
+    assert traction_force(PLAIN, 3.0, GRADE_RAD) == pytest.approx(
+        1.0 * G * COS_4 + 0.5 * 9.0 + 10.0 * G * SIN_3
+    )
+    assert traction_force(PLAIN, 3.0, -GRADE_RAD) == pytest.approx(
+        1.0 * G * COS_4 + 0.5 * 9.0 - 10.0 * G * SIN_3
+    )
 
 
 def test_eq_5_ancillary_power() -> None:
@@ -53,7 +58,11 @@ def test_eq_5_ancillary_power() -> None:
 
 def test_eq_6_usable_energy() -> None:
     worn = dataclasses.replace(PLAIN, cycle_fade=0.01, age_fade=0.1, cycles=20.0, age=3.0)
-    assert usable_energy(worn, 20.0, 3.0) == worn.usable_energy_j == pytest.approx(1e5 * math.exp(-0.5))
+    assert (
+        usable_energy(worn, 20.0, 3.0)
+        == worn.usable_energy_j
+        == pytest.approx(1e5 * math.exp(-0.5))
+    )
     assert usable_energy(worn, 0.0, 0.0) == 1e5
 
 
@@ -73,7 +82,9 @@ def test_there_and_back_costs_at_least_the_rolling_resistance(robot: Robot, grad
     there_n = traction_force(robot, robot.max_speed_mps, grade)
     back_n = traction_force(robot, robot.max_speed_mps, -grade)
     rolling_n = 2.0 * robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2 * math.cos(grade)
-    paid_n = (drive_power(robot, there_n, 1.0) + drive_power(robot, back_n, 1.0)) * robot.traction_efficiency
+    paid_n = (
+        drive_power(robot, there_n, 1.0) + drive_power(robot, back_n, 1.0)
+    ) * robot.traction_efficiency
     assert paid_n >= rolling_n * (1.0 - 1e-9)
 
 
@@ -106,20 +117,52 @@ def test_functions_take_floats_and_arrays_that_broadcast(function: Callable[...,
 @pytest.mark.parametrize(
     ("function", "message"),
     [
-        (lambda: ancillary_power(PLAIN, -5), "sensing_hz = -5.0 is not allowed; allowed: a number in [0, inf)"),
+        (
+            lambda: ancillary_power(PLAIN, -5),
+            "sensing_hz = -5.0 is not allowed; allowed: a number in [0, inf)",
+        ),
         (lambda: ancillary_power(PLAIN, [1.0, math.nan]), "sensing_hz = nan is not allowed"),
-        (lambda: usable_energy(PLAIN, -1, 0), "cycles = -1.0 is not allowed; allowed: a number in [0, inf)"),
-        (lambda: usable_energy(PLAIN, 0, -1), "age = -1.0 is not allowed; allowed: a number in [0, inf)"),
-        (lambda: traction_force(PLAIN, -1.0, 0.0), "speed_mps = -1.0 is not allowed; allowed: a number in [0, inf)"),
-        (lambda: traction_force(PLAIN, 1.0, 10.0), "grade_rad = 10.0 is not allowed; allowed: a number in [-1.5"),
-        (lambda: manoeuvring_energy(math.inf, 1.0), "force_n = inf is not allowed; allowed: a number in (-inf, inf)"),
-        (lambda: manoeuvring_energy(1.0, -1.0), "distance_m = -1.0 is not allowed; allowed: a number in [0, inf)"),
-        (lambda: d_max(PLAIN, "fast"), "speed_mps = 'fast' is not a number or an array of numbers; allowed: (0, inf)"),
-        (lambda: d_max(PLAIN, {}), "speed_mps = {} is not a number or an array of numbers; allowed: (0, inf)"),
-        (lambda: d_max(PLAIN, [[1.0], [1.0, 2.0]]), "speed_mps = [[1.0], [1.0, 2.0]] is not a number or an array"),
+        (
+            lambda: usable_energy(PLAIN, -1, 0),
+            "cycles = -1.0 is not allowed; allowed: a number in [0, inf)",
+        ),
+        (
+            lambda: usable_energy(PLAIN, 0, -1),
+            "age = -1.0 is not allowed; allowed: a number in [0, inf)",
+        ),
+        (
+            lambda: traction_force(PLAIN, -1.0, 0.0),
+            "speed_mps = -1.0 is not allowed; allowed: a number in [0, inf)",
+        ),
+        (
+            lambda: traction_force(PLAIN, 1.0, 10.0),
+            "grade_rad = 10.0 is not allowed; allowed: a number in [-1.5",
+        ),
+        (
+            lambda: manoeuvring_energy(math.inf, 1.0),
+            "force_n = inf is not allowed; allowed: a number in (-inf, inf)",
+        ),
+        (
+            lambda: manoeuvring_energy(1.0, -1.0),
+            "distance_m = -1.0 is not allowed; allowed: a number in [0, inf)",
+        ),
+        (
+            lambda: d_max(PLAIN, "fast"),
+            "speed_mps = 'fast' is not a number or an array of numbers; allowed: (0, inf)",
+        ),
+        (
+            lambda: d_max(PLAIN, {}),
+            "speed_mps = {} is not a number or an array of numbers; allowed: (0, inf)",
+        ),
+        (
+            lambda: d_max(PLAIN, [[1.0], [1.0, 2.0]]),
+            "speed_mps = [[1.0], [1.0, 2.0]] is not a number or an array",
+        ),
     ],
 )
-def test_values_that_no_equation_knows_are_refused_in_one_line(function: Callable[[], Any], message: str) -> None:
+def test_values_that_no_equation_knows_are_refused_in_one_line(
+    function: Callable[[], Any], message: str
+) -> None:
     with pytest.raises(ValueError) as caught:
         function()
     assert str(caught.value).startswith(message) and "\n" not in str(caught.value)

@@ -9,7 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from homeward import Robot, load_robot
-from homeward.physics import ancillary_power, d_max, ideal_range, mission_energy, traction_force, usable_energy
+from homeward.physics import (
+    ancillary_power,
+    d_max,
+    ideal_range,
+    mission_energy,
+    traction_force,
+    usable_energy,
+)
 from homeward.physics.model import GRAVITY_MPS2, composition, drive_power, sensing_power
 
 RUSTI = load_robot("rusti")
@@ -47,7 +54,9 @@ def test_the_friction_loss_of_the_text_does_not_give_the_printed_efficiency() ->
         ("micro-controller", 5.28, 7.27),
     ],
 )
-def test_composition_by_the_rule_of_table_iii(component: str, least_pct: float, most_pct: float) -> None:
+def test_composition_by_the_rule_of_table_iii(
+    component: str, least_pct: float, most_pct: float
+) -> None:
     least, most = composition(COMPONENTS_W)[component]
     assert (round(100 * least, 2), round(100 * most, 2)) == (least_pct, most_pct)
 
@@ -80,13 +89,15 @@ def test_sensing_power_at_100_hz_by_the_formula() -> None:
 
 
 def test_ancillary_power_is_the_sum_of_the_papers_parts() -> None:
-    assert float(ancillary_power(RUSTI, 100.0)) == pytest.approx(0.0293 + 0.0057318 + 0.166 + 0.3928, rel=1e-12)
+    assert float(ancillary_power(RUSTI, 100.0)) == pytest.approx(
+        0.0293 + 0.0057318 + 0.166 + 0.3928, rel=1e-12
+    )
 
 
 def test_embedded_computer_is_off_at_rest_and_rises_from_8_to_15_w() -> None:
-    extra_w = ancillary_power(load_robot("rusti_computer"), np.array([0.0, 1e-9, 100.0])) - ancillary_power(
-        RUSTI, np.array([0.0, 1e-9, 100.0])
-    )
+    extra_w = ancillary_power(
+        load_robot("rusti_computer"), np.array([0.0, 1e-9, 100.0])
+    ) - ancillary_power(RUSTI, np.array([0.0, 1e-9, 100.0]))
     np.testing.assert_allclose(extra_w, [0.0, 8.0, 15.0], rtol=1e-9)
 
 
@@ -107,13 +118,19 @@ def test_ten_cycles_as_printed_would_take_71_percent_of_the_battery() -> None:
 @given(speed=SPEEDS, grade=GRADES, duty=DUTIES)
 def test_eq_8_inverts_eq_7(speed: float, grade: float, duty: float) -> None:
     reach_m = d_max(RUSTI, speed, grade, duty)
-    assert float(mission_energy(RUSTI, reach_m, speed, grade, duty)) == pytest.approx(RUSTI.usable_energy_j, rel=1e-9)
+    assert float(mission_energy(RUSTI, reach_m, speed, grade, duty)) == pytest.approx(
+        RUSTI.usable_energy_j, rel=1e-9
+    )
 
 
 @given(speed=SPEEDS, duty=DUTIES)
-def test_ancillary_energy_is_that_of_eq_7_and_not_eta4_of_the_battery(speed: float, duty: float) -> None:
+def test_ancillary_energy_is_that_of_eq_7_and_not_eta4_of_the_battery(
+    speed: float, duty: float
+) -> None:
     parked = dataclasses.replace(RUSTI, ancillary_loss=0.5)
-    assert mission_energy(parked, 1.0, speed, 0.0, duty) == mission_energy(RUSTI, 1.0, speed, 0.0, duty)
+    assert mission_energy(parked, 1.0, speed, 0.0, duty) == mission_energy(
+        RUSTI, 1.0, speed, 0.0, duty
+    )
 
 
 def test_stopping_costs_range() -> None:
@@ -131,7 +148,9 @@ def test_a_descent_never_gives_energy(speed: float, grade: float) -> None:
     legs=st.lists(st.tuples(st.floats(-0.7, 0.7), st.floats(0.1, 100.0)), min_size=1, max_size=6),
     friction=st.floats(1e-6, 0.5),
 )
-def test_no_closed_loop_gains_energy(speed: float, legs: list[tuple[float, float]], friction: float) -> None:
+def test_no_closed_loop_gains_energy(
+    speed: float, legs: list[tuple[float, float]], friction: float
+) -> None:
     robot: Robot = dataclasses.replace(RUSTI, rolling_resistance=friction)
     grade, length_m = np.array(legs).T
     climb_m = length_m @ np.sin(grade)
@@ -139,5 +158,7 @@ def test_no_closed_loop_gains_energy(speed: float, legs: list[tuple[float, float
     back = -math.copysign(0.5, climb_m)
     grade, length_m = np.append(grade, back), np.append(length_m, abs(climb_m) / math.sin(0.5))
     drive_j = drive_power(robot, traction_force(robot, speed, grade), speed) * length_m / speed
-    friction_j = robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2 * (length_m @ np.cos(grade))
+    friction_j = (
+        robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2 * (length_m @ np.cos(grade))
+    )
     assert drive_j.sum() * robot.traction_efficiency >= friction_j * (1.0 - 1e-9)

@@ -28,7 +28,9 @@ def test_a_power_with_every_effect_is_that_of_compiled_code() -> None:
         return float(demand(records[0], state[0], HILL))
 
     compiled_w = compiled_demand(robot.record(), states[0])
-    assert np.isclose(demand(plain(robot.record())[0], plain(states[1])[0], HILL), compiled_w, rtol=1e-14)
+    assert np.isclose(
+        demand(plain(robot.record())[0], plain(states[1])[0], HILL), compiled_w, rtol=1e-14
+    )
     np.testing.assert_allclose(states[1]["parts_w"], states[0]["parts_w"], rtol=1e-12)
 
 

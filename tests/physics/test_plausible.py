@@ -36,7 +36,9 @@ def test_presets_are_plausible(preset: str) -> None:
 def test_implausible_values_warn(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(dataclasses.replace(HUSKY, **changes).to_toml())
-    with pytest.warns(PlausibilityWarning, match=f"robot.toml: .*{re.escape(said)}.*is the unit right") as caught:
+    with pytest.warns(
+        PlausibilityWarning, match=f"robot.toml: .*{re.escape(said)}.*is the unit right"
+    ) as caught:
         load_robot(path)
     assert caught[0].filename == __file__
 
@@ -49,7 +51,9 @@ def test_each_end_of_a_range_is_known_and_what_lies_beyond_is_named(name: str) -
         robot = dataclasses.replace(HUSKY, min_speed_mps=1e-3, **change)
         said = [text for text in implausible(robot) if text.startswith(f"{name} = ")]
         assert (said == []) == plausible
-        assert plausible or said == [f"{name} = {value:g}, where {low:g} to {high:g}{unit and ' ' + unit} is known"]
+        assert plausible or said == [
+            f"{name} = {value:g}, where {low:g} to {high:g}{unit and ' ' + unit} is known"
+        ]
 
 
 def test_a_battery_that_weighs_more_or_holds_more_than_any_is_named_by_its_ratio() -> None:

@@ -1,4 +1,5 @@
-"""Robot files: what is wrong is refused in one line that names the field, the value and what is allowed."""
+"""Robot files: what is wrong is refused in one line that names the field, the value and what is
+allowed."""
 
 from __future__ import annotations
 
@@ -22,9 +23,13 @@ from homeward.physics import EFFECTS, preset_names
 from homeward.physics.robot import ROBOT_DTYPE
 from tests.physics.drives import PLAIN, robots
 
-QUANTITIES = {one.name: one.metadata for one in dataclasses.fields(Robot) if "bounds" in one.metadata}
+QUANTITIES = {
+    one.name: one.metadata for one in dataclasses.fields(Robot) if "bounds" in one.metadata
+}
 REQUIRED = [
-    one.name for one in dataclasses.fields(Robot) if one.name in QUANTITIES and one.default is dataclasses.MISSING
+    one.name
+    for one in dataclasses.fields(Robot)
+    if one.name in QUANTITIES and one.default is dataclasses.MISSING
 ]
 
 
@@ -56,7 +61,9 @@ def refusal(source: str | Path) -> str:
 
 
 @pytest.mark.parametrize("field", QUANTITIES)
-@pytest.mark.parametrize("text", ["-1.0", "nan", "inf", "-inf", "1e300", str(10**400), '"heavy"', "true", "[1.0]"])
+@pytest.mark.parametrize(
+    "text", ["-1.0", "nan", "inf", "-inf", "1e300", str(10**400), '"heavy"', "true", "[1.0]"]
+)
 def test_wrong_and_unphysical_values(field: str, text: str, tmp_path: Path) -> None:
     path = write(tmp_path, edited(field, f"{field} = {text}"))
     message = refusal(path)
@@ -130,7 +137,9 @@ def test_unknown_section(tmp_path: Path) -> None:
 def test_section_that_is_a_number(tmp_path: Path) -> None:
     path = write(tmp_path, 'name = "flat"\nbody = 3\n')
     assert refusal(path).startswith(f"{path}: body = 3 is not a table; write [body] with mass_kg, ")
-    older = write(tmp_path, 'name = "flat"\ndrive = 3\n[uncertainty]\nof = "charge"\nrest_current_a = 1.5\n')
+    older = write(
+        tmp_path, 'name = "flat"\ndrive = 3\n[uncertainty]\nof = "charge"\nrest_current_a = 1.5\n'
+    )
     assert refusal(older).startswith(f"{older}: body.mass_kg is missing")
 
 
@@ -169,14 +178,32 @@ def test_cycles_that_leave_no_battery(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("effects", "expected"),
     [
-        ("[effects.turnin]\nscrub = 1.0", "effects.turnin = {'scrub': 1.0} is not a known field; known: inertia, "),
+        (
+            "[effects.turnin]\nscrub = 1.0",
+            "effects.turnin = {'scrub': 1.0} is not a known field; known: inertia, ",
+        ),
         ("[effects.turnin]\nscrub = 1.0", "(did you mean 'turning'?)"),
-        ("[effects.turning]\nscrap = 1.0", "effects.turning.scrap = 1.0 is not a known field; known: scrub"),
-        ("[effects.turning]\nscrub = 9.0", "effects.turning.scrub = 9.0 is not allowed; allowed: a number in [0, 2]"),
-        ("[effects.turning]\nscrub = nan", "effects.turning.scrub = nan is not allowed; allowed: a number in [0, 2]"),
-        ('[effects.turning]\nscrub = "a"', "effects.turning.scrub = 'a' is not a number; allowed: a number in [0, 2]"),
+        (
+            "[effects.turning]\nscrap = 1.0",
+            "effects.turning.scrap = 1.0 is not a known field; known: scrub",
+        ),
+        (
+            "[effects.turning]\nscrub = 9.0",
+            "effects.turning.scrub = 9.0 is not allowed; allowed: a number in [0, 2]",
+        ),
+        (
+            "[effects.turning]\nscrub = nan",
+            "effects.turning.scrub = nan is not allowed; allowed: a number in [0, 2]",
+        ),
+        (
+            '[effects.turning]\nscrub = "a"',
+            "effects.turning.scrub = 'a' is not a number; allowed: a number in [0, 2]",
+        ),
         ("[effects.turning]", "effects.turning.scrub is missing (wheel force over weight"),
-        ("[effects.heater]\non_below_c = 3.0", "effects.heater.w_per_k is missing (power per kelvin"),
+        (
+            "[effects.heater]\non_below_c = 3.0",
+            "effects.heater.w_per_k is missing (power per kelvin",
+        ),
         ("[effects]\nturning = 3", "effects.turning = 3 is not a table with scrub"),
         ("[[effects]]\nturning = 3", "effects = [{'turning': 3}] is not a table of effects"),
     ],
@@ -195,7 +222,9 @@ def test_turning_needs_the_track(tmp_path: Path) -> None:
     assert load_robot(off).active_effects == ()
 
 
-@pytest.mark.parametrize("robot", ["rusty", "Husky", "", "no/such/robot.toml", "a\0b", "x" * 5000, Path("gone.toml")])
+@pytest.mark.parametrize(
+    "robot", ["rusty", "Husky", "", "no/such/robot.toml", "a\0b", "x" * 5000, Path("gone.toml")]
+)
 def test_unknown_robots(robot: str | Path) -> None:
     message = refusal(robot)
     assert message.startswith(f"robot {str(robot)!r} is neither a preset nor a file; presets: ")
@@ -213,7 +242,15 @@ def test_robots_of_another_type(robot: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"\x89PNG\r\n\x1a\n\0\0", b"\0" * 100, b"name = ", b"", b"a = " + b"9" * 5000, b"a = " + b"[" * 20000]
+    "content",
+    [
+        b"\x89PNG\r\n\x1a\n\0\0",
+        b"\0" * 100,
+        b"name = ",
+        b"",
+        b"a = " + b"9" * 5000,
+        b"a = " + b"[" * 20000,
+    ],
 )
 def test_files_that_are_no_robot(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
@@ -245,7 +282,8 @@ def test_a_file_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert refusal(path) == f"{path}: not a readable TOML file: [Errno 13] Permission denied"
 
 
-@pytest.mark.filterwarnings("ignore::homeward.physics.plausible.PlausibilityWarning")  # drawn within bounds, no more
+# drawn within bounds, no more
+@pytest.mark.filterwarnings("ignore::homeward.physics.plausible.PlausibilityWarning")
 @given(robot=robots(), name=st.text(min_size=1), description=st.text(), note=st.text())
 def test_toml_round_trip(
     robot: Robot, name: str, description: str, note: str, tmp_path_factory: pytest.TempPathFactory
@@ -267,13 +305,20 @@ def test_every_preset_loads_by_name_and_by_path(name: str, root: Path) -> None:
 
 @given(robot=robots())
 def test_copies_are_equal(robot: Robot) -> None:
-    for twin in (copy.deepcopy(robot), pickle.loads(pickle.dumps(robot)), dataclasses.replace(robot)):
+    for twin in (
+        copy.deepcopy(robot),
+        pickle.loads(pickle.dumps(robot)),
+        dataclasses.replace(robot),
+    ):
         assert twin == robot and hash(twin) == hash(robot) and twin.effects is not robot.effects
     assert Robot(**dataclasses.asdict(robot)) == robot
 
 
 def test_replace_checks_as_the_file_is_checked() -> None:
-    with pytest.raises(RobotError, match=r"^body\.mass_kg = -1\.0 is not allowed; allowed: a number in \(0, 1e\+06\]$"):
+    with pytest.raises(
+        RobotError,
+        match=r"^body\.mass_kg = -1\.0 is not allowed; allowed: a number in \(0, 1e\+06\]$",
+    ):
         dataclasses.replace(PLAIN, mass_kg=-1.0)
     with pytest.raises(RobotError, match=r"^drive\.min_speed_mps = 9 is above"):
         dataclasses.replace(PLAIN, min_speed_mps=9.0)
@@ -296,7 +341,9 @@ def test_the_record_is_the_robot(robot: Robot) -> None:
     assert record.shape == (1,) and record.dtype == ROBOT_DTYPE
     assert all(record[name][0] == getattr(robot, name) for name in QUANTITIES)
     mask = int(record["effects"][0])
-    assert [effect.id for bit, effect in enumerate(EFFECTS) if mask >> bit & 1] == list(robot.active_effects)
+    assert [effect.id for bit, effect in enumerate(EFFECTS) if mask >> bit & 1] == list(
+        robot.active_effects
+    )
     for effect in EFFECTS:
         for parameter in effect.parameters:
             given_ = robot.effects.get(effect.id, {}).get(parameter.name, parameter.default)
@@ -327,7 +374,9 @@ def test_a_robot_comes_from_standard_input(monkeypatch: pytest.MonkeyPatch) -> N
     assert load_robot("-") == load_robot("husky")
 
 
-@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "a" + ".a" * 50_000 + " = 1", "a = " + "[" * 50 + "]" * 50])
+@pytest.mark.parametrize(
+    "text", ["a = " + "[" * 100_000, "a" + ".a" * 50_000 + " = 1", "a = " + "[" * 50 + "]" * 50]
+)
 def test_deep_files_are_refused_at_once(tmp_path: Path, text: str) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(text)

@@ -8,7 +8,8 @@ from homeward.physics import Robot, d_max, load_robot, preset_names, thresholds
 
 
 def test_numbers_that_are_derived_are_what_is_derived() -> None:
-    assert pytest.approx(25.0, rel=0.03) == thresholds.LEAST_J_PER_KG / 9.80665  # m that a charge lifts the robot
+    # m that a charge lifts the robot
+    assert pytest.approx(25.0, rel=0.03) == thresholds.LEAST_J_PER_KG / 9.80665
     parts = ("sensing_idle_w", "communication_w", "controller_w", "computer_w")
     most_w = max(sum(getattr(load_robot(name), part) for part in parts) for name in preset_names())
     assert thresholds.MOST_ANCILLARY_W / most_w == pytest.approx(300.0, rel=0.2)

@@ -30,17 +30,35 @@ def test_it_is_written_and_read_back(tmp_path: Path) -> None:
     [
         ("uncertainty = 3", "uncertainty = 3 is not a table"),
         ("[uncertainty]\nsize = 1.0", "size is not a known field; known: source"),
-        ('[uncertainty]\nfitted = ["mass"]\ncovariance = []', "covariance is not a table of 1 x 1 numbers"),
-        ('[uncertainty]\nfitted = ["mass"]\ncovariance = [["much"]]', "covariance is not a table of 1 x 1 numbers"),
+        (
+            '[uncertainty]\nfitted = ["mass"]\ncovariance = []',
+            "covariance is not a table of 1 x 1 numbers",
+        ),
+        (
+            '[uncertainty]\nfitted = ["mass"]\ncovariance = [["much"]]',
+            "covariance is not a table of 1 x 1 numbers",
+        ),
         ('[uncertainty]\nfitted = ["mass"]\ncovariance = [[-1.0]]', "negative eigenvalue"),
-        ('[uncertainty]\nfitted = ["mass", "drag"]\ncovariance = [[1.0, 0.5], [0.0, 1.0]]', "not symmetric"),
-        ('[uncertainty]\nfitted = ["mass", "mass"]\ncovariance = [[1.0, 0.0], [0.0, 1.0]]', "each once"),
+        (
+            '[uncertainty]\nfitted = ["mass", "drag"]\ncovariance = [[1.0, 0.5], [0.0, 1.0]]',
+            "not symmetric",
+        ),
+        (
+            '[uncertainty]\nfitted = ["mass", "mass"]\ncovariance = [[1.0, 0.0], [0.0, 1.0]]',
+            "each once",
+        ),
         (
             '[uncertainty]\nfitted = [[1], "drag"]\ncovariance = [[1.0, 0.0], [0.0, 1.0]]',
             "fitted = [[1], 'drag']; give",
         ),
-        (f"[uncertainty]\nfitted = ['mass']\ncovariance = [[1{'0' * 400}]]", "not a table of 1 x 1 numbers"),
-        ("[uncertainty]\nunexplained = -0.1", "unexplained = -0.1 is not allowed; give a number in [0, 100]"),
+        (
+            f"[uncertainty]\nfitted = ['mass']\ncovariance = [[1{'0' * 400}]]",
+            "not a table of 1 x 1 numbers",
+        ),
+        (
+            "[uncertainty]\nunexplained = -0.1",
+            "unexplained = -0.1 is not allowed; give a number in [0, 100]",
+        ),
         ("[uncertainty]\nbetween_runs = true", "between_runs = True is not allowed"),
         ("[uncertainty.instruments]\npower = 1.0", "instruments.power = 1.0 is not a known field"),
         ("[uncertainty.instruments]\nsoc_step = 5.0", "instruments.soc_step = 5.0 is not allowed"),

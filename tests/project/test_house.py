@@ -19,13 +19,19 @@ SEEDED = {
 
 def sources(root: Path, folders: tuple[str, ...] = CODE) -> Iterator[Path]:
     """Files of code relative to the checkout; the search does not enter linked folders."""
-    return (file.relative_to(root) for folder in folders for file in sorted((root / folder).rglob("*.py")))
+    return (
+        file.relative_to(root)
+        for folder in folders
+        for file in sorted((root / folder).rglob("*.py"))
+    )
 
 
 def test_every_file_has_its_test(root: Path) -> None:
-    """Its own, `tests/a/test_b.py` for `a/b.py`, or its folder's, `tests/a/test_a.py` or `tests/test_a.py`; an
-    `__init__` is its package."""
-    tests = {test.relative_to(root / "tests").as_posix() for test in (root / "tests").rglob("test_*.py")}
+    """Its own, `tests/a/test_b.py` for `a/b.py`, or its folder's, `tests/a/test_a.py` or
+    `tests/test_a.py`; an `__init__` is its package."""
+    tests = {
+        test.relative_to(root / "tests").as_posix() for test in (root / "tests").rglob("test_*.py")
+    }
     alone = []
     for file in sources(root):
         inside = file.relative_to("homeward") if file.parts[0] == "homeward" else file
@@ -43,13 +49,22 @@ def test_random_generators_are_passed_in(root: Path) -> None:
 
     def drawn(node: ast.AST) -> bool:
         if isinstance(node, ast.Attribute):
-            return ast.unparse(node.value) in ("np.random", "numpy.random") and node.attr not in allowed
+            return (
+                ast.unparse(node.value) in ("np.random", "numpy.random")
+                and node.attr not in allowed
+            )
         if isinstance(node, ast.ImportFrom):
             return node.module == "random" or (
                 node.module == "numpy.random" and not {one.name for one in node.names} <= allowed
             )
-        return isinstance(node, ast.Import) and any(one.name in ("random", "numpy.random") for one in node.names)
+        return isinstance(node, ast.Import) and any(
+            one.name in ("random", "numpy.random") for one in node.names
+        )
 
     files = sources(root, ("homeward", "envs", "agents"))
-    found = {file for file in files if any(map(drawn, ast.walk(ast.parse((root / file).read_text("utf-8")))))}
+    found = {
+        file
+        for file in files
+        if any(map(drawn, ast.walk(ast.parse((root / file).read_text("utf-8")))))
+    }
     assert {file.as_posix() for file in found} == set(SEEDED)

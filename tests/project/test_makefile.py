@@ -11,13 +11,21 @@ case "$*" in *--dataset*) exit {code};; esac
 """
 
 
-@pytest.mark.parametrize(("code", "falls_back"), [(0, False), (1, False), (2, False), (3, True), (130, False)])
+@pytest.mark.parametrize(
+    ("code", "falls_back"), [(0, False), (1, False), (2, False), (3, True), (130, False)]
+)
 def test_demo(code: int, falls_back: bool, tmp_path: Path, root: Path) -> None:
     calls = tmp_path / "calls"
     (tmp_path / "python").write_text(PYTHON.format(calls=calls, code=code))
     (tmp_path / "python").chmod(0o755)
     done = subprocess.run(
-        ["make", "--assume-old=.venv/installed", f"BIN={tmp_path}", f"DEMO={tmp_path / 'demo'}", "demo"],
+        [
+            "make",
+            "--assume-old=.venv/installed",
+            f"BIN={tmp_path}",
+            f"DEMO={tmp_path / 'demo'}",
+            "demo",
+        ],
         cwd=root,
         capture_output=True,
         text=True,

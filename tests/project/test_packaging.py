@@ -22,7 +22,11 @@ from gymnasium.envs import registration
 import homeward
 
 ROOT = Path(__file__).parents[2]
-SOURCES = {"homeward": ROOT / "homeward", "homeward.envs": ROOT / "envs", "homeward.agents": ROOT / "agents"}
+SOURCES = {
+    "homeward": ROOT / "homeward",
+    "homeward.envs": ROOT / "envs",
+    "homeward.agents": ROOT / "agents",
+}
 SCRIPTS = ("train.py", "evaluate.py", "diagnose.py")
 
 
@@ -40,13 +44,16 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if path.is_file():
             shutil.copy(path, source)
     for top in (*SOURCES.values(), ROOT / "tests"):
-        shutil.copytree(top, source / top.name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            top, source / top.name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+        )
     return source
 
 
 @pytest.fixture(scope="module")
 def built(sources: Path) -> Path:
-    """A folder with a wheel and a source distribution, built with the setuptools that is installed."""
+    """A folder with a wheel and a source distribution, built with the setuptools that is
+    installed."""
     folder = str(sources.parent)
     code = f"from setuptools import build_meta; build_meta.build_sdist({folder!r}); build_meta.build_wheel({folder!r})"
     subprocess.run([sys.executable, "-c", code], cwd=sources, check=True, capture_output=True)
@@ -71,14 +78,18 @@ def files_of_packages() -> dict[str, Path]:
 
 def test_packages_are_the_folders_that_hold_python(project: dict[str, Any]) -> None:
     assert set(project["tool"]["setuptools"]["packages"]) == {
-        name.rpartition("/")[0].replace("/", ".") for name in files_of_packages() if name.endswith(".py")
+        name.rpartition("/")[0].replace("/", ".")
+        for name in files_of_packages()
+        if name.endswith(".py")
     }
 
 
 def test_every_package_has_an_init_file(project: dict[str, Any]) -> None:
     mapping = project["tool"]["setuptools"]["package-dir"]
     for package in project["tool"]["setuptools"]["packages"]:
-        assert (ROOT / mapping.get(package, package.replace(".", "/")) / "__init__.py").is_file(), package
+        assert (ROOT / mapping.get(package, package.replace(".", "/")) / "__init__.py").is_file(), (
+            package
+        )
 
 
 @pytest.mark.parametrize("name", ["envs", "agents", *(f"commands/{script}" for script in SCRIPTS)])
@@ -89,7 +100,9 @@ def test_packages_and_scripts_at_the_top_are_linked_by_relative_links(name: str)
 
 
 def test_wheel_holds_the_files_of_the_packages_and_nothing_else(wheel: zipfile.ZipFile) -> None:
-    assert {name for name in wheel.namelist() if ".dist-info/" not in name} == set(files_of_packages())
+    assert {name for name in wheel.namelist() if ".dist-info/" not in name} == set(
+        files_of_packages()
+    )
 
 
 def test_source_distribution_holds_the_packages_and_none_of_the_tests(built: Path) -> None:
@@ -120,7 +133,9 @@ def test_links_of_the_readme_are_absolute_where_the_project_has_an_address(
     for name in ("README.md", "setup.py"):
         shutil.copy(ROOT / name, tmp_path)
     text = (ROOT / "pyproject.toml").read_text("utf-8").replace("[project.urls]", "[tool.none]")
-    (tmp_path / "pyproject.toml").write_text(f'{text}\n[project.urls]\nSource = "{address}"\n', "utf-8")
+    (tmp_path / "pyproject.toml").write_text(
+        f'{text}\n[project.urls]\nSource = "{address}"\n', "utf-8"
+    )
     given: dict[str, str] = {}
     monkeypatch.setattr(setuptools, "setup", given.update)
     runpy.run_path(str(tmp_path / "setup.py"))
@@ -139,12 +154,16 @@ def test_version_is_that_of_the_project(project: dict[str, Any]) -> None:
 
 
 def test_entry_point_registers_environments() -> None:
-    (entry_point,) = (e for e in entry_points(group="gymnasium.envs") if e.value.startswith("homeward."))
+    (entry_point,) = (
+        e for e in entry_points(group="gymnasium.envs") if e.value.startswith("homeward.")
+    )
     assert entry_point.name == "__root__"
     assert callable(entry_point.load())
 
 
-def test_registering_needs_nothing_of_a_half_imported_gymnasium(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_registering_needs_nothing_of_a_half_imported_gymnasium(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     # Versions before 1.0 load the entry point before they have these names.
     monkeypatch.delattr(gymnasium, "registry")
     monkeypatch.delattr(gymnasium, "register")
@@ -155,14 +174,19 @@ def test_registering_needs_nothing_of_a_half_imported_gymnasium(monkeypatch: pyt
 
 def test_make_needs_no_import(tmp_path: Path) -> None:
     code = "import gymnasium; print(gymnasium.make('homeward:homeward/Survey-v0').spec.id)"
-    run = subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], cwd=tmp_path, capture_output=True, text=True
+    )
     assert (run.stdout.strip(), run.stderr) == ("homeward/Survey-v0", ""), run.stderr
 
 
 def test_every_dependency_is_pinned(project: dict[str, Any]) -> None:
     lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
     pinned = {line.split("==")[0] for line in lines if line and not line.startswith("#")}
-    groups = [project["project"]["dependencies"], *project["project"]["optional-dependencies"].values()]
+    groups = [
+        project["project"]["dependencies"],
+        *project["project"]["optional-dependencies"].values(),
+    ]
     wanted = [requirement for group in groups for requirement in group]
     assert {requirement.split(">=")[0] for requirement in wanted} <= pinned
 
@@ -172,5 +196,7 @@ def test_uninstalled_checkout_imports() -> None:
         "import sys; sys.meta_path = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
         "import homeward.envs, homeward.agents; print(homeward.__file__)"
     )
-    run = subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=ROOT, capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
     assert run.stdout.strip() == str(ROOT / "homeward" / "__init__.py"), run.stderr

@@ -1,4 +1,5 @@
-"""What others build from: the recipe for conda-forge, the image of a robot, and the container for development."""
+"""What others build from: the recipe for conda-forge, the image of a robot, and the container for
+development."""
 
 from __future__ import annotations
 
@@ -30,26 +31,50 @@ def test_the_recipe_asks_for_what_the_project_asks_for(root: Path, project: dict
     assert recipe_list(text, "run") == {python, *project["dependencies"]}
     assert recipe_list(text, "host") == {"pip", python, *project["build"]}
     assert re.findall(r'version = "(.+?)"', text) == [project["version"]]
-    assert recipe_list(text, "entry_points") == {f"{name}={of}" for name, of in project["scripts"].items()}
+    assert recipe_list(text, "entry_points") == {
+        f"{name}={of}" for name, of in project["scripts"].items()
+    }
     about = dict(re.findall(r"^  (summary|license|license_file): (.+)$", text, re.MULTILINE))
-    assert about == {"summary": project["description"], "license": project["license"], "license_file": "LICENSE"}
+    assert about == {
+        "summary": project["description"],
+        "license": project["license"],
+        "license_file": "LICENSE",
+    }
 
 
 def test_the_image_has_all_that_an_install_reads(root: Path, project: dict[str, Any]) -> None:
     text = (root / "Dockerfile").read_text("utf-8")
-    copied = {name for line in re.findall(r"^COPY (.+)$", text, re.MULTILINE) for name in line.split()[:-1]}
+    copied = {
+        name
+        for line in re.findall(r"^COPY (.+)$", text, re.MULTILINE)
+        for name in line.split()[:-1]
+    }
     assert all((root / name).exists() for name in copied)
     linked = {
         link.resolve().relative_to(root.resolve()).parts[0]
         for link in (root / "homeward").rglob("*")
         if link.is_symlink()
     }
-    assert copied >= {"homeward", *linked, "pyproject.toml", "setup.py", "README.md", "constraints.txt", "LICENSE"}
-    kept = {line.removeprefix("!") for line in (root / ".dockerignore").read_text("utf-8").splitlines()}
+    assert copied >= {
+        "homeward",
+        *linked,
+        "pyproject.toml",
+        "setup.py",
+        "README.md",
+        "constraints.txt",
+        "LICENSE",
+    }
+    kept = {
+        line.removeprefix("!") for line in (root / ".dockerignore").read_text("utf-8").splitlines()
+    }
     assert all(name in kept or (name.endswith(".py") and "*.py" in kept) for name in copied)
     (extra,) = re.findall(r"'\.\[(\w+)\]'", text)
     assert extra in project["optional-dependencies"]
-    assert text.index("RUN useradd") < text.index("USER homeward") < text.index('ENTRYPOINT ["homeward", "watch"]')
+    assert (
+        text.index("RUN useradd")
+        < text.index("USER homeward")
+        < text.index('ENTRYPOINT ["homeward", "watch"]')
+    )
     (version,) = re.findall(r"^FROM python:([\d.]+)-slim$", text, re.MULTILINE)
     assert f"Programming Language :: Python :: {version}" in project["classifiers"]
 

@@ -41,10 +41,14 @@ def tree(release: ModuleType, root: Path, tmp_path: Path) -> Path:
 
 def begin(tree: Path, version: str) -> None:
     path = tree / "CHANGELOG.md"
-    path.write_text(path.read_text("utf-8").replace("\n## ", f"\n## {version} (unreleased)\n\n## ", 1), "utf-8")
+    path.write_text(
+        path.read_text("utf-8").replace("\n## ", f"\n## {version} (unreleased)\n\n## ", 1), "utf-8"
+    )
 
 
-def test_one_version_stands_everywhere_until_the_changelog_begins_the_next(release: ModuleType, root: Path) -> None:
+def test_one_version_stands_everywhere_until_the_changelog_begins_the_next(
+    release: ModuleType, root: Path
+) -> None:
     said = {name: release.stands(root, name) for name in release.PLACES}
     latest = said.pop("CHANGELOG.md")
     (version,) = {one[1] for one in said.values()}
@@ -61,7 +65,9 @@ def test_the_version_is_set_everywhere_and_dated(release: ModuleType, tree: Path
     assert (tree / "CITATION.cff").read_text("utf-8").count("date-released: 2031-02-03\n") == 1
     git(tree, "commit", "--quiet", "--all", "--message", "release")
     for released in (later, now):
-        with pytest.raises(release.ReleaseError, match=f"is not later than {later}, which is released"):
+        with pytest.raises(
+            release.ReleaseError, match=f"is not later than {later}, which is released"
+        ):
             release.check(tree, released)
 
 
@@ -69,7 +75,8 @@ def test_a_release_follows_another_as_the_refusal_says(release: ModuleType, tree
     release.set_version(tree, "98.0.0", DATE)
     git(tree, "commit", "--quiet", "--all", "--message", "release")
     with pytest.raises(
-        release.ReleaseError, match=r"says nothing since 98.0.0; begin it with ## 99.0.0 \(unreleased\)"
+        release.ReleaseError,
+        match=r"says nothing since 98.0.0; begin it with ## 99.0.0 \(unreleased\)",
     ):
         release.check(tree, "99.0.0")
     begin(tree, "99.0.0")
@@ -106,9 +113,14 @@ def test_versions_that_disagree_are_refused(release: ModuleType, tree: Path) -> 
         release.check(tree, "99.0.0")
 
 
-@pytest.mark.parametrize("error", ["ReleaseError", KeyboardInterrupt], ids=["a step fails", "Ctrl-C"])
+@pytest.mark.parametrize(
+    "error", ["ReleaseError", KeyboardInterrupt], ids=["a step fails", "Ctrl-C"]
+)
 def test_a_build_that_ends_early_leaves_the_files_as_they_were(
-    error: str | type[BaseException], release: ModuleType, tree: Path, monkeypatch: pytest.MonkeyPatch
+    error: str | type[BaseException],
+    release: ModuleType,
+    tree: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     expected = getattr(release, error) if isinstance(error, str) else error
 
@@ -122,10 +134,14 @@ def test_a_build_that_ends_early_leaves_the_files_as_they_were(
     assert {name: (tree / name).read_text("utf-8") for name in release.PLACES} == before
 
 
-def test_nothing_is_uploaded_while_links_of_the_readme_lead_nowhere(release: ModuleType, tree: Path) -> None:
+def test_nothing_is_uploaded_while_links_of_the_readme_lead_nowhere(
+    release: ModuleType, tree: Path
+) -> None:
     path = tree / "pyproject.toml"
     text = path.read_text("utf-8").replace("[project.urls]", "[tool.none]")
     path.write_text(text, "utf-8")
-    assert release.upload(tree).startswith("upload nothing: links of README.md are relative until [project.urls]")
+    assert release.upload(tree).startswith(
+        "upload nothing: links of README.md are relative until [project.urls]"
+    )
     path.write_text(f'{text}\n[project.urls]\nSource = "https://example.org/homeward"\n', "utf-8")
     assert release.upload(tree).endswith("twine upload dist/*")

@@ -1,4 +1,5 @@
-"""The robots that ship with the project: sourced, and as plausible as their makers' run times let one check."""
+"""The robots that ship with the project: sourced, and as plausible as their makers' run times let
+one check."""
 
 import dataclasses
 import math
@@ -20,7 +21,9 @@ def preset_file(root: Path, name: str) -> Path:
 
 
 def hours(robot: Robot, speed_mps: float, duty: float = 1.0, sensing_hz: float = 0.0) -> float:
-    return float(d_max(robot, speed_mps, duty=duty, sensing_hz=sensing_hz) / (speed_mps * duty) / 3600.0)
+    return float(
+        d_max(robot, speed_mps, duty=duty, sensing_hz=sensing_hz) / (speed_mps * duty) / 3600.0
+    )
 
 
 def standing_hours(robot: Robot) -> float:
@@ -47,7 +50,9 @@ def test_every_number_has_its_source_on_its_line(name: str, root: Path) -> None:
     assert len(lines) == len(numbers), "a number is written in a way that this test cannot see"
     for line in lines:
         match = NUMBER.match(line)
-        assert match and match["comment"] and len(match["comment"]) > 10, f"no source beside: {line}"
+        assert match and match["comment"] and len(match["comment"]) > 10, (
+            f"no source beside: {line}"
+        )
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -64,16 +69,20 @@ def test_battery_discharges_at_a_rate_that_it_survives(name: str) -> None:
     assert 0.2 < hours(robot, robot.max_speed_mps, sensing_hz=robot.max_sensing_hz) < 24.0
 
 
-@pytest.mark.parametrize("name", ["husky", "turtlebot3_burger"])  # those whose motor constant is known
+# those whose motor constant is known
+@pytest.mark.parametrize("name", ["husky", "turtlebot3_burger"])
 def test_motor_constant_agrees_with_the_top_speed(name: str) -> None:
     robot = load_robot(name)
-    # N/A is V s/m: without load, a full battery (15 % above nominal) spins the wheels at the top speed or faster.
+    # N/A is V s/m: without load, a full battery (15 % above nominal) spins the wheels at the top
+    # speed or faster.
     free_speed_mps = 1.15 * robot.nominal_voltage_v / robot.traction_n_per_a
     assert robot.max_speed_mps < free_speed_mps < 2.0 * robot.max_speed_mps
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_a_preset_says_how_sure_it_is_with_a_source_or_why_it_does_not(name: str, root: Path) -> None:
+def test_a_preset_says_how_sure_it_is_with_a_source_or_why_it_does_not(
+    name: str, root: Path
+) -> None:
     sure, text = load_robot(name).uncertainty, preset_file(root, name).read_text(encoding="utf-8")
     assert (sure is None) == ("# No [uncertainty]: " in text)
     assert sure is None or len(sure.source) > 10
@@ -84,7 +93,9 @@ def test_rusti_is_as_sure_as_the_paper_says() -> None:
     assert sure is not None
     least, most = 1.0 - 0.91, 1.0 - 0.66
     # The mean square of what is spread evenly between two limits.
-    assert sure.between_runs == pytest.approx(math.sqrt((most**3 - least**3) / (3.0 * (most - least))), abs=0.005)
+    assert sure.between_runs == pytest.approx(
+        math.sqrt((most**3 - least**3) / (3.0 * (most - least))), abs=0.005
+    )
 
 
 def test_rusti_computer_differs_from_rusti_in_the_computer_alone() -> None:
@@ -104,16 +115,23 @@ def test_husky_runs_as_long_as_its_maker_states() -> None:
 
 def test_husky_climbs_as_steep_as_its_maker_states() -> None:
     husky = load_robot("husky")
-    peak_current_a = 2 * 26.0  # both motors at the driver's limit (the maker's troubleshooting page)
+    # both motors at the driver's limit (the maker's troubleshooting page)
+    peak_current_a = 2 * 26.0
     thrust_n = husky.traction_n_per_a * peak_current_a * (1.0 - husky.friction_loss)
     assert traction_force(husky, husky.min_speed_mps, math.radians(45.0)) < thrust_n
 
 
 def test_jackal_runs_between_its_makers_heavy_and_basic_use() -> None:
     jackal = load_robot("jackal")
-    loaded = dataclasses.replace(jackal, mass_kg=jackal.mass_kg + 20.0)  # the maker's maximum payload
+    # the maker's maximum payload
+    loaded = dataclasses.replace(jackal, mass_kg=jackal.mass_kg + 20.0)
     assert hours(jackal, 0.5, duty=0.5) == pytest.approx(8.0, rel=0.1)
-    assert hours(loaded, jackal.max_speed_mps) < 2.0 < hours(jackal, jackal.max_speed_mps, sensing_hz=50.0) < 2.5
+    assert (
+        hours(loaded, jackal.max_speed_mps)
+        < 2.0
+        < hours(jackal, jackal.max_speed_mps, sensing_hz=50.0)
+        < 2.5
+    )
     assert standing_hours(jackal) > 8.0
 
 

@@ -1,4 +1,5 @@
-"""Files that once ended in a traceback, a hang or gigabytes are refused; `test_mutated.py` looks for more."""
+"""Files that once ended in a traceback, a hang or gigabytes are refused; `test_mutated.py` looks
+for more."""
 
 from __future__ import annotations
 
@@ -75,7 +76,14 @@ def test_weights_of_an_impossible_shape(tmp_path: Path, shape: list[int]) -> Non
 
 @pytest.mark.parametrize(
     "text",
-    ["[" * 100_000, '{"a":' * 100_000, '{"schema": 1e999}', '{"schema": ' + "9" * 5000 + "}", '{"a": NaN}', "null"],
+    [
+        "[" * 100_000,
+        '{"a":' * 100_000,
+        '{"schema": 1e999}',
+        '{"schema": ' + "9" * 5000 + "}",
+        '{"a": NaN}',
+        "null",
+    ],
     ids=["lists", "tables", "infinite", "digits", "NaN", "null"],
 )
 def test_descriptions_that_are_deep_or_infinite(tmp_path: Path, text: str) -> None:

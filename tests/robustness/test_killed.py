@@ -1,7 +1,8 @@
-"""Killed commands, and those with a full disk or a read-only folder, lose nothing and leave nothing half-written.
+"""Killed commands, and those with a full disk or a read-only folder, lose nothing and leave nothing
+half-written.
 
-`HOMEWARD_KILLS=20 pytest tests/robustness/test_killed.py` kills every command so often; else the fleet's is, once, and
-`tests/commands` kills a training and a search.
+`HOMEWARD_KILLS=20 pytest tests/robustness/test_killed.py` kills every command so often; else the
+fleet's is, once, and `tests/commands` kills a training and a search.
 """
 
 from __future__ import annotations
@@ -40,7 +41,11 @@ TINY = (
 
 def of_files(folder: Path, *patterns: str) -> dict[str, bytes]:
     """What files hold, by their names."""
-    return {str(file.relative_to(folder)): file.read_bytes() for one in patterns for file in folder.glob(one)}
+    return {
+        str(file.relative_to(folder)): file.read_bytes()
+        for one in patterns
+        for file in folder.glob(one)
+    }
 
 
 def of_training(folder: Path) -> object:
@@ -53,12 +58,15 @@ def of_training(folder: Path) -> object:
 def of_evaluation(folder: Path) -> object:
     """Episodes, less what their decisions took."""
     with (folder / "episodes.csv").open(newline="") as file:
-        return [{k: v for k, v in row.items() if not k.endswith("_us")} for row in csv.DictReader(file)]
+        return [
+            {k: v for k, v in row.items() if not k.endswith("_us")} for row in csv.DictReader(file)
+        ]
 
 
 @dataclass(frozen=True)
 class Job:
-    """A command, what its results are, and words that make it another whose results are not those that are there."""
+    """A command, what its results are, and words that make it another whose results are not those
+    that are there."""
 
     words: str
     result: Callable[[Path], object]
@@ -79,7 +87,11 @@ JOBS = {
 @pytest.fixture(scope="module")
 def garage(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of two robots like a Husky, each with a drive."""
-    rng, time_s, folder = np.random.default_rng(0), np.arange(1200) / 10.0, tmp_path_factory.mktemp("garage")
+    rng, time_s, folder = (
+        np.random.default_rng(0),
+        np.arange(1200) / 10.0,
+        tmp_path_factory.mktemp("garage"),
+    )
     for robot in range(2):
         speed = np.clip(0.5 + 0.5 * np.sin(time_s / (6.0 + robot)), 0.05, 1.0)
         power = 60.0 + (110.0 + 20.0 * robot) * speed + rng.normal(0.0, 3.0, len(time_s))
@@ -98,7 +110,11 @@ def words_of(name: str, garage: Path, out: Path, other: bool = False) -> list[st
 
 def faults(folder: Path) -> list[str]:
     """Files of a results folder that are not whole; those with a temporary name do not count."""
-    paths = [path for path in sorted(folder.rglob("*")) if path.is_file() and not path.name.startswith(".")]
+    paths = [
+        path
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.name.startswith(".")
+    ]
     return [str(path.relative_to(folder)) for path in paths if not is_whole(path)]
 
 
@@ -120,7 +136,8 @@ def is_whole(path: Path) -> bool:
 def full_disk() -> Iterator[None]:
     """A disk with some kilobytes left.
 
-    Python would leave half a file of the bytecode of a module that is first imported there, and fail on it ever after.
+    Python would leave half a file of the bytecode of a module that is first imported there, and
+    fail on it ever after.
     """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     with pytest.MonkeyPatch.context() as patch:
@@ -135,8 +152,13 @@ def full_disk() -> Iterator[None]:
 
 @contextlib.contextmanager
 def read_only(folder: Path) -> Iterator[None]:
-    """A folder that may not be written to, for root neither: it loses what lets it write where permissions forbid."""
-    libc, header, sets = ctypes.CDLL(None), (ctypes.c_uint32 * 2)(CAPABILITY_VERSION, 0), (ctypes.c_uint32 * 6)()
+    """A folder that may not be written to, for root neither: it loses what lets it write where
+    permissions forbid."""
+    libc, header, sets = (
+        ctypes.CDLL(None),
+        (ctypes.c_uint32 * 2)(CAPABILITY_VERSION, 0),
+        (ctypes.c_uint32 * 6)(),
+    )
     libc.capget(header, sets)
     effective = sets[0]  # of the first 32
     paths = [folder, *folder.rglob("*")]
@@ -170,7 +192,9 @@ def test_half_a_file_is_a_fault(tmp_path: Path, name: str, whole: bytes) -> None
 
 
 @pytest.mark.parametrize("name", JOBS if KILLS else ("fleet",))
-def test_a_killed_command_goes_on_and_ends_as_one_that_was_not(name: str, garage: Path, tmp_path: Path) -> None:
+def test_a_killed_command_goes_on_and_ends_as_one_that_was_not(
+    name: str, garage: Path, tmp_path: Path
+) -> None:
     def run(out: Path, longest_s: float) -> int:
         """Exit code; the whole process group is killed after so long."""
         line = [sys.executable, "-m", "homeward", *words_of(name, garage, out)]
@@ -195,11 +219,15 @@ def test_a_killed_command_goes_on_and_ends_as_one_that_was_not(name: str, garage
         assert faults(out) == []
         assert run(out, 600.0) == 0
         assert JOBS[name].result(out) == wanted
-        assert not [path for path in out.rglob(".*") if path.is_file()], "leftovers with a temporary name"
+        assert not [path for path in out.rglob(".*") if path.is_file()], (
+            "leftovers with a temporary name"
+        )
 
 
 @pytest.mark.parametrize("name", JOBS)
-def test_disks_that_are_full_and_folders_that_forbid(name: str, garage: Path, tmp_path: Path) -> None:
+def test_disks_that_are_full_and_folders_that_forbid(
+    name: str, garage: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "full"
     with full_disk():
         code, _, said = ended(words_of(name, garage, out))

@@ -1,8 +1,9 @@
-"""Real files with changed bytes and structure are read or refused, by every loader and by commands, in time and memory.
+"""Real files with changed bytes and structure are read or refused, by every loader and by commands,
+in time and memory.
 
 Some of each belong to every run. `HOMEWARD_MUTATIONS=10000 pytest tests/robustness/test_mutated.py
---hypothesis-show-statistics` draws so many others of each, and tries ONNX networks, too; `broken` holds what once
-broke, for `test_broken.py`.
+--hypothesis-show-statistics` draws so many others of each, and tries ONNX networks, too; `broken`
+holds what once broke, for `test_broken.py`.
 """
 
 from __future__ import annotations
@@ -51,7 +52,10 @@ from tests.test_urdf import four_wheels
 ROOT = Path(__file__).parents[2]
 GIVEN = os.environ.get("HOMEWARD_MUTATIONS")
 SETTINGS = settings(
-    max_examples=int(GIVEN or 25), derandomize=GIVEN is None, suppress_health_check=list(HealthCheck), print_blob=True
+    max_examples=int(GIVEN or 25),
+    derandomize=GIVEN is None,
+    suppress_health_check=list(HealthCheck),
+    print_blob=True,
 )
 OF_COMMANDS = settings(SETTINGS, max_examples=int(GIVEN or 15))
 """Fewer, as a command takes most of a second; every run draws the same."""
@@ -73,7 +77,8 @@ TOKENS = (
 
 @dataclass(frozen=True)
 class Loader:
-    """What is read: by what, the ending of its files, the errors that it may refuse with, and real files."""
+    """What is read: by what, the ending of its files, the errors that it may refuse with, and real
+    files."""
 
     read: Callable[[Path], Any]
     suffix: str
@@ -96,7 +101,10 @@ def routes() -> list[bytes]:
 
 
 def tracks() -> list[bytes]:
-    points = "".join(f'<trkpt lat="{45 + i * 1e-4:.5f}" lon="7.0"><ele>{100 + i % 7}</ele></trkpt>' for i in range(40))
+    points = "".join(
+        f'<trkpt lat="{45 + i * 1e-4:.5f}" lon="7.0"><ele>{100 + i % 7}</ele></trkpt>'
+        for i in range(40)
+    )
     head = '<?xml version="1.0"?><gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1">'
     return [f"{head}<trk><trkseg>{points}</trkseg></trk></gpx>".encode()]
 
@@ -105,10 +113,22 @@ def tables() -> list[bytes]:
     """Recordings as programs of several kinds and countries write them."""
     packed = (ROOT / "homeward" / "recordings" / "synthetic_husky.csv.gz").read_bytes()
     plain = b"".join(gzip.decompress(packed).splitlines(keepends=True)[:60])
-    epoch = rows("time_s,speed_mps,voltage_v,current_a", lambda i: f"{1714564800000 + 100 * i},0.5,24.5,3")
-    dates = rows("time_s,wheel_left_mps,wheel_right_mps,power_w", lambda i: f"2024-05-01T12:00:{i:02d}Z,0.5,0.6,90")
+    epoch = rows(
+        "time_s,speed_mps,voltage_v,current_a", lambda i: f"{1714564800000 + 100 * i},0.5,24.5,3"
+    )
+    dates = rows(
+        "time_s,wheel_left_mps,wheel_right_mps,power_w",
+        lambda i: f"2024-05-01T12:00:{i:02d}Z,0.5,0.6,90",
+    )
     german = rows("time_s;speed_mps;power_w", lambda i: f"01.05.2024 12:00:{i:02d},0;0,5;90,1")
-    return [plain, plain.replace(b",", b";").replace(b".", b","), epoch, dates, german, plain.decode().encode("utf-16")]
+    return [
+        plain,
+        plain.replace(b",", b";").replace(b".", b","),
+        epoch,
+        dates,
+        german,
+        plain.decode().encode("utf-16"),
+    ]
 
 
 def foreign() -> list[bytes]:
@@ -129,32 +149,59 @@ def logs(form: str) -> list[bytes]:
     """Bags and logs of autopilots, some seconds long."""
     t = np.arange(0.0, 8.0, 0.5)
     speed, current = 0.5 + 0.1 * np.sin(t), 3.0 + t
-    position = {"vx": speed, "vy": 0.0, "z": 1.0, "heading": 0.0, "v_xy_valid": True, "z_valid": True}
+    position = {
+        "vx": speed,
+        "vy": 0.0,
+        "z": 1.0,
+        "heading": 0.0,
+        "v_xy_valid": True,
+        "z_valid": True,
+    }
     px4 = {
         "battery_status": {"voltage_v": 24.0, "current_a": current, "remaining": 0.9},
         "vehicle_local_position": position,
         "vehicle_attitude": {f"q[{i}]": float(i == 0) for i in range(4)},
     }
-    ardupilot = {"BAT": {"Volt": 24.0, "Curr": current}, "THR": {"Speed": speed}, "ATT": {"Pitch": speed}}
+    ardupilot = {
+        "BAT": {"Volt": 24.0, "Curr": current},
+        "THR": {"Speed": speed},
+        "ATT": {"Pitch": speed},
+    }
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if form == "ulg":
-            return [write_ulog(folder / "run.ulg", {of: (t, one) for of, one in px4.items()}).read_bytes()]
+            return [
+                write_ulog(
+                    folder / "run.ulg", {of: (t, one) for of, one in px4.items()}
+                ).read_bytes()
+            ]
         if form == "bin":
-            return [write_dataflash(folder / "run.bin", [(of, t, one) for of, one in ardupilot.items()]).read_bytes()]
+            return [
+                write_dataflash(
+                    folder / "run.bin", [(of, t, one) for of, one in ardupilot.items()]
+                ).read_bytes()
+            ]
         streams = {
             "/odom": Stream("nav_msgs/msg/Odometry", t, {"twist.twist.linear.x": speed}),
-            "/battery": Stream("sensor_msgs/msg/BatteryState", t, {"voltage": 24.0, "current": -current}),
+            "/battery": Stream(
+                "sensor_msgs/msg/BatteryState", t, {"voltage": 24.0, "current": -current}
+            ),
         }
         for compression in {"ros1": ("", "lz4"), "mcap": ("", "storage"), "sqlite3": ("",)}[form]:
             write_bag(folder / f"{form}{compression}", form, streams, compression)
-        return [one.read_bytes() for one in sorted(folder.rglob("*")) if one.suffix in (".bag", ".mcap", ".db3")]
+        return [
+            one.read_bytes()
+            for one in sorted(folder.rglob("*"))
+            if one.suffix in (".bag", ".mcap", ".db3")
+        ]
 
 
 def two_packs() -> list[bytes]:
     """A bag of a robot with packs in parallel and their sum, each a topic."""
     t = np.arange(0.0, 8.0, 0.5)
-    streams = {"/odom": Stream("nav_msgs/msg/Odometry", t, {"twist.twist.linear.x": 0.5 + 0.1 * np.sin(t)})}
+    streams = {
+        "/odom": Stream("nav_msgs/msg/Odometry", t, {"twist.twist.linear.x": 0.5 + 0.1 * np.sin(t)})
+    }
     for name, share in {"_1": 0.5, "_2": 0.5, "": 1.0}.items():
         readings = {"voltage": 24.0, "current": -share * (3.0 + t)}
         streams[f"/battery{name}"] = Stream("sensor_msgs/msg/BatteryState", t, readings)
@@ -177,14 +224,18 @@ def echoes() -> list[bytes]:
     covariance = ",".join(["0.0"] * 36)
     pose = f"odom,base_link,0.0,0.0,0.0,0.0,0.0,0.0,1.0,{covariance}"
     odometry = [f"{100 + i},0,{pose},0.5,0.0,0.0,0.0,0.0,0.1,{covariance}" for i in range(40)]
-    battery = [f"{100 + i},500000000,,24.0,nan,-{3 + i % 3},nan,nan,nan,0.8,2,0,0,True" for i in range(40)]
+    battery = [
+        f"{100 + i},500000000,,24.0,nan,-{3 + i % 3},nan,nan,nan,0.8,2,0,0,True" for i in range(40)
+    ]
     return [SECOND.join("\n".join(lines).encode() for lines in (odometry, battery))]
 
 
 def joined() -> list[bytes]:
     """Two tables of one run in one, with names."""
     motion = rows("time_s,speed_mps", lambda i: f"{i / 5:.2f},{0.5 + i % 3}")
-    return [SECOND.join((motion, rows("time_s,power_w", lambda i: f"{i / 5 + 0.05:.2f},{90 + i % 7}")))]
+    return [
+        SECOND.join((motion, rows("time_s,power_w", lambda i: f"{i / 5 + 0.05:.2f},{90 + i % 7}")))
+    ]
 
 
 def two_tables(path: Path) -> str:
@@ -208,7 +259,11 @@ def segments() -> list[bytes]:
 def fit() -> list[bytes]:
     distance_m = np.linspace(0.0, 500.0, 40)
     with tempfile.TemporaryDirectory() as name:
-        return [write_fit(Path(name) / "a.fit", distance_m, 100.0 + np.sin(distance_m / 50.0)).read_bytes()]
+        return [
+            write_fit(
+                Path(name) / "a.fit", distance_m, 100.0 + np.sin(distance_m / 50.0)
+            ).read_bytes()
+        ]
 
 
 def networks() -> list[bytes]:
@@ -230,16 +285,22 @@ def read_network(path: Path) -> object:
 def policies() -> list[bytes]:
     """Both files of a policy in one, the description first."""
     folders = [path.parent for path in sorted((ROOT / "agents" / "policies").glob("*/policy.json"))]
-    return [SPLIT.join((one / f"policy.{end}").read_bytes() for end in ("json", "safetensors")) for one in folders]
+    return [
+        SPLIT.join((one / f"policy.{end}").read_bytes() for end in ("json", "safetensors"))
+        for one in folders
+    ]
 
 
 def policy_folder(path: Path) -> Path:
-    """A folder with the two files; the hash is set right where it can be, or hardly any would be looked into."""
+    """A folder with the two files; the hash is set right where it can be, or hardly any would be
+    looked into."""
     description, _, weights = path.read_bytes().partition(SPLIT)
     folder = path.with_name("policy")
     folder.mkdir(exist_ok=True)
     digest = hashlib.sha256(weights).hexdigest().encode()
-    description = re.sub(rb'("weights_sha256": ")[0-9a-f]{64}"', rb"\g<1>" + digest + b'"', description)
+    description = re.sub(
+        rb'("weights_sha256": ")[0-9a-f]{64}"', rb"\g<1>" + digest + b'"', description
+    )
     (folder / "policy.json").write_bytes(description)
     (folder / "policy.safetensors").write_bytes(weights)
     return folder
@@ -247,13 +308,18 @@ def policy_folder(path: Path) -> Path:
 
 def instruments() -> list[bytes]:
     every = map(dataclasses.asdict, INSTRUMENTS.values())
-    return ["".join(f"{name} = {json.dumps(value)}\n" for name, value in one.items()).encode() for one in every]
+    return [
+        "".join(f"{name} = {json.dumps(value)}\n" for name, value in one.items()).encode()
+        for one in every
+    ]
 
 
 def coasted() -> list[bytes]:
     """A robot file with a coast-down test."""
     lines = load_robot("husky").to_toml().splitlines()
-    kept = [line for line in lines if not line.startswith(("rolling_resistance", "drag_ns2_per_m2"))]
+    kept = [
+        line for line in lines if not line.startswith(("rolling_resistance", "drag_ns2_per_m2"))
+    ]
     table = "[coast_down]\na_n = 30.0\na_sd_n = 0.6\nb_ns_per_m = 4.0\nc_ns2_per_m2 = 0.5\nmass_sd_kg = 0.5\n"
     return ["\n".join([*kept, table]).encode()]
 
@@ -299,7 +365,9 @@ LOADERS = {
     "instruments": Loader(load_instruments, ".toml", (InstrumentError,), instruments),
 }  # fmt: skip
 if GIVEN:
-    LOADERS["network"] = Loader(read_network, ".onnx", (PolicyFileError, OptionError, RobotError, RouteError), networks)
+    LOADERS["network"] = Loader(
+        read_network, ".onnx", (PolicyFileError, OptionError, RobotError, RouteError), networks
+    )
 EVALUATE = "evaluate --agents soc50 --episodes 2 --out OUT"
 COMMANDS = (
     ("robot", "range FILE --grade 3 --duty 0.5"),
@@ -326,7 +394,8 @@ COMMANDS = (
 
 @functools.cache
 def real(name: str) -> list[bytes]:
-    """Real files; they are read here first, for what that imports and compiles counts for no input."""
+    """Real files; they are read here first, for what that imports and compiles counts for no
+    input."""
     loader = LOADERS[name]
     made = loader.files()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
@@ -342,7 +411,9 @@ def changed(draw: st.DrawFn, name: str) -> bytes:
     """A real file in which some values, or stretches anywhere, became something else."""
     data = draw(st.sampled_from(real(name)))
     for _ in range(draw(st.integers(1, 3))):
-        values = [match.span(1) for match in re.finditer(rb"(?:[=:,;]\s*|^)([^\s,;\]}]+)", data[:20_000])]
+        values = [
+            match.span(1) for match in re.finditer(rb"(?:[=:,;]\s*|^)([^\s,;\]}]+)", data[:20_000])
+        ]
         in_value: bool = draw(st.booleans())
         if values and in_value:
             start, end = draw(st.sampled_from(values))
@@ -351,7 +422,11 @@ def changed(draw: st.DrawFn, name: str) -> bytes:
             end = start + draw(st.sampled_from((0, 1, 2, 4, 8, 40, len(data))))
         copied = data[start : start + draw(st.integers(1, 200))] * draw(st.integers(1, 128))
         digit, junk = st.integers(0, 9).map(b"%d".__mod__), st.binary(max_size=8)
-        data = data[:start] + draw(st.sampled_from(TOKENS) | digit | junk | st.just(copied)) + data[end:]
+        data = (
+            data[:start]
+            + draw(st.sampled_from(TOKENS) | digit | junk | st.just(copied))
+            + data[end:]
+        )
     return data[:300_000]
 
 
@@ -394,7 +469,9 @@ def words_of(name: str, line: str, data: bytes, folder: Path) -> list[str]:
     if name == "policy":
         policy_folder(path)
     names = {"FILE": path.name, "OUT": "out", "RUN": "run.csv", "POLICY": "policy"}
-    return [re.sub("[A-Z]{3,}", lambda of: str(folder / names[of[0]]), word) for word in line.split()]
+    return [
+        re.sub("[A-Z]{3,}", lambda of: str(folder / names[of[0]]), word) for word in line.split()
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -439,8 +516,11 @@ def test_a_changed_file_is_read_or_refused(name: str, tmp_path: Path, data: st.D
 @pytest.mark.usefixtures("compiled")
 @OF_COMMANDS
 @given(data=st.data())
-def test_a_command_does_what_it_is_asked_or_says_why_not(tmp_path: Path, data: st.DataObject) -> None:
-    """On a changed file, and now and then with a wrong word: exit code 0, or 2 and a last line that says why."""
+def test_a_command_does_what_it_is_asked_or_says_why_not(
+    tmp_path: Path, data: st.DataObject
+) -> None:
+    """On a changed file, and now and then with a wrong word: exit code 0, or 2 and a last line that
+    says why."""
     name, line = data.draw(st.sampled_from(COMMANDS))
     words = data.draw(mistyped(words_of(name, line, data.draw(changed(name)), tmp_path)))
     with limits():

@@ -21,6 +21,8 @@ def package(root: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     stand_in.install(monkeypatch)
     monkeypatch.syspath_prepend(str(root / "ros2"))
     names = ("messages", "process", "node", "check")
-    yield SimpleNamespace(**{name: importlib.import_module(f"homeward_ros2.{name}") for name in names})
+    yield SimpleNamespace(
+        **{name: importlib.import_module(f"homeward_ros2.{name}") for name in names}
+    )
     for name in ("homeward_ros2", *(f"homeward_ros2.{name}" for name in names)):
         sys.modules.pop(name, None)

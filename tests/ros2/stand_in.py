@@ -1,7 +1,9 @@
-"""A stand-in for rclpy and the message packages: one graph in this process, with their names, defaults and checks.
+"""A stand-in for rclpy and the message packages: one graph in this process, with their names,
+defaults and checks.
 
-Messages have the types that `rosidl_generator_py` gives their fields, and refuse others as it does: `byte` is a byte
-string of length 1, numbers of fixed arrays are numpy arrays, those of sequences are `array`s.
+Messages have the types that `rosidl_generator_py` gives their fields, and refuse others as it does:
+`byte` is a byte string of length 1, numbers of fixed arrays are numpy arrays, those of sequences
+are `array`s.
 """
 
 from __future__ import annotations
@@ -20,8 +22,21 @@ from rosbags.interfaces import Nodetype
 
 from homeward.logs.bags.messages import known_types
 
-PACKAGES = "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs"
-_NAMES = {"bool": "boolean", "byte": "octet", "char": "uint8", "float32": "float", "float64": "double"}
+PACKAGES = (
+    "builtin_interfaces",
+    "diagnostic_msgs",
+    "geometry_msgs",
+    "nav_msgs",
+    "sensor_msgs",
+    "std_msgs",
+)
+_NAMES = {
+    "bool": "boolean",
+    "byte": "octet",
+    "char": "uint8",
+    "float32": "float",
+    "float64": "double",
+}
 _CODES = {"double": "d", "float": "f", "int32": "i", "uint8": "B"}
 _STORE = known_types()
 
@@ -53,7 +68,9 @@ class Message:
 
     def __setattr__(self, name: str, value: Any) -> None:
         assert name in self.fields, f"no field {name}"
-        assert fits(self.fields[name], value), f"{name} = {value!r} is no {described(self.fields[name])}"
+        assert fits(self.fields[name], value), (
+            f"{name} = {value!r} is no {described(self.fields[name])}"
+        )
         object.__setattr__(self, name, value)
 
 
@@ -64,7 +81,9 @@ def described(definition: tuple[Any, Any]) -> str:
     if node == Nodetype.NAME:
         return str(content).replace("/msg/", "/")
     inner, size = content
-    return f"{described(inner)}[{size}]" if node == Nodetype.ARRAY else f"sequence<{described(inner)}>"
+    return (
+        f"{described(inner)}[{size}]" if node == Nodetype.ARRAY else f"sequence<{described(inner)}>"
+    )
 
 
 def empty(definition: tuple[Any, Any]) -> Any:
@@ -73,7 +92,9 @@ def empty(definition: tuple[Any, Any]) -> Any:
         return class_of(content)()
     if node == Nodetype.BASE:
         kind = described(definition)
-        return {"boolean": False, "octet": b"\0", "string": "", "float": 0.0, "double": 0.0}.get(kind, 0)
+        return {"boolean": False, "octet": b"\0", "string": "", "float": 0.0, "double": 0.0}.get(
+            kind, 0
+        )
     inner, size = content
     if node == Nodetype.ARRAY:
         return np.zeros(size)
@@ -101,7 +122,9 @@ def class_of(kind: str) -> type[Message]:
     """The class of a message type such as `nav_msgs/msg/Odometry`."""
     if kind not in _CLASSES:
         name = kind.rpartition("/")[2]
-        _CLASSES[kind] = type(name, (Message,), {"fields": dict(_STORE.fielddefs[kind][1]), "kind": kind})
+        _CLASSES[kind] = type(
+            name, (Message,), {"fields": dict(_STORE.fielddefs[kind][1]), "kind": kind}
+        )
     return _CLASSES[kind]
 
 
@@ -177,7 +200,9 @@ class Node:
     def get_publishers_info_by_topic(self, topic: str) -> list[Any]:
         return [one.info for one in self.graph.publishers if one.topic == topic]
 
-    def create_subscription(self, made: type[Message], topic: str, heard: Callable[[Any], None], qos: Any) -> None:
+    def create_subscription(
+        self, made: type[Message], topic: str, heard: Callable[[Any], None], qos: Any
+    ) -> None:
         assert qos.depth > 0 and qos.durability == Enumerated.VOLATILE
         reliable = qos.reliability == Enumerated.RELIABLE
         self.graph.subscriptions.append((made, topic, heard, reliable))

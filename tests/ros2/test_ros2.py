@@ -1,4 +1,5 @@
-"""The node for a robot's own Python, against a stand-in for rclpy, with the cases that the DDS listener has."""
+"""The node for a robot's own Python, against a stand-in for rclpy, with the cases that the DDS
+listener has."""
 
 from __future__ import annotations
 
@@ -30,7 +31,11 @@ from homeward.logs.bags.messages import getter
 from homeward.logs.bags.topics import load_topics, shipped_topics
 from tests.ros2.stand_in import Graph, Node, class_of
 
-BATTERY, ODOMETRY, IMU = "sensor_msgs/msg/BatteryState", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
+BATTERY, ODOMETRY, IMU = (
+    "sensor_msgs/msg/BatteryState",
+    "nav_msgs/msg/Odometry",
+    "sensor_msgs/msg/Imu",
+)
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 LONGEST_S = 60.0
 PERIOD_S = 0.05
@@ -65,7 +70,9 @@ def graph() -> Graph:
 
 def command(path: Path, script: str, *options: str, pythonpath: str = "") -> str:
     """A command of one word that runs a script with this Python."""
-    path.write_text(f'#!/bin/sh\nPYTHONPATH={pythonpath} exec {sys.executable} {script} {" ".join(options)} "$@"\n')
+    path.write_text(
+        f'#!/bin/sh\nPYTHONPATH={pythonpath} exec {sys.executable} {script} {" ".join(options)} "$@"\n'
+    )
     path.chmod(0o755)
     return str(path)
 
@@ -81,21 +88,26 @@ class Robot:
 
     def __init__(self, graph: Graph, x_m: float) -> None:
         self._battery, self._odometry, self._imu = (
-            graph.publisher(kind, topic) for kind, topic in ((BATTERY, "/battery"), (ODOMETRY, "/odom"), (IMU, "/imu"))
+            graph.publisher(kind, topic)
+            for kind, topic in ((BATTERY, "/battery"), (ODOMETRY, "/odom"), (IMU, "/imu"))
         )
         self.x_m, self.began_s, self.jump_s = x_m, time.monotonic(), 0.0
 
     def publish(self) -> None:
         since_s = time.monotonic() - self.began_s
         stamp_s = time.time() + self.jump_s
-        stamp = class_of("builtin_interfaces/msg/Time")(sec=int(stamp_s), nanosec=int(stamp_s % 1.0 * 1e9))
+        stamp = class_of("builtin_interfaces/msg/Time")(
+            sec=int(stamp_s), nanosec=int(stamp_s % 1.0 * 1e9)
+        )
         header = class_of("std_msgs/msg/Header")(stamp=stamp, frame_id="odom")
         odometry: Any = class_of(ODOMETRY)(header=header)
         odometry.pose.pose.position.x, odometry.twist.twist.linear.x = self.x_m + since_s, 1.0
         odometry.pose.pose.orientation.w = 1.0
         imu: Any = class_of(IMU)(header=header)
         imu.orientation.w = 1.0
-        self._battery.publish(class_of(BATTERY)(header=header, voltage=25.2, current=-6.0, percentage=0.9))
+        self._battery.publish(
+            class_of(BATTERY)(header=header, voltage=25.2, current=-6.0, percentage=0.9)
+        )
         self._odometry.publish(odometry)
         self._imu.publish(imu)
 
@@ -120,7 +132,9 @@ class Bench:
         if name == "/diagnostics":
             self.statuses |= {status.name: status for status in message.status}
 
-    def until(self, reached: Callable[[], object], publish: Callable[[], object] = lambda: None) -> None:
+    def until(
+        self, reached: Callable[[], object], publish: Callable[[], object] = lambda: None
+    ) -> None:
         end_s = time.monotonic() + LONGEST_S
         while not reached():
             assert time.monotonic() < end_s, (self.node.logger.lines[-20:], self.last.keys())
@@ -132,7 +146,9 @@ class Bench:
         """Values of homeward's diagnostics; warnings joined."""
         status = self.statuses.get("homeward: way home")
         pairs = [] if status is None else [(pair.key, pair.value) for pair in status.values]
-        return dict(pairs) | {"warnings": "; ".join(value for key, value in pairs if key == "warning")}
+        return dict(pairs) | {
+            "warnings": "; ".join(value for key, value in pairs if key == "warning")
+        }
 
     def way_m(self) -> float:
         return float(self.values().get("way_home_m", "nan"))
@@ -141,7 +157,11 @@ class Bench:
 @pytest.fixture
 def quick(root: Path, tmp_path: Path) -> str:
     """The command `homeward` with shorter waits."""
-    return command(tmp_path / "homeward", str(root / "tests" / "ros2" / "quick_homeward.py"), pythonpath=str(root))
+    return command(
+        tmp_path / "homeward",
+        str(root / "tests" / "ros2" / "quick_homeward.py"),
+        pythonpath=str(root),
+    )
 
 
 @pytest.fixture
@@ -155,7 +175,9 @@ def bench(package: Any, graph: Graph, quick: str) -> Iterator[Bench]:
         made.bridge.end()
 
 
-def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_restarts(bench: Bench, graph: Graph) -> None:
+def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_restarts(
+    bench: Bench, graph: Graph
+) -> None:
     """As `tests/watch/online/test_node.py` has them by DDS, and homeward killed in the end."""
     robot, rng = Robot(graph, 500.0), random.Random(0)
 
@@ -169,7 +191,9 @@ def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_restarts(bench: B
     assert 0.0 < bench.last["/homeward/battery"].percentage < 1.0
     assert math.isnan(bench.last["/homeward/battery"].voltage)
     robot.jump_s = 3600.0
-    bench.until(lambda: "was set forward by 1 h 00 min" in bench.values()["warnings"], robot.publish)
+    bench.until(
+        lambda: "was set forward by 1 h 00 min" in bench.values()["warnings"], robot.publish
+    )
     assert "no reading" not in bench.values()["warnings"]
     way_m = bench.way_m()
     robot.die()
@@ -184,15 +208,23 @@ def test_lost_messages_a_clock_that_jumps_a_dead_publisher_and_restarts(bench: B
     bench.statuses.clear()
     bench.until(lambda: bench.way_m() > 0.0, robot.publish)
     assert bench.way_m() >= way_m  # from its state: it did not begin anew
-    assert {pair.key: pair.value for pair in bench.statuses["homeward: process"].values} == {"starts": "2"}
+    assert {pair.key: pair.value for pair in bench.statuses["homeward: process"].values} == {
+        "starts": "2"
+    }
     assert "homeward: " in bench.node.logger.said("info")  # what it said on standard error
 
 
-def test_unusable_input_is_said_and_not_tried_again(package: Any, graph: Graph, tmp_path: Path) -> None:
-    homeward = fake(tmp_path, 'print("homeward watch: robot x does not exist", file=sys.stderr)\nsys.exit(2)')
+def test_unusable_input_is_said_and_not_tried_again(
+    package: Any, graph: Graph, tmp_path: Path
+) -> None:
+    homeward = fake(
+        tmp_path, 'print("homeward watch: robot x does not exist", file=sys.stderr)\nsys.exit(2)'
+    )
     made = Bench(package, graph, homeward, restart_s=0.0)
     made.until(lambda: made.node.logger.said("error"))
-    assert "exit code 2: homeward watch: robot x does not exist; mend it" in made.node.logger.said("error")
+    assert "exit code 2: homeward watch: robot x does not exist; mend it" in made.node.logger.said(
+        "error"
+    )
     made.statuses.clear()
     made.until(lambda: made.statuses)
     status = made.statuses["homeward: process"]
@@ -204,7 +236,9 @@ def test_unusable_input_is_said_and_not_tried_again(package: Any, graph: Graph, 
 def test_a_process_that_is_silent_is_said_and_one_that_hangs_is_ended(
     package: Any, graph: Graph, tmp_path: Path
 ) -> None:
-    made = Bench(package, graph, fake(tmp_path, "time.sleep(60)"), restart_s=0.0, silent_s=0.1, hang_s=1.2)
+    made = Bench(
+        package, graph, fake(tmp_path, "time.sleep(60)"), restart_s=0.0, silent_s=0.1, hang_s=1.2
+    )
     made.until(lambda: "has written nothing" in made.node.logger.said("warn"))
     assert made.statuses["homeward: process"].level == STALE
     made.until(lambda: "and was ended" in made.node.logger.said("error"))
@@ -222,7 +256,9 @@ def test_a_command_that_is_not_there_is_said(package: Any, graph: Graph, tmp_pat
         package.node.Bridge(Node(graph, {}))
 
 
-def test_a_slow_process_loses_the_oldest(package: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_process_loses_the_oldest(
+    package: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(package.process, "MOST_WAITING", 3)
     process = package.process.Process([fake(tmp_path, "time.sleep(60)")], lambda line: None)
     for number in range(200):
@@ -232,14 +268,20 @@ def test_a_slow_process_loses_the_oldest(package: Any, tmp_path: Path, monkeypat
     assert process.code() == -signal.SIGTERM
 
 
-def checked(package: Any, graph: Graph, homeward: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[str]]:
+def checked(
+    package: Any, graph: Graph, homeward: str, capsys: pytest.CaptureFixture[str]
+) -> tuple[int, list[str]]:
     report = package.check.Report()
     package.check.check(Node(graph, {"homeward": homeward, "robot": "husky"}), report, 1.5)
     return report.failed, capsys.readouterr().out.splitlines()
 
 
 def test_the_check_says_what_works(
-    package: Any, graph: Graph, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    package: Any,
+    graph: Graph,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     body = 'if "--help" in sys.argv:\n    print("--stdin")\n    sys.exit()\n' + SPEAKS
     robot = Robot(graph, 0.0)
@@ -252,13 +294,17 @@ def test_the_check_says_what_works(
     failed, lines = checked(package, graph, fake(tmp_path, body), capsys)
     assert failed == 0, lines
     assert (
-        "works: messages of /odom (nav_msgs/msg/Odometry)" in lines and "works: advice on /homeward/turn_now" in lines
+        "works: messages of /odom (nav_msgs/msg/Odometry)" in lines
+        and "works: advice on /homeward/turn_now" in lines
     )
     robot.die()
     monkeypatch.delitem(sys.modules, "nav_msgs.msg")
     failed, lines = checked(package, graph, fake(tmp_path, body), capsys)
     assert failed >= 6
-    assert any(re.match(r"FAILS: nav_msgs/msg/Odometry is not installed.*apt install ros-", line) for line in lines)
+    assert any(
+        re.match(r"FAILS: nav_msgs/msg/Odometry is not installed.*apt install ros-", line)
+        for line in lines
+    )
     assert any(line.startswith("FAILS: advice on /homeward/turn_now; none yet") for line in lines)
     failed, lines = checked(package, graph, str(tmp_path / "nothing"), capsys)
     assert lines[-1].endswith("is not there; set the parameter homeward to that of its environment")
@@ -274,7 +320,9 @@ def test_what_is_passed_on_is_what_homeward_reads(package: Any) -> None:
         if hasattr(message, "name"):
             message.name = ["front_left_wheel_joint", "front_left_wheel", "wheel_left_joint"]
             message.velocity.extend([1.0, 2.0, 3.0])
-        content = json.loads(json.dumps(package.messages.needed(message, topic.paths())), object_hook=Plain)
+        content = json.loads(
+            json.dumps(package.messages.needed(message, topic.paths())), object_hook=Plain
+        )
         for path in topic.paths():
             read = getter(path)(message)
             assert getter(path)(content) == read or math.isnan(read)
@@ -288,7 +336,9 @@ class Plain:
 
 
 def test_the_table_is_that_of_homeward(root: Path) -> None:
-    own, other = (root / part / "interface.json" for part in ("ros2/homeward_ros2", "homeward/watch/ros2"))
+    own, other = (
+        root / part / "interface.json" for part in ("ros2/homeward_ros2", "homeward/watch/ros2")
+    )
     assert own.read_bytes() == other.read_bytes()
 
 
@@ -306,13 +356,17 @@ def test_the_package_has_what_it_names(package: Any, root: Path) -> None:
     folder = root / "ros2"
     parameters = YAML(typ="safe").load((folder / "config" / "homeward.yaml").read_text("utf-8"))
     assert parameters["homeward"]["ros__parameters"] == package.node.DEFAULTS
-    launch = ast.parse((folder / "launch" / "homeward.launch.py").read_text("utf-8"), feature_version=(3, 10))
+    launch = ast.parse(
+        (folder / "launch" / "homeward.launch.py").read_text("utf-8"), feature_version=(3, 10)
+    )
     (arguments,) = (
         ast.literal_eval(node.value)
         for node in launch.body
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "ARGUMENTS"
     )
-    assert {name: default for name, (default, _) in arguments.items()}.items() <= package.node.DEFAULTS.items()
+    assert {
+        name: default for name, (default, _) in arguments.items()
+    }.items() <= package.node.DEFAULTS.items()
     description = ElementTree.parse(folder / "package.xml").getroot()
     needed = {element.text for element in description.iter("exec_depend")}
     assert {kind.split("/")[0] for kind in package.node.INTERFACE["published"].values()} <= needed
@@ -333,7 +387,9 @@ def test_a_list_of_batteries_reaches_homeward_with_their_names(package: Any) -> 
             return {"current": "float", "location": "string", "cells": "sequence<float>"}
 
     message = Plain({"packs": [Pack(2.4, "left"), Pack(1.6, "right")]})
-    content = json.loads(json.dumps(package.messages.needed(message, ["packs[*].current"])), object_hook=Plain)
+    content = json.loads(
+        json.dumps(package.messages.needed(message, ["packs[*].current"])), object_hook=Plain
+    )
     elements = elements_reader(["packs[*].current"])(content, "my_msgs/msg/Packs")
     assert [tuple(element) for element in elements] == [
         ("left", {"packs[*].current": 2.4}), ("right", {"packs[*].current": 1.6}),

@@ -1,4 +1,5 @@
-"""`homeward range --route`: what a route takes, how sure that is, and whether the robot gets there and back."""
+"""`homeward range --route`: what a route takes, how sure that is, and whether the robot gets there
+and back."""
 
 import dataclasses
 from pathlib import Path
@@ -24,7 +25,12 @@ def flat(length_m: float) -> Route:
 @pytest.fixture(scope="module")
 def calm() -> Robot:
     """A Husky whose file is sure of it, and that hardly feels the wind."""
-    sure = Uncertainty("a test", ("rolling", "mass", "capacity"), tuple(map(tuple, (1e-4 * np.eye(3)).tolist())), 0.0)
+    sure = Uncertainty(
+        "a test",
+        ("rolling", "mass", "capacity"),
+        tuple(map(tuple, (1e-4 * np.eye(3)).tolist())),
+        0.0,
+    )
     return dataclasses.replace(HUSKY, uncertainty=sure, drag_ns2_per_m2=1e-6)
 
 
@@ -34,10 +40,13 @@ def test_of_a_known_robot_it_is_the_closed_form(calm: Robot, share: float) -> No
     found = forecast_along(calm, flat(length_m), None, 1e-3)
     assert found.both_j.mean == pytest.approx(2.0 * share * calm.usable_energy_j, rel=0.01)
     assert found.there_j.mean == pytest.approx(share * calm.usable_energy_j, rel=0.01)
-    assert found.left_j[-1, 1] == pytest.approx(
-        (1.0 - 2.0 * share) * calm.usable_energy_j, rel=0.05
-    )  # charged within 2 %
-    assert found.advice.chance_there_and_back is not None and found.advice.chance_there_and_back > 0.999
+    # Charged within 2 %.
+    left_j = (1.0 - 2.0 * share) * calm.usable_energy_j
+    assert found.left_j[-1, 1] == pytest.approx(left_j, rel=0.05)
+    assert (
+        found.advice.chance_there_and_back is not None
+        and found.advice.chance_there_and_back > 0.999
+    )
     assert np.isinf(found.range_m).all()
 
 
@@ -46,7 +55,9 @@ def test_beyond_its_range_it_does_not_get_there_and_back(calm: Robot) -> None:
     found = forecast_along(calm, flat(0.7 * range_m), None, 1e-3)
     low_m, middle_m, high_m = found.range_m
     assert low_m < range_m < high_m and middle_m == pytest.approx(range_m, rel=0.03)
-    assert found.advice.chance_there_and_back is not None and found.advice.chance_there_and_back < 1e-3
+    assert (
+        found.advice.chance_there_and_back is not None and found.advice.chance_there_and_back < 1e-3
+    )
     assert 0.4 * range_m < found.advice.turn_in_m < 0.5 * range_m
 
 
@@ -68,11 +79,20 @@ def test_it_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     profile.write_text("distance_m,elevation_m\n0,0\n1000,30\n2000,10\n")
     main(Args("husky", route=str(profile), plot=tmp_path / "fan.png"))
     printed = capsys.readouterr().out
-    for part in ("probability of getting there", "there and back", "90 % interval", "Point of no return", "generic"):
+    for part in (
+        "probability of getting there",
+        "there and back",
+        "90 % interval",
+        "Point of no return",
+        "generic",
+    ):
         assert part in printed
     assert (tmp_path / "fan.png").read_bytes().startswith(b"\x89PNG")
     assert b"<svg" in picture(
-        load_robot("husky"), 3000.0, forecast_along(load_robot("husky"), flat(3e3), 0.5, 0.01), ".svg"
+        load_robot("husky"),
+        3000.0,
+        forecast_along(load_robot("husky"), flat(3e3), 0.5, 0.01),
+        ".svg",
     )
 
 
@@ -112,7 +132,10 @@ def test_of_several_docks_the_best_at_the_end_is_advised(
         ("bay", "--docks 'bay' is not allowed; give NAME=EAST,NORTH or NAME=METRES"),
         ("bay=1,2,3", "--docks 'bay=1,2,3' is not allowed"),
         ("bay=nan", "--docks 'bay=nan' is not allowed"),
-        ("bay=1e7", "dock 'bay' = 10000000.0 is not allowed; give metres from home along the way, 0 to "),
+        (
+            "bay=1e7",
+            "dock 'bay' = 10000000.0 is not allowed; give metres from home along the way, 0 to ",
+        ),
     ],
 )
 def test_docks_that_cannot_be_used(docks: str, said: str) -> None:

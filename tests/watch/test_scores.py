@@ -1,4 +1,5 @@
-"""Scores by the integrals that define them, and the transform of calibrated and other predictions."""
+"""Scores by the integrals that define them, and the transform of calibrated and other
+predictions."""
 
 from __future__ import annotations
 
@@ -20,7 +21,9 @@ HALF = deviations(0.95)
 def predicted(took_j: Any, mean_j: float = 5.0, scale_j: float = 1.5) -> Watched:
     took = np.atleast_1d(np.asarray(took_j, float))
     mean, half = np.full_like(took, mean_j), np.full_like(took, HALF * scale_j)
-    return Watched("a run", took, took, took, mean, np.maximum(mean - half, 0.0), mean + half, 9.0, (), ())
+    return Watched(
+        "a run", took, took, took, mean, np.maximum(mean - half, 0.0), mean + half, 9.0, (), ()
+    )
 
 
 def test_scores_are_those_of_their_definitions() -> None:

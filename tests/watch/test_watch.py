@@ -43,7 +43,13 @@ def drive(folder: Path, seed: int, rolling: float = 1.0, spoiled: float = 1.0) -
     power *= 1.0 + 0.005 * rng.normal(size=2400)
     path = folder / f"run{seed}.csv"
     pd.DataFrame(
-        {"time_s": time_s, "speed_mps": speed, "power_w": power, "grade_rad": grade, "heading_rad": time_s / 2000.0}
+        {
+            "time_s": time_s,
+            "speed_mps": speed,
+            "power_w": power,
+            "grade_rad": grade,
+            "heading_rad": time_s / 2000.0,
+        }
     ).to_csv(path, index=False)
     return path
 
@@ -69,7 +75,9 @@ def test_predictions_hold_where_the_model_does(runs: list[Watched]) -> None:
     assert late.error < early.error + 0.02 and late.width < early.width  # it has learned on the way
 
 
-def test_what_was_left_and_what_it_took_are_those_of_the_recording(runs: list[Watched], tmp_path: Path) -> None:
+def test_what_was_left_and_what_it_took_are_those_of_the_recording(
+    runs: list[Watched], tmp_path: Path
+) -> None:
     table = pd.read_csv(drive(tmp_path, 0))
     one = runs[0]
     np.testing.assert_allclose(one.left_m[0], table["speed_mps"].iloc[:-1].sum(), rtol=0.02)
@@ -85,11 +93,22 @@ def test_a_change_that_nobody_could_foresee_is_a_miss(spoiled: Watched) -> None:
 
 
 def test_hills_shorter_than_places_are_no_surprise(tmp_path: Path) -> None:
-    """A Husky's places are 60 m long; it drives over hills of 20 m by the very model that it is watched with."""
+    """A Husky's places are 60 m long; it drives over hills of 20 m by the very model that it is
+    watched with."""
     time_s, robot = np.arange(0.0, 300.0, 0.2), load_robot("husky")
     grade = 0.06 * np.sin(2.0 * np.pi * time_s / 40.0)
-    power = replay(robot, time_s, np.full(len(time_s), 0.5), grade_rad=grade, accel_mps2=0.0).power_w
-    table = pd.DataFrame({"time_s": time_s, "speed_mps": 0.5, "power_w": power, "grade_rad": grade, "heading_rad": 0.0})
+    power = replay(
+        robot, time_s, np.full(len(time_s), 0.5), grade_rad=grade, accel_mps2=0.0
+    ).power_w
+    table = pd.DataFrame(
+        {
+            "time_s": time_s,
+            "speed_mps": 0.5,
+            "power_w": power,
+            "grade_rad": grade,
+            "heading_rad": 0.0,
+        }
+    )
     table.to_csv(tmp_path / "hills.csv", index=False)
     sure = Uncertainty("a test", ("rolling", "mass"), ((1e-4, 0.0), (0.0, 1e-4)), 0.01)
     one = watch(read_recording(tmp_path / "hills.csv"), replace(robot, uncertainty=sure))
@@ -101,10 +120,14 @@ def test_hills_shorter_than_places_are_no_surprise(tmp_path: Path) -> None:
     assert any("is uphill positive?" in text for _, text in turned.warnings)
 
 
-def test_at_the_terminals_nothing_is_seen_of_what_the_battery_loses_inside(runs: list[Watched], tmp_path: Path) -> None:
+def test_at_the_terminals_nothing_is_seen_of_what_the_battery_loses_inside(
+    runs: list[Watched], tmp_path: Path
+) -> None:
     sags = replace(load_robot("husky"), effects={"internal_resistance": {"ohm": 0.4}})
     table = pd.read_csv(drive(tmp_path, 1))
-    terminals = table.drop(columns="power_w").assign(voltage_v=24.0, current_a=table["power_w"] / 24.0)
+    terminals = table.drop(columns="power_w").assign(
+        voltage_v=24.0, current_a=table["power_w"] / 24.0
+    )
     terminals.to_csv(tmp_path / "terminals.csv", index=False)
     by_power, by_current = runs[1], watch(read_recording(tmp_path / "terminals.csv"), sags)
     assert by_current.mean_j[0] == pytest.approx(by_power.mean_j[0], rel=1e-3)
@@ -114,7 +137,8 @@ def test_at_the_terminals_nothing_is_seen_of_what_the_battery_loses_inside(runs:
 
 
 def amps(folder: Path, seed: int, factor: float) -> Path:
-    """A Husky's drive of 5 minutes with turns on the spot, recorded as motor current: `factor` of the file's."""
+    """A Husky's drive of 5 minutes with turns on the spot, recorded as motor current: `factor` of
+    the file's."""
     rng, time_s = np.random.default_rng(seed), np.arange(0.0, 300.0, 0.2)
     speed = np.repeat(rng.choice([0.0, 0.4, 0.8], 15), 100)
     yaw = np.repeat(rng.choice([0.0, 0.5], 15), 100)
@@ -123,18 +147,26 @@ def amps(folder: Path, seed: int, factor: float) -> Path:
     table.to_csv(folder / f"amps{seed}.csv", index=False)
     run = signals(read_recording(folder / f"amps{seed}.csv"), SCRUBS)
     each = 0.5 * factor * current_a(run, SCRUBS) * (1.0 + 0.02 * rng.normal(size=len(time_s)))
-    table.assign(motor_left_a=each, motor_right_a=each).to_csv(folder / f"amps{seed}.csv", index=False)
+    table.assign(motor_left_a=each, motor_right_a=each).to_csv(
+        folder / f"amps{seed}.csv", index=False
+    )
     return folder / f"amps{seed}.csv"
 
 
 CHARGE = Uncertainty("a test", (), (), 0.1, 0.05, 0.5, of="charge")
-SCRUBS = replace(load_robot("husky"), effects={"turning": {"scrub": 0.5}}, uncertainty=CHARGE, rest_current_a=1.0)
+SCRUBS = replace(
+    load_robot("husky"), effects={"turning": {"scrub": 0.5}}, uncertainty=CHARGE, rest_current_a=1.0
+)
 
 
-def test_of_motor_currents_the_charge_is_watched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_of_motor_currents_the_charge_is_watched(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "husky.toml").write_text(SCRUBS.to_toml())
     paths = tuple(amps(tmp_path, seed, factor) for seed, factor in enumerate((0.9, 1.0, 1.1)))
-    runs = main(Args(paths, str(tmp_path / "husky.toml"), out=tmp_path / "out", soc=0.9, capacity_j=1.6e6))
+    runs = main(
+        Args(paths, str(tmp_path / "husky.toml"), out=tmp_path / "out", soc=0.9, capacity_j=1.6e6)
+    )
     for one, path in zip(runs, paths, strict=True):
         table = pd.read_csv(path)
         charge_as = float((table["motor_left_a"] + table["motor_right_a"]).iloc[:-1].sum()) * 0.2
@@ -146,7 +178,9 @@ def test_of_motor_currents_the_charge_is_watched(tmp_path: Path, capsys: pytest.
         assert widths[middle] < 0.6 * widths[0]
     printed, said = capsys.readouterr()
     assert "charge of the motors" in printed
-    assert said == "--soc, --capacity-j: not used: motor currents alone say nothing of the battery\n"
+    assert (
+        said == "--soc, --capacity-j: not used: motor currents alone say nothing of the battery\n"
+    )
     assert "took_as" in pd.read_csv(tmp_path / "out" / "watch.csv")
     assert "charge of the rest" in (tmp_path / "out" / "watch.html").read_text("utf-8")
     with pytest.raises(CompanionError, match="watch them separately"):
@@ -160,21 +194,40 @@ def test_nothing_of_the_future_is_told(runs: list[Watched], spoiled: Watched) ->
     np.testing.assert_allclose(plain.mean_j[before], spoiled.mean_j[before], rtol=1e-9)
 
 
-def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_a_table_and_writes_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     paths = tuple(drive(tmp_path, seed, rolling=1.2) for seed in range(2))
     paths[1].write_text(paths[1].read_text().replace(",", ";"))
     mcap = tmp_path / "advice.mcap" if find_spec("foxglove") else None
     capacity_j = 0.85 * load_robot("husky").usable_energy_j
-    main(Args(paths, "husky", quiet=True, out=tmp_path / "out", mcap=mcap, capacity_j=capacity_j, cruise_mps=0.8))
+    main(
+        Args(
+            paths,
+            "husky",
+            quiet=True,
+            out=tmp_path / "out",
+            mcap=mcap,
+            capacity_j=capacity_j,
+            cruise_mps=0.8,
+        )
+    )
     assert mcap is None or mcap.stat().st_size > 10_000
     printed, said = capsys.readouterr()
     assert said == "run1.csv: read with cells separated by semicolons\n"
     assert "in the 90 %" in printed and "way left" in printed and "watch.html" in printed
     assert "a measured capacity of 85%" in printed and "the way home at 0.8 m/s (given)" in printed
     page = (tmp_path / "out" / "watch.html").read_text("utf-8")
-    assert "run0.csv" in page and "run1.csv" in page and "plotly" in page and "http-equiv" not in page
+    assert (
+        "run0.csv" in page and "run1.csv" in page and "plotly" in page and "http-equiv" not in page
+    )
     assert "<li>run1.csv: read with cells separated by semicolons</li>" in page
-    assert page.count('role="img" aria-label="energy of the rest, kJ, over the way left in m, of 2 runs: ') == 1
+    assert (
+        page.count(
+            'role="img" aria-label="energy of the rest, kJ, over the way left in m, of 2 runs: '
+        )
+        == 1
+    )
     assert page.count("<tr><td>run1.csv</td>") == 6, "moments of each run as a table"
     assert "probability integral transform" in page and "of 2 runs" in page
     scored = find_spec("scoringrules") is not None
@@ -182,17 +235,27 @@ def test_the_command_prints_a_table_and_writes_a_page(tmp_path: Path, capsys: py
     assert ("No CRPS and no interval score" in page) is not scored
     assert '"dragmode":false' in page, "a finger that scrolls would zoom, and no key would undo it"
     moments = pd.read_csv(tmp_path / "out" / "watch.csv")
-    assert set(moments["run"]) == set(map(str, paths)) and (moments["low_j"] < moments["high_j"]).all()
+    assert (
+        set(moments["run"]) == set(map(str, paths)) and (moments["low_j"] < moments["high_j"]).all()
+    )
 
 
 def test_names_on_the_page_are_escaped(runs: list[Watched]) -> None:
     robot = replace(load_robot("husky"), name="x\x1b[31m")
-    page = watch_html([replace(runs[0], name="<i>sneaky.csv")], robot, ["<i>sneaky too"], [("a.csv", "<i>sneaky note")])
-    assert "<i>sneaky" not in page and page.count("&lt;i&gt;sneaky") == 3 + 6  # six moments in the table
+    page = watch_html(
+        [replace(runs[0], name="<i>sneaky.csv")],
+        robot,
+        ["<i>sneaky too"],
+        [("a.csv", "<i>sneaky note")],
+    )
+    # six moments in the table
+    assert "<i>sneaky" not in page and page.count("&lt;i&gt;sneaky") == 3 + 6
     assert "<title>x?[31m: replayed as if live</title>" in page and "\x1b" not in page
 
 
-def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: list[Watched]) -> None:
+def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(
+    runs: list[Watched],
+) -> None:
     console = Console(width=100, record=True, force_terminal=True)
     assert runs[0].advice is not None
     console.print(view("run0", runs[0].advice, 2400.0, 1.728e6, ("no power for 3 s",)))
@@ -201,12 +264,15 @@ def test_the_live_view_shows_battery_way_home_and_the_point_of_no_return(runs: l
         assert part in text
     spread = runs[0].advice.energy_home_j
     others = (HomeOption("bay", 900.0, spread, spread, 0.25, False),)
-    console.print(view("run0", replace(runs[0].advice, home="hut", others=others), 2400.0, 1.728e6, ()))
+    console.print(
+        view("run0", replace(runs[0].advice, home="hut", others=others), 2400.0, 1.728e6, ())
+    )
     several = console.export_text()
     for part in ("way to hut", "or bay", "900 m, 25.00%", "probability of getting there"):
         assert part in several
     energy = quantities.energy(runs[0].advice.energy_left_j.high)
-    assert re.search(rf"\n│ +[^━\n]+ to {re.escape(energy)}\) +│\n", text)  # whole, on a line of its own
+    # whole, on a line of its own
+    assert re.search(rf"\n│ +[^━\n]+ to {re.escape(energy)}\) +│\n", text)
 
 
 def test_the_live_view_says_when_it_warned(runs: list[Watched]) -> None:
@@ -235,8 +301,11 @@ def test_what_cannot_be_watched_takes_one_line(tmp_path: Path) -> None:
     for name, said in said_of.items():
         with pytest.raises(CompanionError, match=said):
             main(Args((tmp_path / name,), "husky", out=tmp_path / "out"))
-    with pytest.raises(CompanionError, match=r"capacity_j = 150\.0 is not allowed; give a number in"):
-        main(Args((tmp_path / "run0.csv",), "husky", out=tmp_path / "out", capacity_j=150.0))  # in Wh
+    with pytest.raises(
+        CompanionError, match=r"capacity_j = 150\.0 is not allowed; give a number in"
+    ):
+        # in Wh
+        main(Args((tmp_path / "run0.csv",), "husky", out=tmp_path / "out", capacity_j=150.0))
     with pytest.raises(RecordingError, match="no recording"):
         main(Args((), "husky"))
 

@@ -1,1 +1,2 @@
-"""Simulation of recordings: vehicles, drives, the chain from wheel to battery, hidden mechanisms, instruments."""
+"""Simulation of recordings: vehicles, drives, the chain from wheel to battery, hidden mechanisms,
+instruments."""

@@ -16,7 +16,14 @@ from scipy.optimize import nnls
 from benchmarks.concealed.plants.catalogue import TRUTHS, replayed
 from benchmarks.concealed.plants.chain import Mechanism, Work, rollout
 from benchmarks.concealed.plants.effects import EFFECTS, INSTRUMENTS, Draw
-from benchmarks.concealed.plants.instruments import FAULTS, NEEDS_ROOM, NOISES, Logging, read_power, record
+from benchmarks.concealed.plants.instruments import (
+    FAULTS,
+    NEEDS_ROOM,
+    NOISES,
+    Logging,
+    read_power,
+    record,
+)
 from benchmarks.concealed.plants.motion import Array, Course, Motion, make_drives, make_route
 from benchmarks.concealed.plants.outside import make_outside
 from benchmarks.concealed.plants.vehicles import BURGER, GRAVITY_MPS2, RACER, VEHICLES, Plant
@@ -24,16 +31,19 @@ from homeward.physics import Robot
 
 Part = Literal["singles", "pairs", "controls", "outside", "coverage", "rover", "cell"]
 PARTS: tuple[Part, ...] = get_args(Part)
-NEEDS = {"rover": "mujoco", "cell": "pybamm"}  # parts on simulators of others, by the library that each needs
+# parts on simulators of others, by the library that each needs
+NEEDS = {"rover": "mujoco", "cell": "pybamm"}
 ReadBy = Literal["gauge", "terminals"]
 Fit = Callable[[Plant, list[Motion], Generator], tuple[Plant, list[Motion]]]
 """Changes a vehicle's battery to suit its drives, and the weather of the drives."""
 
 DAY_C = {"heater": (-8.0, 3.0), "cold_battery": (-14.0, 2.0), "cooler": (28.0, 38.0)}
 """Mean temperatures of the day, where it must be cold or hot."""
-BATTERY_LAWS = ("internal_resistance", "rate_capacity", "cold_battery")  # at the terminals: in voltage and charge
+# at the terminals: in voltage and charge
+BATTERY_LAWS = ("internal_resistance", "rate_capacity", "cold_battery")
 NEEDS_CHARGE = ("ageing", "rate_capacity")
-VISIBLE_SHARE = 0.03  # of the mean power, which the best refit must miss for an effect to count as visible
+# of the mean power, which the best refit must miss for an effect to count as visible
+VISIBLE_SHARE = 0.03
 
 
 @dataclass(frozen=True)
@@ -61,7 +71,8 @@ class Case:
     fault: str = "none"
     refit: Robot | None = None  # of the noise-free recordings, for the later drives
     later: list[Later] = field(default_factory=list)
-    without: Callable[[str], list[pd.DataFrame]] | None = None  # the same recordings, noise included, less one effect
+    # the same recordings, noise included, less one effect
+    without: Callable[[str], list[pd.DataFrame]] | None = None
 
     @property
     def visible(self) -> dict[str, bool]:
@@ -105,15 +116,22 @@ def hidden_case(part: Part, number: int, effects: tuple[str, ...], level: str, r
     if read_by == "terminals":
         shown_elsewhere |= set(BATTERY_LAWS)  # in voltage
     misses |= dict.fromkeys(shown_elsewhere & set(effects), 1.0)
-    later = [] if part == "cell" else _later(vehicle, routes, mean_c, len(runs), mechanisms, read_by, rng, short)
+    later = (
+        []
+        if part == "cell"
+        else _later(vehicle, routes, mean_c, len(runs), mechanisms, read_by, rng, short)
+    )
     return Case(part, number, robot.name, level, effects, robot, nominal, recordings, misses, refit=_refit(works),
                 later=later, without=without)  # fmt: skip
 
 
 def control_case(number: int, exact: bool, fault: str, rng: Generator, short: bool, part: Part = "controls",
                  fit: Fit = _as_they_are, draws: Sequence[Draw] = ()) -> Case:  # fmt: skip
-    """A control: a vehicle without concealed physics that matters; `draws` are mechanisms that a refit absorbs."""
-    vehicle = _pick([v for v in VEHICLES if fault not in NEEDS_ROOM or v not in (BURGER, RACER)], rng)
+    """A control: a vehicle without concealed physics that matters; `draws` are mechanisms that a
+    refit absorbs."""
+    vehicle = _pick(
+        [v for v in VEHICLES if fault not in NEEDS_ROOM or v not in (BURGER, RACER)], rng
+    )
     vehicle, runs = fit(vehicle, _drives(vehicle, (), rng, short)[-1], rng)
     nominal = vehicle.robot if exact else misset(vehicle.robot, rng, 0.1, 0.4)
     mechanisms = [draw(vehicle, rng, len(runs)) for draw in draws]
@@ -123,7 +141,10 @@ def control_case(number: int, exact: bool, fault: str, rng: Generator, short: bo
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
     if fault != "none":
         bad = rng.random()
-        recordings = [FAULTS[fault](frame, work, bad, rng) for frame, work in zip(recordings, works, strict=True)]
+        recordings = [
+            FAULTS[fault](frame, work, bad, rng)
+            for frame, work in zip(recordings, works, strict=True)
+        ]
     label = "exact" if exact else "misset"
     truth = vehicle.robot
     return Case(part, number, truth.name, label, (), truth, nominal, recordings, {}, fault=fault)
@@ -141,7 +162,9 @@ def outside_case(number: int, name: str, rng: Generator, short: bool) -> Case:
     recordings = [record(work, NOISES[level], logging, rng) for work in works]
     truth = vehicle.robot
     misses = {name: missed_share(works)}
-    return Case("outside", number, truth.name, name, (name,), truth, truth, recordings, misses, fair=fair)
+    return Case(
+        "outside", number, truth.name, name, (name,), truth, truth, recordings, misses, fair=fair
+    )
 
 
 def coverage_case(number: int, effect: str, rng: Generator, short: bool) -> Case:
@@ -151,7 +174,11 @@ def coverage_case(number: int, effect: str, rng: Generator, short: bool) -> Case
     truth = vehicle.robot
     if effect != "none":
         truth = dataclasses.replace(truth, effects={effect: TRUTHS[effect](vehicle, rng)})
-    nominal = vehicle.robot if effect != "none" and rng.random() < 0.5 else misset(vehicle.robot, rng, 0.1, 0.3)
+    nominal = (
+        vehicle.robot
+        if effect != "none" and rng.random() < 0.5
+        else misset(vehicle.robot, rng, 0.1, 0.3)
+    )
     level = ("low", "middle")[int(rng.integers(2))]
     works = [replayed(vehicle, truth, run) for run in runs]
     recordings = [record(work, NOISES[level], Logging(charge=False), rng) for work in works]
@@ -165,7 +192,8 @@ def _pick(vehicles: Sequence[Plant], rng: Generator) -> Plant:
 
 
 def go_together(effect: str, partner: str) -> bool:
-    """Whether at most one effect is an instrument's, and at most one a law of the battery, and not heat meets cold."""
+    """Whether at most one effect is an instrument's, and at most one a law of the battery, and not
+    heat meets cold."""
     pair = {effect, partner}
     if effect == partner or pair <= set(INSTRUMENTS) or pair <= set(BATTERY_LAWS):
         return False
@@ -173,12 +201,17 @@ def go_together(effect: str, partner: str) -> bool:
 
 
 def _vehicle_for(effects: tuple[str, ...], rng: Generator) -> Plant:
-    """A vehicle that can show the effects: weather needs outdoor vehicles, recuperation slopes that need braking."""
+    """A vehicle that can show the effects: weather needs outdoor vehicles, recuperation slopes that
+    need braking."""
     fit = list(VEHICLES)
     if set(effects) & {"wind", "heater", "cooler", "cold_battery"}:
         fit = [vehicle for vehicle in fit if vehicle.outdoor]
     if "regeneration" in effects:
-        fit = [vehicle for vehicle in fit if vehicle.steepest_grade_rad > 1.5 * vehicle.robot.rolling_resistance]
+        fit = [
+            vehicle
+            for vehicle in fit
+            if vehicle.steepest_grade_rad > 1.5 * vehicle.robot.rolling_resistance
+        ]
     return _pick(fit, rng)
 
 
@@ -195,7 +228,8 @@ def _drives(
 
 
 def _route(vehicle: Plant, effects: tuple[str, ...], rng: Generator) -> Course:
-    """A route on which the effects are visible: no loop for a tilt, and for recuperation slopes that need braking."""
+    """A route on which the effects are visible: no loop for a tilt, and for recuperation slopes
+    that need braking."""
     rolls_rad = 1.3 * vehicle.robot.rolling_resistance
     while True:
         route = make_route(vehicle, rng)
@@ -222,9 +256,12 @@ def _logging(vehicle: Plant, effects: tuple[str, ...], rng: Generator) -> Loggin
 
 
 def misset(robot: Robot, rng: Generator, smallest: float, largest: float) -> Robot:
-    """The robot with relative errors, of a size within limits, of rolling resistance and up to two other parameters."""
+    """The robot with relative errors, of a size within limits, of rolling resistance and up to two
+    other parameters."""
     count = int(rng.integers(0, 3))
-    names = rng.choice(["controller_w", "sensing_j_per_sample", "mass_kg"], size=count, replace=False).tolist()
+    names = rng.choice(
+        ["controller_w", "sensing_j_per_sample", "mass_kg"], size=count, replace=False
+    ).tolist()
     wrong = {}
     for name in ("rolling_resistance", *names):
         error = rng.choice([-1.0, 1.0]) * rng.uniform(smallest, largest)
@@ -236,12 +273,16 @@ def misset(robot: Robot, rng: Generator, smallest: float, largest: float) -> Rob
 
 def _rollouts(vehicle: Plant, runs: Sequence[Motion], mechanisms: Sequence[Mechanism], read_by: ReadBy,
               seed: int) -> list[Work]:  # fmt: skip
-    return [rollout(vehicle, run, mechanisms, np.random.default_rng([seed, run.index]), read_by) for run in runs]
+    return [
+        rollout(vehicle, run, mechanisms, np.random.default_rng([seed, run.index]), read_by)
+        for run in runs
+    ]
 
 
 def _later(vehicle: Plant, routes: list[Course], mean_c: float, driven: int, mechanisms: Sequence[Mechanism],
            read_by: ReadBy, rng: Generator, short: bool) -> list[Later]:  # fmt: skip
-    """Two drives on the known routes and two on new ones, after all changes; with the energy that it truly consumed."""
+    """Two drives on the known routes and two on new ones, after all changes; with the energy that
+    it truly consumed."""
     physical = [mechanism for mechanism in mechanisms if mechanism.stage != "instrument"]
     new = [_route(vehicle, tuple(m.effect for m in mechanisms), rng) for _ in range(2)]
     later = []
@@ -254,7 +295,8 @@ def _later(vehicle: Plant, routes: list[Course], mean_c: float, driven: int, mec
 
 
 def missed_share(works: Sequence[Work]) -> float:
-    """Residual of the best refit of noise-free recordings: RMS over 5 s windows relative to the mean power."""
+    """Residual of the best refit of noise-free recordings: RMS over 5 s windows relative to the
+    mean power."""
     return _fit(works)[1]
 
 
@@ -273,10 +315,12 @@ def _refit(works: Sequence[Work]) -> Robot:
 
 
 def _fit(works: Sequence[Work]) -> tuple[Array, float]:
-    """Fit the model's own parameter groups to noise-free recordings: the groups, and the relative residual.
+    """Fit the model's own parameter groups to noise-free recordings: the groups, and the relative
+    residual.
 
-    The groups are those that power identifies: idle power, energy per sample, and C_rr m, c and m over Gamma, none of
-    them negative. Descents without consumption are left out, because the model has a kink there.
+    The groups are those that power identifies: idle power, energy per sample, and C_rr m, c and m
+    over Gamma, none of them negative. Descents without consumption are left out, because the model
+    has a kink there.
     """
     robot = works[0].vehicle.robot
     columns = []
@@ -287,7 +331,13 @@ def _fit(works: Sequence[Work]) -> tuple[Array, float]:
         slope = np.sin(run.grade_rad)
         pulls = speed * (robot.rolling_resistance * np.cos(run.grade_rad) + slope > 0.0)
         groups = np.column_stack(
-            [np.ones(speed.size), run.sensing_hz, pulls * np.cos(run.grade_rad), pulls * speed**2, pulls * slope]
+            [
+                np.ones(speed.size),
+                run.sensing_hz,
+                pulls * np.cos(run.grade_rad),
+                pulls * speed**2,
+                pulls * slope,
+            ]
         )
         block = max(1, round(5.0 / run.dt_s))
         whole_blocks = speed.size // block * block

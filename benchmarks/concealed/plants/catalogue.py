@@ -1,4 +1,5 @@
-"""Plants with the catalogue's own formulas, for the coverage of intervals: the public replay with known parameters."""
+"""Plants with the catalogue's own formulas, for the coverage of intervals: the public replay with
+known parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +10,12 @@ from numpy.random import Generator
 
 from benchmarks.concealed.plants.chain import Work
 from benchmarks.concealed.plants.motion import Array, Motion
-from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Plant, rolling_power_w, typical_power_w
+from benchmarks.concealed.plants.vehicles import (
+    GRAVITY_MPS2,
+    Plant,
+    rolling_power_w,
+    typical_power_w,
+)
 from homeward.physics import Robot, replay
 
 Truth = Callable[[Plant, Generator], dict[str, float]]
@@ -49,11 +55,13 @@ TRUTHS: dict[str, Truth] = {
         "duty": rng.uniform(0.3, 0.6),
     },
     "breakaway": lambda vehicle, rng: {
-        "start_j": min(rng.uniform(3.0, 8.0) * _rolling_n(vehicle) * vehicle.robot.max_speed_mps, 1e5)  # as above
+        # as above
+        "start_j": min(rng.uniform(3.0, 8.0) * _rolling_n(vehicle) * vehicle.robot.max_speed_mps, 1e5)
     },
     "cold_battery": lambda vehicle, rng: {"per_k": rng.uniform(0.005, 0.012), "warm_c": rng.uniform(15.0, 22.0)},
 }  # fmt: skip
-"""Effects that a replay can compute from recorded channels alone, and how their true parameters are drawn."""
+"""Effects that a replay can compute from recorded channels alone, and how their true parameters are
+drawn."""
 
 
 def replayed_w(robot: Robot, run: Motion) -> Array:

@@ -1,4 +1,5 @@
-"""Vehicles with batteries of PyBaMM: cases in which the nominal robot lacks physics of the battery."""
+"""Vehicles with batteries of PyBaMM: cases in which the nominal robot lacks physics of the
+battery."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ class Pack:
     cell: str
     peak_rate: float  # highest load over rated energy, per hour
     contact_ohm_ah: tuple[float, float] = (0.0, 0.0)
-    loosens: bool = False  # from the first contact resistance to the last at once, half-way through the drives
+    # from the first contact resistance to the last at once, half-way through the drives
+    loosens: bool = False
     lithium_lost: tuple[float, float] = (0.0, 0.0)
     air_c: float | None = ROOM_C  # None: that of the drive
 
@@ -41,7 +43,11 @@ class Pack:
         passed = float(number >= runs // 2) if self.loosens else number / (runs - 1)
         first, last = self.contact_ohm_ah
         contact = first + passed * (last - first)
-        return Cell(self.cell, contact, self.lithium_lost[0] + passed * (self.lithium_lost[1] - self.lithium_lost[0]))
+        return Cell(
+            self.cell,
+            contact,
+            self.lithium_lost[0] + passed * (self.lithium_lost[1] - self.lithium_lost[0]),
+        )
 
 
 PACKS: tuple[tuple[tuple[str, ...], Pack], ...] = (
@@ -71,7 +77,9 @@ KINDS = (
 """Concealed effects, the pack, and the noise level or kind of control."""
 
 
-def make(number: int, truth: tuple[str, ...], pack: Pack, label: str, rng: Generator, short: bool) -> Case:
+def make(
+    number: int, truth: tuple[str, ...], pack: Pack, label: str, rng: Generator, short: bool
+) -> Case:
     """One case, with a larger pack if the given one reaches its cut-off voltage."""
     for _ in range(5):
         draws = copy.deepcopy(rng)
@@ -79,18 +87,29 @@ def make(number: int, truth: tuple[str, ...], pack: Pack, label: str, rng: Gener
         fit = partial(fitted, pack)
         try:
             if not truth:
-                return control_case(number, label == "exact", "none", draws, short, "cell", fit, (draw,))
-            return hidden_case("cell", number, truth, label, draws, short, fit, EFFECTS | {truth[-1]: draw})
+                return control_case(
+                    number, label == "exact", "none", draws, short, "cell", fit, (draw,)
+                )
+            return hidden_case(
+                "cell", number, truth, label, draws, short, fit, EFFECTS | {truth[-1]: draw}
+            )
         except ExhaustedError:
             pack = dataclasses.replace(pack, peak_rate=0.8 * pack.peak_rate)
     raise RuntimeError(f"no pack is large enough for case {number}")
 
 
-def fitted(pack: Pack, vehicle: Plant, runs: list[Motion], rng: Generator) -> tuple[Plant, list[Motion]]:
-    """The vehicle with the pack's energy, by the highest load of its drives; some drives are cold if that matters."""
-    most_w = max(float(rollout(vehicle, run, [], np.random.default_rng(0)).power_w.max()) for run in runs)
+def fitted(
+    pack: Pack, vehicle: Plant, runs: list[Motion], rng: Generator
+) -> tuple[Plant, list[Motion]]:
+    """The vehicle with the pack's energy, by the highest load of its drives; some drives are cold
+    if that matters."""
+    most_w = max(
+        float(rollout(vehicle, run, [], np.random.default_rng(0)).power_w.max()) for run in runs
+    )
     rated_j = most_w * 3600.0 / pack.peak_rate
-    vehicle = dataclasses.replace(vehicle, robot=dataclasses.replace(vehicle.robot, rated_energy_j=rated_j))
+    vehicle = dataclasses.replace(
+        vehicle, robot=dataclasses.replace(vehicle.robot, rated_energy_j=rated_j)
+    )
     if pack.air_c is not None:
         return vehicle, runs
 
@@ -109,10 +128,15 @@ def in_pack(pack: Pack, effect: str, vehicle: Plant, rng: Generator, runs: int) 
         cells = vehicle.robot.rated_energy_j / electrochemistry.rated_energy_j(fresh)
         if effect == "rate_capacity":
             assert pack.air_c is not None
-            work.chemical_w = cells * electrochemistry.counted_w(cell, work.power_w / cells, pack.air_c)
+            work.chemical_w = cells * electrochemistry.counted_w(
+                cell, work.power_w / cells, pack.air_c
+            )
             return
         time_s = np.arange(0.0, work.run.time_s[-1] + STEP_S, STEP_S)
-        load_w, air_c = (np.interp(time_s, work.run.time_s, x) for x in (work.power_w / cells, work.run.temperature_c))
+        load_w, air_c = (
+            np.interp(time_s, work.run.time_s, x)
+            for x in (work.power_w / cells, work.run.temperature_c)
+        )
         air_c = air_c if pack.air_c is None else np.full(time_s.size, pack.air_c)
         discharged = electrochemistry.discharge(cell, time_s, load_w, air_c, START)
         lost_w = np.interp(work.run.time_s, time_s, discharged.chemical_w - load_w)

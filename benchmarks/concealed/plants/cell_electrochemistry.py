@@ -1,7 +1,9 @@
-"""Cells under load, by PyBaMM: voltage sag, cold, lost lithium and rate-dependent energy follow from a cell model.
+"""Cells under load, by PyBaMM: voltage sag, cold, lost lithium and rate-dependent energy follow
+from a cell model.
 
-The model is the single-particle model with electrolyte; a pack consists of equal cells. Sources of the parameter
-sets: O'Kane et al. 2022 (LG M50, an energy cell) and Ecker et al. 2015 (Kokam, a power cell that is weak in the cold).
+The model is the single-particle model with electrolyte; a pack consists of equal cells. Sources of
+the parameter sets: O'Kane et al. 2022 (LG M50, an energy cell) and Ecker et al. 2015 (Kokam, a
+power cell that is weak in the cold).
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ class Cell:
     """A cell in some state of health."""
 
     parameters: str  # name of PyBaMM's parameter set
-    contact_ohm_ah: float = 0.0  # resistance of tabs and connectors times capacity, the same for large cells and small
+    # resistance of tabs and connectors times capacity, the same for large cells and small
+    contact_ohm_ah: float = 0.0
     lithium_lost: float = 0.0  # share of the cyclable lithium
 
 
@@ -55,7 +58,8 @@ def _values(cell: Cell, extra: Mapping[str, Any]) -> Any:
     lithium = "Initial concentration in negative electrode [mol.m-3]"
     values[lithium] = values[lithium] * (1.0 - cell.lithium_lost)
     values.update(
-        {"Contact resistance [Ohm]": cell.contact_ohm_ah / capacity_ah(cell), **extra}, check_already_exists=False
+        {"Contact resistance [Ohm]": cell.contact_ohm_ah / capacity_ah(cell), **extra},
+        check_already_exists=False,
     )
     return values
 
@@ -66,8 +70,11 @@ def capacity_ah(cell: Cell) -> float:
 
 
 def _solve(cell: Cell, mode: str, extra: Mapping[str, Any], soc: float, stops_s: Array) -> Any:
-    """Solution of the cell model; the solver stops at kinks of the load, so that it does not step across."""
-    model = pybamm.lithium_ion.SPMe({"thermal": "lumped", "operating mode": mode, "contact resistance": "true"})
+    """Solution of the cell model; the solver stops at kinks of the load, so that it does not step
+    across."""
+    model = pybamm.lithium_ion.SPMe(
+        {"thermal": "lumped", "operating mode": mode, "contact resistance": "true"}
+    )
     solver = pybamm.IDAKLUSolver(rtol=1e-4, atol=1e-6)
     simulation = pybamm.Simulation(model, parameter_values=_values(cell, extra), solver=solver)
     return simulation.solve(stops_s, initial_soc=soc)
@@ -107,10 +114,15 @@ def discharge(cell: Cell, time_s: Array, load_w: Array, air_c: Array, soc: float
 
 @cache
 def energy_to_be_had(cell: Cell, temperature_c: float, rate: float) -> tuple[float, float]:
-    """Mean power, W, and energy, J, of a full cell discharged to its cut-off voltage at a rate, per hour."""
+    """Mean power, W, and energy, J, of a full cell discharged to its cut-off voltage at a rate, per
+    hour."""
     current_a = rate * capacity_ah(cell)
     kelvin = temperature_c + KELVIN
-    extra = {"Current function [A]": current_a, "Ambient temperature [K]": kelvin, "Initial temperature [K]": kelvin}
+    extra = {
+        "Current function [A]": current_a,
+        "Ambient temperature [K]": kelvin,
+        "Initial temperature [K]": kelvin,
+    }
     solution = _solve(cell, "current", extra, 1.0, np.array([0.0, 1.5 * 3600.0 / rate]))
     energy_j = current_a * float(np.trapezoid(solution["Battery voltage [V]"].entries, solution.t))
     return energy_j / float(solution.t[-1]), energy_j
@@ -122,10 +134,14 @@ def rated_energy_j(cell: Cell) -> float:
 
 
 def counted_w(cell: Cell, load_w: Array, temperature_c: float) -> Array:
-    """Rate at which a charge gauge that corrects for the discharge rate counts down the rated energy, W; shape (n,).
+    """Rate at which a charge gauge that corrects for the discharge rate counts down the rated
+    energy, W; shape (n,).
 
-    At a power at which only a share of the energy is available, each joule delivered counts as its inverse.
+    At a power at which only a share of the energy is available, each joule delivered counts as its
+    inverse.
     """
     power_w, energy_j = np.array([energy_to_be_had(cell, temperature_c, rate) for rate in RATES]).T
-    to_be_had = PchipInterpolator(power_w, energy_j / energy_j[0])(np.clip(load_w, power_w[0], power_w[-1]))
+    to_be_had = PchipInterpolator(power_w, energy_j / energy_j[0])(
+        np.clip(load_w, power_w[0], power_w[-1])
+    )
     return np.asarray(load_w / to_be_had)

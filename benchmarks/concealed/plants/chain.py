@@ -1,6 +1,8 @@
-"""From a drive to the power that leaves the battery, stage by stage; hidden mechanisms change one stage each.
+"""From a drive to the power that leaves the battery, stage by stage; hidden mechanisms change one
+stage each.
 
-The chain without any mechanism is the paper's model (Tiwari et al., IROS 2018, Eq. 3 and 5), as the robot file has it.
+The chain without any mechanism is the paper's model (Tiwari et al., IROS 2018, Eq. 3 and 5), as the
+robot file has it.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ Stage = Literal["ground", "wheel", "motor", "load", "battery", "instrument"]
 
 @dataclass
 class Work:
-    """A drive and all quantities computed from it, shape (n,) each; a mechanism changes those of its stage."""
+    """A drive and all quantities computed from it, shape (n,) each; a mechanism changes those of
+    its stage."""
 
     run: Motion
     vehicle: Plant
@@ -31,7 +34,8 @@ class Work:
     grade_rad: Array = field(init=False)
     air_mps: Array = field(init=False)
     extra_n: Array = field(init=False)
-    turning_w: Array = field(init=False)  # mechanical power of scrubbing, also while turning on the spot
+    # mechanical power of scrubbing, also while turning on the spot
+    turning_w: Array = field(init=False)
     # wheel: force and the speed of the tread
     force_n: Array = field(init=False)
     tread_mps: Array = field(init=False)
@@ -75,7 +79,8 @@ Change = Callable[[Work, Generator], None]
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Physics that the nominal robot lacks: the stage of the chain where it acts, and its change there."""
+    """Physics that the nominal robot lacks: the stage of the chain where it acts, and its change
+    there."""
 
     effect: str
     stage: Stage
@@ -88,7 +93,9 @@ def resistance_law(work: Work) -> Array:
     moving = work.run.speed_mps > 0.0
     air_n = work.vehicle.robot.drag_ns2_per_m2 * work.air_mps * np.abs(work.air_mps)
     rolling_n = work.rolling * weight_n * np.cos(work.grade_rad)
-    return np.where(moving, rolling_n + air_n + weight_n * np.sin(work.grade_rad) + work.extra_n, 0.0)
+    return np.where(
+        moving, rolling_n + air_n + weight_n * np.sin(work.grade_rad) + work.extra_n, 0.0
+    )
 
 
 def charge_left(work: Work) -> Array:
@@ -115,7 +122,9 @@ def rollout(vehicle: Plant, run: Motion, mechanisms: Sequence[Mechanism], rng: G
     work.drive_w = mechanical_w / robot.traction_efficiency
     act("motor")
     sample_j = robot.sensing_j_per_sample + robot.computer_j_per_sample
-    work.ancillary_w = np.full(run.time_s.size, robot.sensing_idle_w + robot.communication_w + robot.controller_w)
+    work.ancillary_w = np.full(
+        run.time_s.size, robot.sensing_idle_w + robot.communication_w + robot.controller_w
+    )
     work.ancillary_w += sample_j * run.sensing_hz
     act("load")
     work.power_w = work.drive_w + work.ancillary_w - work.returned_w

@@ -50,7 +50,9 @@ def make_case(part: Part, seed: int, number: int, short: bool = False) -> Case:
         level = str(rng.choice(list(NOISES)))
         return hidden_case(part, number, (effect, partner), level, rng, short)
     if part == "controls":
-        exact, fault = in_turn([(exact, fault) for exact in (True, False) for fault in ("none", *FAULTS)])
+        exact, fault = in_turn(
+            [(exact, fault) for exact in (True, False) for fault in ("none", *FAULTS)]
+        )
         return control_case(number, exact, fault, rng, short)
     if part == "outside":
         return outside_case(number, in_turn(list(OUTSIDE)), rng, short)

@@ -1,8 +1,9 @@
-"""The effects of the catalogue with realistic functional forms, other than the catalogue's textbook terms.
+"""The effects of the catalogue with realistic functional forms, other than the catalogue's textbook
+terms.
 
-Each function draws the parameters of one mechanism for a vehicle. Powers are relative to the vehicle's typical power,
-because a mechanism too small to be observed would test nothing. `runs` is the number of drives of the case: a permanent
-change happens in one of them.
+Each function draws the parameters of one mechanism for a vehicle. Powers are relative to the
+vehicle's typical power, because a mechanism too small to be observed would test nothing. `runs` is
+the number of drives of the case: a permanent change happens in one of them.
 """
 
 from __future__ import annotations
@@ -34,11 +35,16 @@ COPPER_PER_K = 0.00393  # temperature coefficient of copper at 20 C (IEC 60028)
 def first_order(signal: Array, dt_s: float, time_constant_s: float, initial: float = 0.0) -> Array:
     """Response of a first-order lag of gain 1, exact for a held signal, shape (n,)."""
     keep = float(np.exp(-dt_s / time_constant_s))
-    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], signal, zi=[keep * initial])[0], dtype=np.float64)
+    return np.asarray(
+        lfilter([1.0 - keep], [1.0, -keep], signal, zi=[keep * initial])[0], dtype=np.float64
+    )
 
 
-def ornstein_uhlenbeck(rng: Generator, n: int, dt_s: float, deviation: float, time_constant_s: float) -> Array:
-    """Autocorrelated noise: mean 0, the given standard deviation and correlation time, shape (n,)."""
+def ornstein_uhlenbeck(
+    rng: Generator, n: int, dt_s: float, deviation: float, time_constant_s: float
+) -> Array:
+    """Autocorrelated noise: mean 0, the given standard deviation and correlation time, shape
+    (n,)."""
     keep = float(np.exp(-dt_s / time_constant_s))
     kicks = rng.normal(size=n) * deviation * np.sqrt(1.0 - keep**2)
     kicks[0] = rng.normal() * deviation
@@ -47,7 +53,8 @@ def ornstein_uhlenbeck(rng: Generator, n: int, dt_s: float, deviation: float, ti
 
 
 def since(run: Motion, drive: int, share: float) -> NDArray[np.bool_]:
-    """Whether a permanent change, which happens in one drive after this share of it, has happened, shape (n,)."""
+    """Whether a permanent change, which happens in one drive after this share of it, has happened,
+    shape (n,)."""
     return np.where(run.index == drive, run.time_s >= share * run.time_s[-1], run.index > drive)
 
 
@@ -58,18 +65,21 @@ def since_start_m(run: Motion) -> Array:
 
 
 def turning(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Scrub of skid-steered wheels about their instantaneous centres of rotation, Coulomb with a viscous share.
+    """Scrub of skid-steered wheels about their instantaneous centres of rotation, Coulomb with a
+    viscous share.
 
-    Martinez et al. 2005 (Int. J. Robotics Research 24(10)) for the kinematics, Pentzer, Brennan and Reichard 2014
-    (J. Field Robotics 31(3)) for the power. Steered wheels: the drag of their slip angle, F_y^2 / C_alpha (Gillespie,
-    Fundamentals of Vehicle Dynamics, ch. 6).
+    Martinez et al. 2005 (Int. J. Robotics Research 24(10)) for the kinematics, Pentzer, Brennan and
+    Reichard 2014 (J. Field Robotics 31(3)) for the power. Steered wheels: the drag of their slip
+    angle, F_y^2 / C_alpha (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6).
     """
     robot = vehicle.robot
     weight_n = robot.mass_kg * GRAVITY_MPS2
     friction = rng.uniform(0.35, 0.7) if vehicle.steering == "skid" else rng.uniform(0.25, 0.4)
-    icr_m = robot.track_m / 2.0 * rng.uniform(1.3, 1.9)  # farther out than the tread: wheels also slip longitudinally
+    # farther out than the tread: wheels also slip longitudinally
+    icr_m = robot.track_m / 2.0 * rng.uniform(1.3, 1.9)
     viscous_s_per_m = rng.uniform(0.3, 1.0)
-    stiffness_n_per_rad = weight_n * rng.uniform(3.0, 6.0)  # of tyres on loose ground; hard ground has about 9 per rad
+    # of tyres on loose ground; hard ground has about 9 per rad
+    stiffness_n_per_rad = weight_n * rng.uniform(3.0, 6.0)
 
     def change(work: Work, _: Generator) -> None:
         yaw = np.abs(work.run.yaw_rate_radps)
@@ -78,14 +88,22 @@ def turning(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
             work.turning_w += (work.mass_kg * speed * yaw) ** 2 / stiffness_n_per_rad * speed
         else:
             slide_mps = yaw * np.hypot(vehicle.wheelbase_m / 2.0, icr_m - robot.track_m / 2.0)
-            work.turning_w += friction * work.mass_kg * GRAVITY_MPS2 * slide_mps * (1.0 + viscous_s_per_m * slide_mps)
+            work.turning_w += (
+                friction
+                * work.mass_kg
+                * GRAVITY_MPS2
+                * slide_mps
+                * (1.0 + viscous_s_per_m * slide_mps)
+            )
 
     return Mechanism("turning", "ground", change)
 
 
 def inertia(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Work of acceleration, with rotating parts as extra mass; friction brakes recover nothing (Gillespie, ch. 2)."""
-    factor = rng.uniform(1.04, 1.6)  # 1 + 0.04 + 0.0025 N^2, N the gear ratio: road cars in high to low gear
+    """Work of acceleration, with rotating parts as extra mass; friction brakes recover nothing
+    (Gillespie, ch. 2)."""
+    # 1 + 0.04 + 0.0025 N^2, N the gear ratio: road cars in high to low gear
+    factor = rng.uniform(1.04, 1.6)
 
     def change(work: Work, _: Generator) -> None:
         work.extra_n += factor * work.mass_kg * work.run.accel_mps2
@@ -94,9 +112,11 @@ def inertia(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def breakaway(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Stiction of wheels that have sunk in while standing: it falls with speed (Stribeck) and along the first metres.
+    """Stiction of wheels that have sunk in while standing: it falls with speed (Stribeck) and along
+    the first metres.
 
-    Armstrong-Helouvry, Dupont and Canudas de Wit 1994 (Automatica 30(7)); sinkage: Wong, Theory of Ground Vehicles.
+    Armstrong-Helouvry, Dupont and Canudas de Wit 1994 (Automatica 30(7)); sinkage: Wong, Theory of
+    Ground Vehicles.
     """
     excess = rng.uniform(1.5, 4.0)
     stribeck_mps = vehicle.robot.max_speed_mps * rng.uniform(0.05, 0.12)
@@ -111,7 +131,8 @@ def breakaway(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def viscous(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Churning of grease that thins as it warms with the distance driven (Harris, Rolling Bearing Analysis, ch. 10)."""
+    """Churning of grease that thins as it warms with the distance driven (Harris, Rolling Bearing
+    Analysis, ch. 10)."""
     robot = vehicle.robot
     at_top_n = robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2 * rng.uniform(0.6, 1.2)
     exponent = rng.uniform(0.8, 1.1)
@@ -126,21 +147,27 @@ def viscous(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def wind(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Steady wind with gusts as an Ornstein-Uhlenbeck process, intensity 15 to 25 % (Davenport 1961; Eurocode 1-4)."""
+    """Steady wind with gusts as an Ornstein-Uhlenbeck process, intensity 15 to 25 % (Davenport
+    1961; Eurocode 1-4)."""
     mean_mps = rng.uniform(5.0, 11.0)
     from_rad = rng.uniform(0.0, 2.0 * np.pi)
     intensity = rng.uniform(0.15, 0.25)
     gust_s = rng.uniform(5.0, 20.0)
 
     def change(work: Work, gusts: Generator) -> None:
-        gust = ornstein_uhlenbeck(gusts, work.run.time_s.size, work.run.dt_s, intensity * mean_mps, gust_s)
-        work.air_mps = work.run.speed_mps + (mean_mps + gust) * np.cos(work.run.heading_rad - from_rad)
+        gust = ornstein_uhlenbeck(
+            gusts, work.run.time_s.size, work.run.dt_s, intensity * mean_mps, gust_s
+        )
+        work.air_mps = work.run.speed_mps + (mean_mps + gust) * np.cos(
+            work.run.heading_rad - from_rad
+        )
 
     return Mechanism("wind", "ground", change)
 
 
 def surface(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A softer stretch of the way with ragged edges; sinkage eases a little with speed (Wong, ch. 2)."""
+    """A softer stretch of the way with ragged edges; sinkage eases a little with speed (Wong, ch.
+    2)."""
     gain = rng.uniform(0.5, 1.4)
     start = rng.uniform(0.15, 0.35)
     end = rng.uniform(0.5, 0.8)
@@ -149,7 +176,9 @@ def surface(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
     def change(work: Work, _: Generator) -> None:
         share = np.mod(work.run.place_m, vehicle.leg_m) / vehicle.leg_m
-        edge = 1.0 / (1.0 + np.exp(-(share - start) / 0.015)) / (1.0 + np.exp((share - end) / 0.015))
+        edge = (
+            1.0 / (1.0 + np.exp(-(share - start) / 0.015)) / (1.0 + np.exp((share - end) / 0.015))
+        )
         ragged = 1.0 + 0.2 * np.sin(wave * 2.0 * np.pi * share + phase)
         speed = work.run.speed_mps / vehicle.robot.max_speed_mps
         work.rolling *= 1.0 + gain * edge * ragged * (1.1 - 0.2 * speed)
@@ -158,7 +187,8 @@ def surface(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def payload(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A load picked up on the way, under which C_rr rises a little, as load^0.1 (form of SAE J2452)."""
+    """A load picked up on the way, under which C_rr rises a little, as load^0.1 (form of SAE
+    J2452)."""
     share = rng.uniform(0.2, 0.5)
     drive = int(rng.integers(0, runs))
     share_driven = rng.uniform(0.3, 0.6)
@@ -186,10 +216,11 @@ def hidden_grade(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def slip(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Longitudinal slip from Burckhardt's curve on slick, loose ground, mu = c1 (1 - exp(-c2 s)) - c3 s, inverted.
+    """Longitudinal slip from Burckhardt's curve on slick, loose ground, mu = c1 (1 - exp(-c2 s)) -
+    c3 s, inverted.
 
-    Burckhardt 1993, Fahrwerktechnik: Radschlupfregelsysteme; between wet gravel and snow, c1 0.2 to 0.4 (Kiencke and
-    Nielsen, Automotive Control Systems, ch. 8).
+    Burckhardt 1993, Fahrwerktechnik: Radschlupfregelsysteme; between wet gravel and snow, c1 0.2 to
+    0.4 (Kiencke and Nielsen, Automotive Control Systems, ch. 8).
     """
     c1 = rng.uniform(0.25, 0.35)
     c2 = rng.uniform(4.0, 8.0)
@@ -198,7 +229,9 @@ def slip(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     grip = np.maximum.accumulate(c1 * (1.0 - np.exp(-c2 * slips)) - c3 * slips)
 
     def change(work: Work, _: Generator) -> None:
-        used = np.maximum(work.force_n, 0.0) / (work.mass_kg * GRAVITY_MPS2 * np.cos(work.grade_rad))
+        used = np.maximum(work.force_n, 0.0) / (
+            work.mass_kg * GRAVITY_MPS2 * np.cos(work.grade_rad)
+        )
         work.tread_mps = work.tread_mps / (1.0 - np.interp(used, grip, slips))
 
     return Mechanism("slip", "wheel", change)
@@ -223,7 +256,8 @@ def regeneration(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def copper_loss(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """I^2 R of a motor whose iron saturates, so that current rises faster than thrust (Hughes, Electric Motors)."""
+    """I^2 R of a motor whose iron saturates, so that current rises faster than thrust (Hughes,
+    Electric Motors)."""
     rolling_n = vehicle.robot.rolling_resistance * vehicle.robot.mass_kg * GRAVITY_MPS2
     at_rolling_w = rolling_power_w(vehicle) * rng.uniform(0.1, 0.25)
     saturation = rng.uniform(4.0, 8.0)
@@ -236,9 +270,11 @@ def copper_loss(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def no_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Iron and switching losses while the motors turn: a constant, hysteresis ~ speed, eddy currents ~ speed^2.
+    """Iron and switching losses while the motors turn: a constant, hysteresis ~ speed, eddy
+    currents ~ speed^2.
 
-    Steinmetz/Bertotti loss separation (Krishnan, Permanent Magnet Synchronous and Brushless DC Motor Drives, ch. 2).
+    Steinmetz/Bertotti loss separation (Krishnan, Permanent Magnet Synchronous and Brushless DC
+    Motor Drives, ch. 2).
     """
     size_w = rolling_power_w(vehicle) * rng.uniform(0.3, 0.6)
 
@@ -250,7 +286,8 @@ def no_load(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def motor_heating(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Windings and case as two thermal masses; resistance rises and magnets weaken, 0.1 %/K for NdFeB.
+    """Windings and case as two thermal masses; resistance rises and magnets weaken, 0.1 %/K for
+    NdFeB.
 
     Hughes, Electric Motors and Drives, ch. 2; copper by IEC 60028.
     """
@@ -263,7 +300,9 @@ def motor_heating(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
     def change(work: Work, _: Generator) -> None:
         load = work.drive_w / rolling_power_w(vehicle)
         dt_s = work.run.dt_s
-        rise_k = winding_k * first_order(load, dt_s, winding_s) + case_k * first_order(load, dt_s, case_s)
+        rise_k = winding_k * first_order(load, dt_s, winding_s) + case_k * first_order(
+            load, dt_s, case_s
+        )
         rise_k = np.minimum(rise_k, 130.0)  # class F insulation, 155 C (IEC 60085)
         hotter = (1.0 + COPPER_PER_K * rise_k) / (1.0 - 0.001 * rise_k) ** 2 - 1.0
         work.drive_w *= 1.0 + copper_share * hotter
@@ -272,7 +311,8 @@ def motor_heating(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def _discharge(work: Work, series_ohm: Array, slow_ohm: float, slow_s: float) -> None:
-    """Solve the Thevenin circuit with one RC pair for the current that delivers the required power (Plett, vol. 1)."""
+    """Solve the Thevenin circuit with one RC pair for the current that delivers the required power
+    (Plett, vol. 1)."""
     open_v = work.voltage_v
     slow_v = np.zeros_like(open_v)
     current_a = np.zeros_like(open_v)
@@ -287,7 +327,8 @@ def _discharge(work: Work, series_ohm: Array, slow_ohm: float, slow_s: float) ->
 
 
 def internal_resistance(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Thevenin battery: a series resistance and a slow polarisation (Plett, Battery Management Systems, vol. 1)."""
+    """Thevenin battery: a series resistance and a slow polarisation (Plett, Battery Management
+    Systems, vol. 1)."""
     ohm = rng.uniform(0.12, 0.2) * vehicle.robot.nominal_voltage_v**2 / peak_power_w(vehicle)
     slow_s = rng.uniform(20.0, 60.0)
 
@@ -298,7 +339,8 @@ def internal_resistance(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def rate_capacity(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Peukert's law above the rated current only (Doerffel and Sharkh 2006, J. Power Sources 155)."""
+    """Peukert's law above the rated current only (Doerffel and Sharkh 2006, J. Power Sources
+    155)."""
     exponent = rng.uniform(0.1, 0.25)
     rated_w = typical_power_w(vehicle) * rng.uniform(0.4, 0.8)
 
@@ -309,7 +351,8 @@ def rate_capacity(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def ageing(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Capacity lost, 15 to 35 %: the state of charge, a share of the capacity, falls faster (Plett, vol. 2)."""
+    """Capacity lost, 15 to 35 %: the state of charge, a share of the capacity, falls faster (Plett,
+    vol. 2)."""
     capacity_left = 1.0 - rng.uniform(0.15, 0.35)
 
     def change(work: Work, _: Generator) -> None:
@@ -319,7 +362,8 @@ def ageing(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def cold_battery(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Resistance by Arrhenius' law, of cells that warm themselves a little; activation 30 to 45 kJ/mol.
+    """Resistance by Arrhenius' law, of cells that warm themselves a little; activation 30 to 45
+    kJ/mol.
 
     Waag, Kaebitz and Sauer 2013 (Applied Energy 102).
     """
@@ -329,15 +373,20 @@ def cold_battery(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
     def change(work: Work, _: Generator) -> None:
         load = work.power_w / typical_power_w(vehicle)
-        cell_k = KELVIN + work.run.temperature_c + warming_k * first_order(load, work.run.dt_s, 1200.0)
-        cold = np.exp(activation_j_per_mol / GAS_CONSTANT_J_PER_MOL_K * (1.0 / cell_k - 1.0 / ROOM_K))
+        cell_k = (
+            KELVIN + work.run.temperature_c + warming_k * first_order(load, work.run.dt_s, 1200.0)
+        )
+        cold = np.exp(
+            activation_j_per_mol / GAS_CONSTANT_J_PER_MOL_K * (1.0 / cell_k - 1.0 / ROOM_K)
+        )
         _discharge(work, ohm * cold, 0.2 * ohm * float(cold.mean()), 30.0)
 
     return Mechanism("cold_battery", "battery", change)
 
 
 def standby(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A load that stays on after some time: a lamp or amplifier that draws a third more while cold."""
+    """A load that stays on after some time: a lamp or amplifier that draws a third more while
+    cold."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.12, 0.3)
     drive = int(rng.integers(0, runs))
     share_driven = rng.uniform(0.3, 0.6)
@@ -351,9 +400,11 @@ def standby(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def compute(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """A processor whose clock and voltage follow the sensing rate: P ~ f V^2, with leakage once it is awake.
+    """A processor whose clock and voltage follow the sensing rate: P ~ f V^2, with leakage once it
+    is awake.
 
-    Rabaey, Chandrakasan and Nikolic, Digital Integrated Circuits, ch. 5; governors answer in a second or two.
+    Rabaey, Chandrakasan and Nikolic, Digital Integrated Circuits, ch. 5; governors answer in a
+    second or two.
     """
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
     exponent = rng.uniform(1.8, 2.8)
@@ -369,9 +420,11 @@ def compute(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def radio(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Airtime of a fixed data stream: log-distance path loss sets the rate, in steps, and so the time on the air.
+    """Airtime of a fixed data stream: log-distance path loss sets the rate, in steps, and so the
+    time on the air.
 
-    Rappaport, Wireless Communications, ch. 4; rates and sensitivities of IEEE 802.11a/g, 54 down to 6 Mbit/s.
+    Rappaport, Wireless Communications, ch. 4; rates and sensitivities of IEEE 802.11a/g, 54 down to
+    6 Mbit/s.
     """
     size_w = typical_power_w(vehicle) * rng.uniform(0.2, 0.4)
     rates_mbps = np.array([54.0, 48.0, 36.0, 24.0, 18.0, 12.0, 9.0, 6.0])
@@ -402,7 +455,8 @@ def cooler(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 def _thermostat(
     vehicle: Plant, rng: Generator, set_points_c: tuple[float, float], sign: float
 ) -> Callable[[Work, Generator], None]:
-    """Power of a thermostat on a box with thermal mass (Incropera, Fundamentals of Heat Transfer, ch. 5).
+    """Power of a thermostat on a box with thermal mass (Incropera, Fundamentals of Heat Transfer,
+    ch. 5).
 
     It heats the box (sign 1) or cools it (-1).
     """
@@ -485,7 +539,8 @@ def clock_lag(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
 
 
 def odometry_scale(vehicle: Plant, rng: Generator, runs: int) -> Mechanism:
-    """Wheel odometry with the wrong tyre radius after a change of tyres; distance is by satellite (Borenstein 1996)."""
+    """Wheel odometry with the wrong tyre radius after a change of tyres; distance is by satellite
+    (Borenstein 1996)."""
     share = rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.2)
     drive = int(rng.integers(0, runs)) if rng.random() < 0.5 else 0
 

@@ -34,7 +34,8 @@ class NoiseLevel:
 NOISES = {
     # INA226 with a good shunt (0.1 % class), 1000-line encoders, a tactical IMU, RTK
     "low": NoiseLevel(0.005, 0.0005, 0.002, 0.001, 0.01, 0.002, 0.005, 0.1, 0.02, 0.0005),
-    # a Hall sensor (1 %) behind a motor's ripple, typical encoders, an industrial MEMS IMU, differential GNSS
+    # a Hall sensor (1 %) behind a motor's ripple, typical encoders, an industrial MEMS IMU,
+    # differential GNSS
     "middle": NoiseLevel(0.02, 0.002, 0.007, 0.004, 0.05, 0.01, 0.02, 0.3, 0.2, 0.002),
     # a cheap Hall sensor, few-line encoders, a phone's IMU, plain GNSS with a barometer
     "high": NoiseLevel(0.06, 0.006, 0.02, 0.01, 0.15, 0.03, 0.05, 0.8, 1.0, 0.005),
@@ -62,7 +63,11 @@ def record(work: Work, noise: NoiseLevel, logging: Logging, rng: Generator) -> p
         return np.asarray(values + deviation * rng.normal(size=n), dtype=np.float64)
 
     moving = run.speed_mps > 0.0
-    speed = np.where(moving, noisy(run.speed_mps * work.odometer_gain, noise.speed_share * robot.max_speed_mps), 0.0)
+    speed = np.where(
+        moving,
+        noisy(run.speed_mps * work.odometer_gain, noise.speed_share * robot.max_speed_mps),
+        0.0,
+    )
     yaw = noisy(run.yaw_rate_radps, noise.yaw_rate_radps)
     frame = pd.DataFrame({"time_s": run.time_s})
     if logging.wheels:
@@ -80,9 +85,12 @@ def record(work: Work, noise: NoiseLevel, logging: Logging, rng: Generator) -> p
     frame["heading_rad"] = np.mod(noisy(run.heading_rad, noise.heading_rad), 2.0 * np.pi)
     frame["sensing_hz"] = run.sensing_hz
     frame["temperature_c"] = noisy(run.temperature_c, noise.temperature_c)
-    position_m = min(noise.position_m, 0.01 * work.vehicle.leg_m)  # indoors by lidar instead of satellites
+    # indoors by lidar instead of satellites
+    position_m = min(noise.position_m, 0.01 * work.vehicle.leg_m)
     frame["base_distance_m"] = np.maximum(noisy(run.base_distance_m, position_m), 0.0)
-    power_w = read_power(work) + noise.power_share * typical_power_w(work.vehicle) * rng.normal(size=n)
+    power_w = read_power(work) + noise.power_share * typical_power_w(work.vehicle) * rng.normal(
+        size=n
+    )
     if work.read_by == "terminals":
         voltage_v = noisy(work.voltage_v, noise.voltage_share * robot.nominal_voltage_v)
         frame["voltage_v"] = voltage_v
@@ -95,7 +103,8 @@ def record(work: Work, noise: NoiseLevel, logging: Logging, rng: Generator) -> p
 
 
 def read_power(work: Work) -> Array:
-    """Reading of the power meter before noise, W: the true power with the case's instrument effects."""
+    """Reading of the power meter before noise, W: the true power with the case's instrument
+    effects."""
     seen_w = work.seen_w
     if work.read_smooth_s > 0.0:
         seen_w = first_order(seen_w, work.run.dt_s, work.read_smooth_s, float(seen_w[0]))
@@ -103,13 +112,15 @@ def read_power(work: Work) -> Array:
     return np.asarray(late_w * work.read_gain + work.read_offset_w, dtype=np.float64)
 
 
-# A common fault of instruments. Arguments: clean recording of a drive, the drive, severity in all drives of the case
-# (0 to 1), and random numbers.
+# A common fault of instruments. Arguments: clean recording of a drive, the drive, severity in all
+# drives of the case (0 to 1), and random numbers.
 Fault = Callable[[pd.DataFrame, Work, float, Generator], pd.DataFrame]
 
 
 def _elevation(frame: pd.DataFrame, elevation_m: Array) -> pd.DataFrame:
-    return frame.drop(columns=["grade_rad", "elevation_m"], errors="ignore").assign(elevation_m=elevation_m)
+    return frame.drop(columns=["grade_rad", "elevation_m"], errors="ignore").assign(
+        elevation_m=elevation_m
+    )
 
 
 def noisy_elevation(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
@@ -117,7 +128,9 @@ def noisy_elevation(frame: pd.DataFrame, work: Work, level: float, rng: Generato
     return _elevation(frame, work.run.elevation_m + 0.5 * rng.normal(size=len(frame)))
 
 
-def stepped_elevation(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
+def stepped_elevation(
+    frame: pd.DataFrame, work: Work, level: float, rng: Generator
+) -> pd.DataFrame:
     """Elevation in whole metres instead of the grade (GPS receivers)."""
     return _elevation(frame, np.round(work.run.elevation_m + rng.uniform(0.0, 1.0)))
 
@@ -135,9 +148,12 @@ def noisy_grade(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -
 
 
 def pitched_imu(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """A constant pitch error of the IMU of 0.5 to 2 degrees, the same in all drives, due to its mounting."""
+    """A constant pitch error of the IMU of 0.5 to 2 degrees, the same in all drives, due to its
+    mounting."""
     pitch_rad = np.radians(0.5 + 1.5 * level)
-    return frame.drop(columns="elevation_m", errors="ignore").assign(grade_rad=work.run.grade_rad + pitch_rad)
+    return frame.drop(columns="elevation_m", errors="ignore").assign(
+        grade_rad=work.run.grade_rad + pitch_rad
+    )
 
 
 def no_grade(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
@@ -146,8 +162,11 @@ def no_grade(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> p
 
 
 def noisy_speed(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:
-    """Speed with noise of 4 % of the top speed, also while standing (Doppler of a GNSS receiver)."""
-    noisy_mps = work.run.speed_mps + 0.04 * work.vehicle.robot.max_speed_mps * rng.normal(size=len(frame))
+    """Speed with noise of 4 % of the top speed, also while standing (Doppler of a GNSS
+    receiver)."""
+    noisy_mps = work.run.speed_mps + 0.04 * work.vehicle.robot.max_speed_mps * rng.normal(
+        size=len(frame)
+    )
     wheels = [name for name in ("wheel_left_mps", "wheel_right_mps") if name in frame]
     if wheels:
         half = noisy_mps - frame[wheels].mean(axis=1)
@@ -178,7 +197,9 @@ def charging(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> p
     tail = pd.concat([frame.tail(1)] * n, ignore_index=True)
     since_s = np.arange(1, n + 1) * work.run.dt_s
     tail["time_s"] = frame["time_s"].iloc[-1] + since_s
-    charge_w = -0.8 * typical_power_w(work.vehicle) * np.minimum(1.0, np.exp(-(since_s - 40.0) / 60.0))
+    charge_w = (
+        -0.8 * typical_power_w(work.vehicle) * np.minimum(1.0, np.exp(-(since_s - 40.0) / 60.0))
+    )
     charge_w *= 1.0 + 0.01 * rng.normal(size=n)
     if "power_w" in frame:
         tail["power_w"] = charge_w
@@ -201,7 +222,9 @@ def spikes(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.
     """Single samples of power many times too large: disturbed bus messages."""
     name = "power_w" if "power_w" in frame else "current_a"
     hit = rng.random(len(frame)) < 0.002
-    return frame.assign(**{name: frame[name].mask(hit, frame[name].abs().max() * rng.uniform(3.0, 20.0))})
+    return frame.assign(
+        **{name: frame[name].mask(hit, frame[name].abs().max() * rng.uniform(3.0, 20.0))}
+    )
 
 
 def gaps(frame: pd.DataFrame, work: Work, level: float, rng: Generator) -> pd.DataFrame:

@@ -1,4 +1,5 @@
-"""Motion of a vehicle: routes with hills and bends, speeds, stops, turns, sensing rates, and air temperature."""
+"""Motion of a vehicle: routes with hills and bends, speeds, stops, turns, sensing rates, and air
+temperature."""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ class Motion:
 
 
 def make_route(vehicle: Plant, rng: Generator) -> Course:
-    """Draw a route: hills as a periodic spline with the steepest slope of the vehicle; bends as another spline."""
+    """Draw a route: hills as a periodic spline with the steepest slope of the vehicle; bends as
+    another spline."""
     loop = bool(rng.random() < 0.4)
     length_m = vehicle.leg_m * rng.uniform(0.7, 1.4) * (2.0 if loop else 1.0)
     knots = int(rng.integers(4, 10))
@@ -68,10 +70,18 @@ def make_route(vehicle: Plant, rng: Generator) -> Course:
     bend = rng.normal(size=knots + 1) * rng.uniform(0.5, 2.0) / (length_m / 6.0)
     bend += (2.0 * np.pi / length_m if loop else 0.0) - bend[:-1].mean()
     bend[-1] = bend[0]
-    return Course(length_m, loop, elevation, CubicSpline(at_m, bend, bc_type="periodic"), rng.uniform(0.0, 2.0 * np.pi))
+    return Course(
+        length_m,
+        loop,
+        elevation,
+        CubicSpline(at_m, bend, bc_type="periodic"),
+        rng.uniform(0.0, 2.0 * np.pi),
+    )
 
 
-def _levels(rng: Generator, duration_s: float, dt_s: float, values: Array, least_s: float, most_s: float) -> Array:
+def _levels(
+    rng: Generator, duration_s: float, dt_s: float, values: Array, least_s: float, most_s: float
+) -> Array:
     """Hold drawn values for drawn times, shape (n,)."""
     n = round(duration_s / dt_s)
     level = np.empty(n)
@@ -86,7 +96,9 @@ def _levels(rng: Generator, duration_s: float, dt_s: float, values: Array, least
 def _speeds(vehicle: Plant, rng: Generator, duration_s: float, dt_s: float) -> Array:
     """Speeds with stops, with a random limit of acceleration, at standstill first and last, m/s."""
     top_mps = vehicle.robot.max_speed_mps
-    wanted = _levels(rng, duration_s, dt_s, top_mps * np.array([0.25, 0.4, 0.55, 0.7, 0.85, 1.0]), 15.0, 50.0)
+    wanted = _levels(
+        rng, duration_s, dt_s, top_mps * np.array([0.25, 0.4, 0.55, 0.7, 0.85, 1.0]), 15.0, 50.0
+    )
     for start_s in np.arange(rng.uniform(30.0, 60.0), duration_s, rng.uniform(60.0, 120.0)):
         end_s = start_s + rng.uniform(6.0, 25.0)
         wanted[round(start_s / dt_s) : round(end_s / dt_s)] = 0.0
@@ -97,7 +109,9 @@ def _speeds(vehicle: Plant, rng: Generator, duration_s: float, dt_s: float) -> A
     wanted[-round(standing_s / dt_s) :] = 0.0
     speed = np.zeros(wanted.size)
     for i in range(1, speed.size):
-        speed[i] = speed[i - 1] + np.clip(wanted[i] - speed[i - 1], -largest_step_mps, largest_step_mps)
+        speed[i] = speed[i - 1] + np.clip(
+            wanted[i] - speed[i - 1], -largest_step_mps, largest_step_mps
+        )
     return speed
 
 
@@ -114,7 +128,8 @@ def drive(vehicle: Plant, route: Course, rng: Generator, index: int, day_s: floa
     place = np.where(home, route.length_m - into, into)
     grade = np.arcsin(route.elevation(place, 1)) * direction
     yaw = route.curvature_per_m(place) * speed * direction
-    if not route.loop:  # the half turn at an end takes some seconds; vehicles that can turn on the spot do
+    # the half turn at an end takes some seconds; vehicles that can turn on the spot do
+    if not route.loop:
         for end in np.flatnonzero(np.diff(lap)):
             turn_s = max(np.pi / (0.7 * vehicle.max_turn_radps), 2.0 * dt_s)
             turn = slice(end, min(n, end + round(turn_s / dt_s)))
@@ -128,7 +143,8 @@ def drive(vehicle: Plant, route: Course, rng: Generator, index: int, day_s: floa
     yaw = np.clip(yaw, -vehicle.max_turn_radps, vehicle.max_turn_radps)
     heading = np.mod(route.heading_rad + np.cumsum(yaw) * dt_s, 2.0 * np.pi)
     hz = vehicle.robot.max_sensing_hz * np.array([0.0, 0.2, 0.5, 1.0])
-    since_midnight = 2.0 * np.pi * (21600.0 + day_s + time) / 86400.0  # the first drive starts at six
+    # the first drive starts at six
+    since_midnight = 2.0 * np.pi * (21600.0 + day_s + time) / 86400.0
     swing_c = 8.0 if vehicle.outdoor else 1.5
     return Motion(
         time_s=time, speed_mps=speed, accel_mps2=np.gradient(speed, dt_s), grade_rad=grade, yaw_rate_radps=yaw,
@@ -140,7 +156,8 @@ def drive(vehicle: Plant, route: Course, rng: Generator, index: int, day_s: floa
 
 
 def _from_start(route: Course, place_m: Array) -> Array:
-    """Straight line from the start of a route to places along it, m; a loop ends where it begins."""
+    """Straight line from the start of a route to places along it, m; a loop ends where it
+    begins."""
     at_m = np.linspace(0.0, route.length_m, _POINTS)
     course = route.heading_rad + route.curvature_per_m.antiderivative()(at_m)
     along_m = cumulative_trapezoid(np.cos(course), at_m, initial=0)
@@ -148,7 +165,9 @@ def _from_start(route: Course, place_m: Array) -> Array:
     if route.loop:
         along_m -= along_m[-1] * at_m / route.length_m
         across_m -= across_m[-1] * at_m / route.length_m
-    return np.asarray(np.hypot(np.interp(place_m, at_m, along_m), np.interp(place_m, at_m, across_m)))
+    return np.asarray(
+        np.hypot(np.interp(place_m, at_m, along_m), np.interp(place_m, at_m, across_m))
+    )
 
 
 def make_drives(vehicle: Plant, routes: list[Course], rng: Generator, runs_wanted: int, mean_c: float,
@@ -159,6 +178,8 @@ def make_drives(vehicle: Plant, routes: list[Course], rng: Generator, runs_wante
     day_s = 0.0
     for index in range(runs_wanted):
         duration_s = rng.uniform(60.0, 90.0) if short else rng.uniform(120.0, 720.0)
-        runs.append(drive(vehicle, routes[index % len(routes)], rng, index, day_s, mean_c, dt_s, duration_s))
+        runs.append(
+            drive(vehicle, routes[index % len(routes)], rng, index, day_s, mean_c, dt_s, duration_s)
+        )
         day_s += duration_s + rng.uniform(600.0, 9000.0)
     return runs

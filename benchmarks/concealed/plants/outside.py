@@ -1,4 +1,5 @@
-"""Mechanisms outside the catalogue, and the effects, if any, that would be an acceptable description of each."""
+"""Mechanisms outside the catalogue, and the effects, if any, that would be an acceptable
+description of each."""
 
 from __future__ import annotations
 
@@ -8,7 +9,12 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.concealed.plants.chain import Change, Mechanism, Stage, Work
-from benchmarks.concealed.plants.effects import first_order, ornstein_uhlenbeck, since, since_start_m
+from benchmarks.concealed.plants.effects import (
+    first_order,
+    ornstein_uhlenbeck,
+    since,
+    since_start_m,
+)
 from benchmarks.concealed.plants.vehicles import Plant, rolling_power_w, typical_power_w
 
 Fair = frozenset[str]
@@ -16,7 +22,8 @@ DrawOutside = Callable[[Plant, Generator, int], tuple[Stage, Change, Fair]]
 
 
 def furrows(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """Ploughed ground: more rolling resistance across the furrows than along them, the same there and back."""
+    """Ploughed ground: more rolling resistance across the furrows than along them, the same there
+    and back."""
     along_rad = rng.uniform(0.0, np.pi)
     gain = rng.uniform(0.4, 1.0)
 
@@ -45,7 +52,8 @@ def squealing_bearing(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage,
 
 
 def speed_coupled_pump(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A spray pump with a fixed stroke, whose rate follows the speed: pulses occur per distance driven."""
+    """A spray pump with a fixed stroke, whose rate follows the speed: pulses occur per distance
+    driven."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.3, 0.6)
     stroke_m = vehicle.leg_m * rng.uniform(0.15, 0.3)
 
@@ -62,7 +70,9 @@ def hiccup_converter(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, 
     loss = rng.uniform(0.15, 0.3)
 
     def change(work: Work, _: Generator) -> None:
-        over = (work.drive_w + work.ancillary_w > limit * typical_power_w(vehicle)).astype(np.float64)
+        over = (work.drive_w + work.ancillary_w > limit * typical_power_w(vehicle)).astype(
+            np.float64
+        )
         in_mode = first_order(over, work.run.dt_s, 8.0) > 0.3
         work.ancillary_w += loss * in_mode * (work.drive_w + work.ancillary_w)
 
@@ -70,7 +80,8 @@ def hiccup_converter(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, 
 
 
 def cold_tyres(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """Tyres with more rolling resistance until warm; they cool while standing (SAE J2452: half an hour)."""
+    """Tyres with more rolling resistance until warm; they cool while standing (SAE J2452: half an
+    hour)."""
     gain = rng.uniform(0.5, 1.0)
     warm_s = rng.uniform(100.0, 250.0)
 
@@ -93,7 +104,8 @@ def clinging_mud(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Chan
 
 
 def slow_puncture(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A tyre that leaks in one drive; rolling resistance varies as pressure^-0.4 (Clark, Mechanics of Tires)."""
+    """A tyre that leaks in one drive; rolling resistance varies as pressure^-0.4 (Clark, Mechanics
+    of Tires)."""
     drive = int(rng.integers(0, runs))
     leak_s = rng.uniform(60.0, 120.0)
 
@@ -106,7 +118,8 @@ def slow_puncture(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Cha
 
 
 def sticking_brake(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A brake that releases slowly after a stop longer than some seconds, but not after a short one."""
+    """A brake that releases slowly after a stop longer than some seconds, but not after a short
+    one."""
     gain = rng.uniform(1.5, 3.0)
     free_s = rng.uniform(6.0, 15.0)
 
@@ -157,7 +170,9 @@ def damaged_steering(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, 
     gain = rng.uniform(0.8, 1.6)
 
     def change(work: Work, _: Generator) -> None:
-        leftward = np.tanh(np.maximum(work.run.yaw_rate_radps, 0.0) / (0.1 * vehicle.max_turn_radps))
+        leftward = np.tanh(
+            np.maximum(work.run.yaw_rate_radps, 0.0) / (0.1 * vehicle.max_turn_radps)
+        )
         work.drive_w += gain * rolling_power_w(vehicle) * leftward
 
     return "motor", change, frozenset({"turning"})
@@ -182,7 +197,8 @@ def cooling_fan(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Chang
 
 
 def hill_descent(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """Hill descent control holds the vehicle back with the motors against each other: descents cost power."""
+    """Hill descent control holds the vehicle back with the motors against each other: descents cost
+    power."""
     gain = rng.uniform(0.5, 1.0)
 
     def change(work: Work, _: Generator) -> None:
@@ -193,7 +209,8 @@ def hill_descent(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Chan
 
 
 def altitude_switch(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """An instrument that works only above a height of the route, as one with a line of sight to a mast does."""
+    """An instrument that works only above a height of the route, as one with a line of sight to a
+    mast does."""
     size_w = typical_power_w(vehicle) * rng.uniform(0.25, 0.5)
     share = rng.uniform(0.45, 0.6)
 
@@ -222,7 +239,8 @@ def growing_bursts(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Ch
 
 
 def shower(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """Rain wets the ground in one drive, and the ground dries; wipers or a blower run while it lasts."""
+    """Rain wets the ground in one drive, and the ground dries; wipers or a blower run while it
+    lasts."""
     drive = int(rng.integers(0, runs))
     start = rng.uniform(0.2, 0.4)
     gain = rng.uniform(0.5, 1.0)
@@ -237,7 +255,8 @@ def shower(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fa
 
 
 def speed_memory(vehicle: Plant, rng: Generator, runs: int) -> tuple[Stage, Change, Fair]:
-    """A gearbox that heats its oil into foam after fast driving: losses follow the fastest speed of the last minute."""
+    """A gearbox that heats its oil into foam after fast driving: losses follow the fastest speed of
+    the last minute."""
     gain = rng.uniform(0.5, 1.0)
     minute_s = rng.uniform(40.0, 80.0)
 

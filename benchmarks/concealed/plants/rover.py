@@ -1,4 +1,5 @@
-"""Cases of a skid-steered rover in MuJoCo, where the omitted physics follows from contact dynamics."""
+"""Cases of a skid-steered rover in MuJoCo, where the omitted physics follows from contact
+dynamics."""
 
 from __future__ import annotations
 
@@ -15,12 +16,22 @@ from benchmarks.concealed.plants.chain import Work
 from benchmarks.concealed.plants.instruments import NOISES, Logging, NoiseLevel, record
 from benchmarks.concealed.plants.motion import Array, Motion
 from benchmarks.concealed.plants.rover_drives import TICKS_PER_S, cruise
-from benchmarks.concealed.plants.rover_engine import STEP_S, THRUST_N_PER_A, TRACK_M, Log, Rover, Trip, World, drive
+from benchmarks.concealed.plants.rover_engine import (
+    STEP_S,
+    THRUST_N_PER_A,
+    TRACK_M,
+    Log,
+    Rover,
+    Trip,
+    World,
+    drive,
+)
 from benchmarks.concealed.plants.rover_scenarios import Build, Scenario
 from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, Plant
 from homeward.physics import Robot
 
-CALIBRATION_MPS = (0.3, 0.6, 0.9)  # steady drives; chosen: over the range of speeds that the scenarios have
+# steady drives; chosen: over the range of speeds that the scenarios have
+CALIBRATION_MPS = (0.3, 0.6, 0.9)
 CALIBRATION_S = 6.0  # of each, after settling; chosen
 SHORT_S = 10.0  # of a trip for tests; chosen: they are to be quick
 LISTED: tuple[tuple[Build, int, tuple[str, ...]], ...] = (
@@ -37,7 +48,9 @@ LISTED: tuple[tuple[Build, int, tuple[str, ...]], ...] = (
 )  # fmt: skip
 """Scenarios, with their multiplicity and noise level."""
 
-KINDS = tuple((build, level) for build, times, levels in LISTED for level in levels for _ in range(times))
+KINDS = tuple(
+    (build, level) for build, times, levels in LISTED for level in levels for _ in range(times)
+)
 OUTSIDE = ("stuck_brake", "chatter")
 IN_TORQUE = {"turning", "inertia", "surface", "payload", "hidden_grade"}
 """Every third case that hides nothing else is recorded as motor currents."""
@@ -48,11 +61,14 @@ def make(number: int, build: Build, level: str, rng: Generator, short: bool) -> 
     scenario = build(rng)
     if scenario.truth != ("slip",):  # slip is observable only in power with the speed over ground
         torque = set(scenario.truth) <= IN_TORQUE and bool(rng.random() < 1 / 3)
-        scenario = dataclasses.replace(scenario, torque=torque, wheels=scenario.wheels or bool(rng.random() < 0.5))
+        scenario = dataclasses.replace(
+            scenario, torque=torque, wheels=scenario.wheels or bool(rng.random() < 0.5)
+        )
     trips = [cut(trip) for trip in scenario.trips[:2]] if short else scenario.trips
     vehicle = vehicle_of(calibrated(scenario))
     robot = vehicle.robot
-    exact = scenario.torque or bool(rng.random() < 0.5)  # most parameters of the file do not affect currents
+    # most parameters of the file do not affect currents
+    exact = scenario.torque or bool(rng.random() < 0.5)
     wrong = (0.03, 0.1) if scenario.truth else (0.1, 0.4)
     works, recordings = recorded(vehicle, scenario, trips, level, rng)
     if not scenario.truth:
@@ -63,7 +79,9 @@ def make(number: int, build: Build, level: str, rng: Generator, short: bool) -> 
         label = level
     nominal = robot if exact else misset(robot, rng, *wrong)
     misses = dict.fromkeys(scenario.truth, missed_share(works))
-    return Case("rover", number, robot.name, label, scenario.truth, robot, nominal, recordings, misses)
+    return Case(
+        "rover", number, robot.name, label, scenario.truth, robot, nominal, recordings, misses
+    )
 
 
 def recorded(
@@ -72,11 +90,15 @@ def recorded(
     """Simulate trips: the true quantities, and the recordings at a noise level."""
     logs = [drive(scenario.rover, trip, scenario.brake) for trip in trips]
     works = [work_of(vehicle, scenario, log, index) for index, log in enumerate(logs)]
-    return works, [_record(work, log, scenario, NOISES[level], rng) for work, log in zip(works, logs, strict=True)]
+    return works, [
+        _record(work, log, scenario, NOISES[level], rng)
+        for work, log in zip(works, logs, strict=True)
+    ]
 
 
 def calibrated(scenario: Scenario) -> Robot:
-    """Robot file fitted by least squares to steady straight drives over the rover's own level ground."""
+    """Robot file fitted by least squares to steady straight drives over the rover's own level
+    ground."""
     rover = scenario.rover
     speeds = []
     powers = []
@@ -86,7 +108,9 @@ def calibrated(scenario: Scenario) -> Robot:
         speeds.append(_speed(scenario, log).mean())
         powers.append(log.power_w.mean())
     pull_w = rover.mass_kg * GRAVITY_MPS2 * np.array(speeds) / rover.efficiency
-    rolling, idle = np.linalg.lstsq(np.stack([pull_w, np.ones(pull_w.size)], axis=1), np.array(powers))[0]
+    rolling, idle = np.linalg.lstsq(
+        np.stack([pull_w, np.ones(pull_w.size)], axis=1), np.array(powers)
+    )[0]
     return _robot(rover, float(rolling), float(idle))
 
 
@@ -111,7 +135,9 @@ def _speed(scenario: Scenario, log: Log) -> Array:
     return 0.5 * (log.wheel_left_mps + log.wheel_right_mps) if scenario.wheels else log.speed_mps
 
 
-def _record(work: Work, log: Log, scenario: Scenario, noise: NoiseLevel, rng: Generator) -> pd.DataFrame:
+def _record(
+    work: Work, log: Log, scenario: Scenario, noise: NoiseLevel, rng: Generator
+) -> pd.DataFrame:
     logging = Logging(distance=False, charge=False, grade=scenario.slope_known)
     frame = record(work, noise, logging, rng).drop(columns=["sensing_hz", "temperature_c"])
     if not scenario.placed:
@@ -142,7 +168,17 @@ def cut(trip: Trip) -> Trip:
 
 def vehicle_of(robot: Robot) -> Plant:
     """The rover with a robot file."""
-    return Plant(robot, "skid", 0.512, 0.16, 1.0, 0.6, 56.0, True, "rover.xml: about the size of a Husky A200")
+    return Plant(
+        robot,
+        "skid",
+        0.512,
+        0.16,
+        1.0,
+        0.6,
+        56.0,
+        True,
+        "rover.xml: about the size of a Husky A200",
+    )
 
 
 def _robot(rover: Rover, rolling_resistance: float, idle_w: float) -> Robot:

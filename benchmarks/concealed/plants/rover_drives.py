@@ -34,12 +34,16 @@ def command(legs: list[Leg], seconds: float, acceleration_mps2: float) -> Comman
         yaw.append(leg.yaw_radps * (np.sin(2 * np.pi * time_s / leg.weave_s) if np.isfinite(leg.weave_s) else 1.0)
                    * np.ones(time_s.size))  # fmt: skip
     n = round(seconds * TICKS_PER_S)
-    return _limited(np.concatenate(speed)[:n], acceleration_mps2), _limited(np.concatenate(yaw)[:n], YAW_RADPS2)
+    return _limited(np.concatenate(speed)[:n], acceleration_mps2), _limited(
+        np.concatenate(yaw)[:n], YAW_RADPS2
+    )
 
 
 def cruise(speeds_mps: list[float], seconds: float, acceleration_mps2: float = 0.001) -> Command:
     """Straight on, each speed for the same time, changing so slowly that inertia is negligible."""
-    return command([Leg(seconds / len(speeds_mps), speed) for speed in speeds_mps], seconds, acceleration_mps2)
+    return command(
+        [Leg(seconds / len(speeds_mps), speed) for speed in speeds_mps], seconds, acceleration_mps2
+    )
 
 
 def stop_and_go(rng: np.random.Generator, seconds: float) -> Command:

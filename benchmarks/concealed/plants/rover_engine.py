@@ -1,7 +1,7 @@
 """A rover in MuJoCo: motors drive wheels on ground, without formulas for the effects.
 
-Scrub in turns, slip, inertia, and the power of payload, slope and soft ground follow from contact and motor torques.
-Left wheels come before right ones.
+Scrub in turns, slip, inertia, and the power of payload, slope and soft ground follow from contact
+and motor torques. Left wheels come before right ones.
 """
 
 from __future__ import annotations
@@ -24,11 +24,13 @@ THRUST_N_PER_A = 21.2  # as the preset husky has it
 STEP_S = 0.1  # between samples of a recording; chosen: five ticks
 _TICK_S = 1.0 / TICKS_PER_S
 _SETTLING_S = 6.0  # before a recording: half of it speeding up, half at the first speed; chosen
-_SPREAD = 1.8  # a skid-steered robot turns more slowly than its wheels would have it, by about this factor
+# a skid-steered robot turns more slowly than its wheels would have it, by about this factor
+_SPREAD = 1.8
 _HEADING_GAIN_HZ = 2.0  # yaw rate over the error of heading; chosen: half a second to correct one
 
 Brake = Callable[[Array, float], Array]
-"""Torque of friction in the four wheels, N m, for their speeds, m/s, and the yaw rate that is asked for, rad/s."""
+"""Torque of friction in the four wheels, N m, for their speeds, m/s, and the yaw rate that is asked
+for, rad/s."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,8 @@ class Ground:
 
 @dataclass(frozen=True)
 class World:
-    """Ground along x: patches of other ground, and the slope, positive upwards along x, linear between knots."""
+    """Ground along x: patches of other ground, and the slope, positive upwards along x, linear
+    between knots."""
 
     ground: Ground
     patches: tuple[tuple[float, float, Ground], ...] = ()  # from and to, m
@@ -49,7 +52,9 @@ class World:
 
     def below(self, place_m: float) -> Ground:
         """Ground at a place."""
-        return next((ground for start, end, ground in self.patches if start <= place_m < end), self.ground)
+        return next(
+            (ground for start, end, ground in self.patches if start <= place_m < end), self.ground
+        )
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,8 @@ class Rover:
 
 @dataclass(frozen=True)
 class Trip:
-    """Commands of one run; arrays of shape (n,) at 50 Hz, where the first values also hold before the start."""
+    """Commands of one run; arrays of shape (n,) at 50 Hz, where the first values also hold before
+    the start."""
 
     speed_mps: Array
     yaw_radps: Array
@@ -96,7 +102,8 @@ class Log:
 
 
 def drive(rover: Rover, trip: Trip, brake: Brake | None = None) -> Log:
-    """Simulate one run; the recording starts when the rover drives steadily at the first commanded speed."""
+    """Simulate one run; the recording starts when the rover drives steadily at the first commanded
+    speed."""
     cart = _Cart(rover, trip, brake)
     gentle = np.linspace(0.0, 1.0, round(_SETTLING_S / _TICK_S / 2))
     for share in (*gentle, *np.ones(gentle.size)):
@@ -139,7 +146,8 @@ class _Cart:
         self.data.qacc_warmstart[:] = 0.0
 
     def tick(self, speed_mps: float, yaw_radps: float, payload_kg: float) -> tuple[float, ...]:
-        """Command a speed and a yaw rate, simulate a fiftieth of a second, and return the values of `Log`."""
+        """Command a speed and a yaw rate, simulate a fiftieth of a second, and return the values of
+        `Log`."""
         if payload_kg != self.payload_kg:
             self._load("payload", payload_kg)
             self.payload_kg = payload_kg
@@ -148,7 +156,8 @@ class _Cart:
         steps = round(_TICK_S / self.model.opt.timestep)
         change = (asked - self.data.ctrl) / steps
         for _ in range(steps):
-            self.data.ctrl += change  # in steps so small that the torque at the end is representative
+            # in steps so small that the torque at the end is representative
+            self.data.ctrl += change
             mujoco.mj_step(self.model, self.data)
         return self._read(grade_rad)
 
@@ -159,7 +168,9 @@ class _Cart:
         astray = 0.0 if standing else self.wanted_rad - self.heading_rad
         half_mps = 0.5 * TRACK_M * (_SPREAD * yaw_radps + _HEADING_GAIN_HZ * astray)
         if self.brake is not None:
-            self.model.dof_frictionloss[6:] = self.brake(WHEEL_RADIUS_M * self.data.qvel[6:], yaw_radps)
+            self.model.dof_frictionloss[6:] = self.brake(
+                WHEEL_RADIUS_M * self.data.qvel[6:], yaw_radps
+            )
         return np.array([speed_mps - half_mps] * 2 + [speed_mps + half_mps] * 2) / WHEEL_RADIUS_M
 
     def _stand(self) -> float:
@@ -173,7 +184,11 @@ class _Cart:
             friction[:2] = ground.sliding
             friction[3:] = ground.rolling * WHEEL_RADIUS_M
         slope = float(np.interp(self.data.qpos[0], *self.knots))
-        self.model.opt.gravity[:] = -GRAVITY_MPS2 * np.sin(slope), 0.0, -GRAVITY_MPS2 * np.cos(slope)
+        self.model.opt.gravity[:] = (
+            -GRAVITY_MPS2 * np.sin(slope),
+            0.0,
+            -GRAVITY_MPS2 * np.cos(slope),
+        )
         return float(np.arcsin(np.sin(slope) * np.cos(self.heading_rad)))
 
     def _read(self, grade_rad: float) -> tuple[float, ...]:
@@ -186,7 +201,9 @@ class _Cart:
         wheels = self.data.qvel[6:]
         work = torque * wheels
         electric = np.where(
-            work > 0.0, work / self.rover.efficiency, self.rover.recovery * self.rover.efficiency * work
+            work > 0.0,
+            work / self.rover.efficiency,
+            self.rover.recovery * self.rover.efficiency * work,
         )
         amps = np.abs(torque) / (self.rover.efficiency * THRUST_N_PER_A * WHEEL_RADIUS_M)
         rims = WHEEL_RADIUS_M * wheels

@@ -8,16 +8,34 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.concealed.plants.motion import Array
-from benchmarks.concealed.plants.rover_drives import Command, Leg, command, cruise, on_the_spot, stop_and_go, tour
+from benchmarks.concealed.plants.rover_drives import (
+    Command,
+    Leg,
+    command,
+    cruise,
+    on_the_spot,
+    stop_and_go,
+    tour,
+)
 from benchmarks.concealed.plants.rover_engine import Brake, Ground, Rover, Trip, World
 
 RUN_S = 120.0  # of most drives; chosen
 BRAKE_NM = 2.0  # of a wheel that brakes in left bends; chosen: 12 N at its rim
-CHATTER_MPS = (0.46, 0.54)  # speeds at the rim between which wheels chatter; chosen: within what is driven
+# speeds at the rim between which wheels chatter; chosen: within what is driven
+CHATTER_MPS = (0.46, 0.54)
 CHATTER_NM = 0.6  # of each wheel then; chosen: 15 N at the rims of all four
 CONTROL_MPS = 0.02  # change of speed in a run that hides nothing, not even inertia
 
-_HILLS = ((6.0, 0.0), (12.0, 1.0), (22.0, 1.0), (28.0, 0.0), (30.0, 0.0), (36.0, -1.0), (46.0, -1.0), (52.0, 0.0))
+_HILLS = (
+    (6.0, 0.0),
+    (12.0, 1.0),
+    (22.0, 1.0),
+    (28.0, 0.0),
+    (30.0, 0.0),
+    (36.0, -1.0),
+    (46.0, -1.0),
+    (52.0, 0.0),
+)
 """Place, m, and slope over the steepest: one rise and one descent."""
 
 
@@ -66,7 +84,8 @@ def slip(rng: np.random.Generator) -> Scenario:
 
 
 def surface(rng: np.random.Generator) -> Scenario:
-    """Straight over soft stretches, out and back to distinguish them from slopes, and once on soft ground alone."""
+    """Straight over soft stretches, out and back to distinguish them from slopes, and once on soft
+    ground alone."""
     hard = _hard(rng)
     soft = Ground(0.9 * hard.sliding, rng.uniform(1.6, 2.6) * hard.rolling)
     edges = np.cumsum(rng.uniform(6.0, 13.0, 4))
@@ -83,10 +102,14 @@ def payload(rng: np.random.Generator) -> Scenario:
     slow = _steady(rng, 0.3, 0.5)
     fast = _steady(rng, 0.6, 0.8)
     any_speed = _steady(rng)
-    trips = _loaded(_trips(world, [slow, slow, fast, fast, any_speed]), (0.0, loads[0], 0.0, loads[1], 0.0))
+    trips = _loaded(
+        _trips(world, [slow, slow, fast, fast, any_speed]), (0.0, loads[0], 0.0, loads[1], 0.0)
+    )
     ticks = trips[4].speed_mps.size
     from_half_on_kg = np.where(np.arange(ticks) < ticks // 2, 0.0, loads[0])
-    return Scenario(("payload",), _rover(rng), (*trips[:4], replace(trips[4], payload_kg=from_half_on_kg)))
+    return Scenario(
+        ("payload",), _rover(rng), (*trips[:4], replace(trips[4], payload_kg=from_half_on_kg))
+    )
 
 
 def payload_on_hills(rng: np.random.Generator) -> Scenario:
@@ -118,13 +141,20 @@ def turning_and_surface(rng: np.random.Generator) -> Scenario:
     drives = [tour(rng, RUN_S, speed) for speed in rng.uniform(0.45, 0.8, 4)]
     soft = World(hard, ((-999.0, 999.0, replace(hard, rolling=2.2 * hard.rolling)),))
     edge = World(hard, ((10.0, 999.0, replace(hard, rolling=2.2 * hard.rolling)),))
-    trips = _trips(World(hard), drives[:1]) + _trips(soft, drives[1:2]) + _trips(edge, [*drives[2:], _steady(rng)])
+    trips = (
+        _trips(World(hard), drives[:1])
+        + _trips(soft, drives[1:2])
+        + _trips(edge, [*drives[2:], _steady(rng)])
+    )
     return Scenario(("turning", "surface"), _rover(rng), trips, placed=True)
 
 
 def turning_and_payload(rng: np.random.Generator) -> Scenario:
     """Tours with and without sacks."""
-    drives = [tour(rng, RUN_S, speed) for speed in rng.uniform(0.45, 0.8, 3)] + [_steady(rng), _steady(rng)]
+    drives = [tour(rng, RUN_S, speed) for speed in rng.uniform(0.45, 0.8, 3)] + [
+        _steady(rng),
+        _steady(rng),
+    ]
     trips = _loaded(_trips(World(_hard(rng)), drives), (0.0, 25.0, 18.0, 0.0, 25.0))
     return Scenario(("turning", "payload"), _rover(rng), trips)
 
@@ -139,21 +169,29 @@ def turning_and_inertia(rng: np.random.Generator) -> Scenario:
 def turning_and_hidden_grade(rng: np.random.Generator) -> Scenario:
     """Out and back over a hill, and tours on level ground, without a recorded slope."""
     ground = _hard(rng)
-    trips = _there_and_back(World(ground, slope=_hills(0.035)), [_steady(rng, 0.45) for _ in range(3)])
+    trips = _there_and_back(
+        World(ground, slope=_hills(0.035)), [_steady(rng, 0.45) for _ in range(3)]
+    )
     tours = [tour(rng, RUN_S, rng.uniform(0.45, 0.8)) for _ in range(2)]
-    return Scenario(("turning", "hidden_grade"), _rover(rng), trips + _trips(World(ground), tours), placed=True)
+    return Scenario(
+        ("turning", "hidden_grade"), _rover(rng), trips + _trips(World(ground), tours), placed=True
+    )
 
 
 def surface_and_payload(rng: np.random.Generator) -> Scenario:
     """Straight over soft stretches, with and without sacks."""
     plain = surface(rng)
-    return replace(plain, truth=("surface", "payload"), trips=_loaded(plain.trips, (0.0, 25.0, 15.0, 0.0)))
+    return replace(
+        plain, truth=("surface", "payload"), trips=_loaded(plain.trips, (0.0, 25.0, 15.0, 0.0))
+    )
 
 
 def inertia_and_payload(rng: np.random.Generator) -> Scenario:
     """Fast starts and stops, and one steady drive, with and without sacks."""
     drives = [*(stop_and_go(rng, RUN_S) for _ in range(3)), _steady(rng), _steady(rng)]
-    trips = _loaded(_trips(World(replace(_hard(rng), sliding=0.85)), drives), (0.0, 25.0, 0.0, 20.0, 0.0))
+    trips = _loaded(
+        _trips(World(replace(_hard(rng), sliding=0.85)), drives), (0.0, 25.0, 0.0, 20.0, 0.0)
+    )
     return Scenario(("inertia", "payload"), _rover(rng), trips)
 
 
@@ -172,7 +210,9 @@ def stuck_brake(rng: np.random.Generator) -> Scenario:
     drives = []
     for speed in rng.uniform(0.4, 0.8, 4):
         sides = rng.permutation((1.0, 0.0, -1.0, 1.0, -1.0, 0.0))
-        drives.append(command([Leg(RUN_S / 6, speed, side * speed / 60.0) for side in sides], RUN_S, 0.1))
+        drives.append(
+            command([Leg(RUN_S / 6, speed, side * speed / 60.0) for side in sides], RUN_S, 0.1)
+        )
 
     def brake(wheels_mps: Array, yaw_radps: float) -> Array:
         return np.array([BRAKE_NM * (yaw_radps > 0.004), 0.0, 0.0, 0.0])
@@ -186,7 +226,9 @@ def chatter(rng: np.random.Generator) -> Scenario:
     drives = [command([Leg(5.0, a), Leg(70.0, b), Leg(45.0, a)], RUN_S, 0.004) for a, b in ends]
 
     def brake(wheels_mps: Array, yaw_radps: float) -> Array:
-        return np.asarray(CHATTER_NM * ((wheels_mps > CHATTER_MPS[0]) & (wheels_mps < CHATTER_MPS[1])))
+        return np.asarray(
+            CHATTER_NM * ((wheels_mps > CHATTER_MPS[0]) & (wheels_mps < CHATTER_MPS[1]))
+        )
 
     return Scenario(("chatter",), _rover(rng), _trips(World(_hard(rng)), drives), brake)
 
@@ -209,7 +251,9 @@ def constant_surface(rng: np.random.Generator) -> Scenario:
 def level(rng: np.random.Generator) -> Scenario:
     """Nothing hidden: straight on over level ground."""
     return Scenario(
-        (), _rover(rng), _trips(World(_hard(rng)), [_steady(rng, change_mps=CONTROL_MPS) for _ in range(4)])
+        (),
+        _rover(rng),
+        _trips(World(_hard(rng)), [_steady(rng, change_mps=CONTROL_MPS) for _ in range(4)]),
     )
 
 
@@ -248,9 +292,13 @@ def _trips(world: World, drives: list[Command]) -> tuple[Trip, ...]:
 def _there_and_back(world: World, drives: list[Command]) -> tuple[Trip, ...]:
     """Every other trip back from the far end; the turns are not recorded."""
     trips = _trips(world, drives)
-    return tuple(replace(t, start_m=56.0, heading_rad=np.pi) if i % 2 else t for i, t in enumerate(trips))
+    return tuple(
+        replace(t, start_m=56.0, heading_rad=np.pi) if i % 2 else t for i, t in enumerate(trips)
+    )
 
 
 def _loaded(trips: tuple[Trip, ...], loads_kg: tuple[float, ...]) -> tuple[Trip, ...]:
     loads = zip(trips, loads_kg, strict=True)
-    return tuple(replace(trip, payload_kg=np.full(trip.speed_mps.size, load)) for trip, load in loads)
+    return tuple(
+        replace(trip, payload_kg=np.full(trip.speed_mps.size, load)) for trip, load in loads
+    )

@@ -1,4 +1,5 @@
-"""Six real vehicles from 1 kg to 3 t: their nominal robot files, and further parameters for the hidden mechanisms."""
+"""Six real vehicles from 1 kg to 3 t: their nominal robot files, and further parameters for the
+hidden mechanisms."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ class Plant:
 
 
 def rolling_power_w(vehicle: Plant) -> float:
-    """Electrical power of rolling resistance at 60 % of top speed, W: the scale of concealed physics."""
+    """Electrical power of rolling resistance at 60 % of top speed, W: the scale of concealed
+    physics."""
     robot = vehicle.robot
     force_n = robot.rolling_resistance * robot.mass_kg * GRAVITY_MPS2
     return force_n * 0.6 * robot.max_speed_mps / robot.traction_efficiency
@@ -37,7 +39,9 @@ def peak_power_w(vehicle: Plant) -> float:
     """Electrical power at top speed up the steepest slope with all loads on, W."""
     robot = vehicle.robot
     steepness = robot.rolling_resistance + vehicle.steepest_grade_rad
-    force_n = steepness * robot.mass_kg * GRAVITY_MPS2 + robot.drag_ns2_per_m2 * robot.max_speed_mps**2
+    force_n = (
+        steepness * robot.mass_kg * GRAVITY_MPS2 + robot.drag_ns2_per_m2 * robot.max_speed_mps**2
+    )
     sample_j = robot.sensing_j_per_sample + robot.computer_j_per_sample
     drive_w = force_n * robot.max_speed_mps / robot.traction_efficiency
     return drive_w + idle_power_w(vehicle) + sample_j * robot.max_sensing_hz

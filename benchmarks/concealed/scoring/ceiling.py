@@ -1,8 +1,9 @@
-"""Upper limit of what a diagnosis can name: hidden effects that the recordings prove if their exact form is known.
+"""Upper limit of what a diagnosis can name: hidden effects that the recordings prove if their exact
+form is known.
 
-The exact contribution of an effect is the recordings less those of the same drives without it. It is one regressor
-beside the refit and the exact contributions of the other effects, and must meet the conditions of gain, meter and
-evidence. No diagnosis has more evidence.
+The exact contribution of an effect is the recordings less those of the same drives without it. It
+is one regressor beside the refit and the exact contributions of the other effects, and must meet
+the conditions of gain, meter and evidence. No diagnosis has more evidence.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.logs.recordings import read_recording
 
-_MOST = 10.0  # largest fitted multiple of the true contribution; chosen: so large that it limits nothing
+# largest fitted multiple of the true contribution; chosen: so large that it limits nothing
+_MOST = 10.0
 
 
 def provable(case: Case) -> dict[str, bool]:
-    """Whether the recordings prove each hidden effect, in power or in another channel; empty if that is not known."""
+    """Whether the recordings prove each hidden effect, in power or in another channel; empty if
+    that is not known."""
     if case.without is None:
         return {}
     runs = _runs(case, case.recordings)
@@ -39,7 +42,9 @@ def provable(case: Case) -> dict[str, bool]:
         if len(without_it.observed) != len(runs.observed):
             return {}  # without the effect other windows are usable
         contribution = (runs.observed - without_it.observed)[:, None]
-        terms.append(Term(CATALOGUE[effect], contribution, np.zeros(1), np.full(1, _MOST), fixed=True))
+        terms.append(
+            Term(CATALOGUE[effect], contribution, np.zeros(1), np.full(1, _MOST), fixed=True)
+        )
     fit = refit(runs, case.nominal)
     residual = runs.observed - fit.predicted
     block = independent_blocks(fit, runs).channels
@@ -53,7 +58,9 @@ def provable(case: Case) -> dict[str, bool]:
             noise = 0.0
         share = bench_of_effect.share(index)
         squared_error = bench_of_effect.squared_error(index)
-        smallest_share = thresholds.SMALLEST_GAIN_TO_NAME * (1.0 - noise / max(squared_error, 1e-300))
+        smallest_share = thresholds.SMALLEST_GAIN_TO_NAME * (
+            1.0 - noise / max(squared_error, 1e-300)
+        )
         has_gain = share >= smallest_share and share * squared_error >= meter_error(runs)
         delta_bic = max(bench_of_effect.held_out_bic(index), bench_of_effect.innovations_bic(index))
         shows_elsewhere = case.refit_misses[effect] == 1.0  # in voltage, charge or distance

@@ -56,7 +56,8 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def named(outcome: Outcome) -> list[list[str]]:
-    """Named classes; a capacity that is too small in all drives counts as ageing or one of its stated alternatives."""
+    """Named classes; a capacity that is too small in all drives counts as ageing or one of its
+    stated alternatives."""
     if not outcome.capacity:
         return outcome.classes
     return [*outcome.classes, outcome.capacity]
@@ -69,7 +70,8 @@ def first_class(outcome: Outcome) -> list[str]:
 
 
 def found_first(outcome: Outcome) -> bool:
-    """Whether the concealed effect is the first named one, or one that it is stated to be confused with."""
+    """Whether the concealed effect is the first named one, or one that it is stated to be confused
+    with."""
     return outcome.hidden[0] in first_class(outcome)
 
 
@@ -84,20 +86,26 @@ def all_visible(outcome: Outcome) -> bool:
 
 
 def usable(outcome: Outcome) -> bool:
-    """Whether a control's recordings identify its parameters: not with power of the wrong sign or unrecorded hills."""
+    """Whether a control's recordings identify its parameters: not with power of the wrong sign or
+    unrecorded hills."""
     return outcome.fault not in ("wrong_sign", "no_grade")
 
 
 def false_alarm(outcome: Outcome) -> bool:
-    """Whether the diagnosis of a control names physics; without a grade channel it may ask for that channel."""
+    """Whether the diagnosis of a control names physics; without a grade channel it may ask for that
+    channel."""
     if outcome.verdict == "unknown_physics" and outcome.fault == "no_grade":
         return not NAMES_GRADE.search(outcome.summary)
     return outcome.verdict in ("missing_physics", "unknown_physics")
 
 
 def wrongly_named(outcome: Outcome) -> bool:
-    """Whether a mechanism outside the catalogue was named as an effect that is no acceptable description of it."""
-    return any(effects[0] in EFFECTS and set(outcome.fair).isdisjoint(effects) for effects in outcome.classes)
+    """Whether a mechanism outside the catalogue was named as an effect that is no acceptable
+    description of it."""
+    return any(
+        effects[0] in EFFECTS and set(outcome.fair).isdisjoint(effects)
+        for effects in outcome.classes
+    )
 
 
 def names_no_effect(outcome: Outcome) -> bool:
@@ -137,8 +145,12 @@ def _singles(outcomes: list[Outcome]) -> Table:
 
     def row(name: str, cases: list[Outcome]) -> tuple[str, ...]:
         visible = [case for case in cases if all_visible(case)]
-        by_noise = [share(found_first(case) for case in cases if case.label == noise) for noise in NOISES]
-        by_name = share(bool(case.classes) and case.classes[0][0] == case.hidden[0] for case in cases)
+        by_noise = [
+            share(found_first(case) for case in cases if case.label == noise) for noise in NOISES
+        ]
+        by_name = share(
+            bool(case.classes) and case.classes[0][0] == case.hidden[0] for case in cases
+        )
         sizes = [len(case.classes[0]) for case in cases if case.classes]
         return (
             name,
@@ -180,7 +192,10 @@ def _pairs(outcomes: list[Outcome]) -> Table:
 
     columns = ("", "both in some class", "both by name", "one or both in some class", "first named is one of them",
                "both provable at best")  # fmt: skip
-    rows = [row("all", outcomes), row("both visible", [case for case in outcomes if all_visible(case)])]
+    rows = [
+        row("all", outcomes),
+        row("both visible", [case for case in outcomes if all_visible(case)]),
+    ]
     return Table("Two hidden effects", columns, rows)
 
 
@@ -224,7 +239,14 @@ def _share_with(outcomes: Iterable[Outcome], verdict: str) -> str:
 
 
 def _outside(outcomes: list[Outcome]) -> Table:
-    columns = ("", "wrongly named", "unknown or empirical", "fairly named", "no mismatch seen", "crashes")
+    columns = (
+        "",
+        "wrongly named",
+        "unknown or empirical",
+        "fairly named",
+        "no mismatch seen",
+        "crashes",
+    )
 
     def is_unknown(case: Outcome) -> bool:
         return case.verdict in ("unknown_physics", "missing_physics") and names_no_effect(case)
@@ -253,7 +275,9 @@ def _later(outcomes: list[Outcome]) -> list[Table]:
     drives = [list(drive.values()) for case in outcomes for drive in case.later]
     medians = [tuple(f"{median:.2f}" for median in np.median(drives, axis=0))] if drives else []
     mean_pct = [_mean_errors(case) for case in outcomes if case.later]
-    is_worse = [[mean[-1] > mean[model] + 1.0 for mean in mean_pct] for model in range(len(MODELS) - 1)]
+    is_worse = [
+        [mean[-1] > mean[model] + 1.0 for mean in mean_pct] for model in range(len(MODELS) - 1)
+    ]
     return [
         Table("Energy of later drives, median error in %", MODELS, medians),
         Table(
@@ -282,7 +306,9 @@ def _effects_in_files(outcomes: list[Outcome]) -> Table:
             holds_any.append(has_smaller_battery or bool(case.holds))
             holds_hidden.append(has_smaller_battery or effect in case.holds)
     rows = [("any effect", share(holds_any)), ("the hidden effect", share(holds_hidden))]
-    return Table("Visible effects that a file can say, for which corrected.toml holds", ("", "share"), rows)
+    return Table(
+        "Visible effects that a file can say, for which corrected.toml holds", ("", "share"), rows
+    )
 
 
 def _coverage(outcomes: list[Outcome]) -> Table:
@@ -290,9 +316,13 @@ def _coverage(outcomes: list[Outcome]) -> Table:
     columns = ("", "covers the truth", "median relative width")
 
     def row(name: str, selected: list[Interval]) -> tuple[str, ...]:
-        covers = share(interval["low"] <= interval["true"] <= interval["high"] for interval in selected)
+        covers = share(
+            interval["low"] <= interval["true"] <= interval["high"] for interval in selected
+        )
         nonzero = [interval for interval in selected if interval["true"] != 0.0]
-        widths = [(interval["high"] - interval["low"]) / abs(interval["true"]) for interval in nonzero]
+        widths = [
+            (interval["high"] - interval["low"]) / abs(interval["true"]) for interval in nonzero
+        ]
         return name, covers, f"{np.median(widths):.3f}" if widths else "–"
 
     by_name: dict[str, list[Interval]] = {}
@@ -301,7 +331,11 @@ def _coverage(outcomes: list[Outcome]) -> Table:
     of_effects = [interval for interval in intervals if "." in interval["name"]]
     of_robot = [interval for interval in intervals if "." not in interval["name"]]
     said_off = [interval for interval in of_robot if interval["off"]]
-    rows = [row("all", intervals), row("parameters of effects", of_effects), row("groups of the robot", of_robot)]
+    rows = [
+        row("all", intervals),
+        row("parameters of effects", of_effects),
+        row("groups of the robot", of_robot),
+    ]
     rows.append(row("of these said to be off", said_off))
     rows += [row(name, by_name[name]) for name in sorted(by_name)]
     return Table("Intervals of 95 %", columns, rows)

@@ -38,8 +38,8 @@ class Interval(TypedDict):
 
 
 MODELS = ("nominal", "refit", "refit without noise", "corrected")
-"""Robots whose energy is compared over later drives: the file given, the diagnosis's refit, the refit of the same
-recordings without noise, and corrected.toml."""
+"""Robots whose energy is compared over later drives: the file given, the diagnosis's refit, the
+refit of the same recordings without noise, and corrected.toml."""
 
 
 @dataclass
@@ -56,12 +56,15 @@ class Outcome:
     fault: str
     verdict: str = ""  # of the diagnosis, or "refused" (unusable input) or "crash"
     summary: str = ""
-    classes: list[list[str]] = field(default_factory=list)  # missing_physics: effect, then what it is confused with
+    # missing_physics: effect, then what it is confused with
+    classes: list[list[str]] = field(default_factory=list)
     off: list[str] = field(default_factory=list)
     capacity: list[str] = field(default_factory=list)  # alternatives for a wrong usable energy
-    provable: dict[str, bool] = field(default_factory=dict)  # where the exact contribution of each is known
+    # where the exact contribution of each is known
+    provable: dict[str, bool] = field(default_factory=dict)
     holds: list[str] = field(default_factory=list)  # effects in corrected.toml
-    later: list[dict[str, float]] = field(default_factory=list)  # error of a drive's energy, %, of each of MODELS
+    # error of a drive's energy, %, of each of MODELS
+    later: list[dict[str, float]] = field(default_factory=list)
     intervals: list[Interval] = field(default_factory=list)
 
     @property
@@ -76,7 +79,9 @@ class Outcome:
         return "singles" if self.hidden[0] in EFFECTS else "outside"
 
 
-def run_case(part: Part, seed: int, number: int, out: Path, without: Collection[str] = ()) -> Outcome:
+def run_case(
+    part: Part, seed: int, number: int, out: Path, without: Collection[str] = ()
+) -> Outcome:
     """Make one case and diagnose it."""
     case = make_case(part, seed, number)
     outcome = ask(case, out / part / f"{number:04d}", without)
@@ -85,7 +90,8 @@ def run_case(part: Part, seed: int, number: int, out: Path, without: Collection[
 
 
 def ask(case: Case, folder: Path, without: Collection[str] = ()) -> Outcome:
-    """Write the case's recordings into the folder, diagnose them, and read diagnosis.json and corrected.toml."""
+    """Write the case's recordings into the folder, diagnose them, and read diagnosis.json and
+    corrected.toml."""
     outcome = Outcome(case.part, case.number, case.vehicle, case.label, list(case.hidden), case.visible,
                       sorted(case.fair), case.fault)  # fmt: skip
     recordings = folder / "recordings"
@@ -117,14 +123,18 @@ def read_diagnosis(outcome: Outcome, diagnosis: dict[str, Any], case: Case) -> N
     """Store verdict, classes and, where the true values are known, intervals."""
     outcome.verdict = diagnosis["verdict"]
     outcome.summary = diagnosis["summary"]
-    outcome.classes = [[entry["effect"], *entry["confused_with"]] for entry in diagnosis["missing_physics"]]
+    outcome.classes = [
+        [entry["effect"], *entry["confused_with"]] for entry in diagnosis["missing_physics"]
+    ]
     outcome.off = [entry["group"] for entry in diagnosis["parameters_off"]]
     outcome.capacity = []
     for entry in diagnosis["parameters_off"]:
         if entry["group"] == USABLE_ENERGY:
             outcome.capacity += ["ageing", *entry["confused_with"]]
     if case.part == "coverage":
-        outcome.intervals = _intervals_of_effects(diagnosis, case) + _intervals_of_groups(diagnosis, case, outcome.off)
+        outcome.intervals = _intervals_of_effects(diagnosis, case) + _intervals_of_groups(
+            diagnosis, case, outcome.off
+        )
 
 
 def _intervals_of_effects(diagnosis: dict[str, Any], case: Case) -> list[Interval]:
@@ -133,11 +143,15 @@ def _intervals_of_effects(diagnosis: dict[str, Any], case: Case) -> list[Interva
         true = case.truth.effects.get(entry["effect"], {})
         for name, parameter in entry["parameters"].items():
             if name in true:
-                intervals.append(_interval(f"{entry['effect']}.{name}", true[name], parameter["ci95"]))
+                intervals.append(
+                    _interval(f"{entry['effect']}.{name}", true[name], parameter["ci95"])
+                )
     return intervals
 
 
-def _intervals_of_groups(diagnosis: dict[str, Any], case: Case, off: Collection[str]) -> list[Interval]:
+def _intervals_of_groups(
+    diagnosis: dict[str, Any], case: Case, off: Collection[str]
+) -> list[Interval]:
     true = true_groups(case.truth)
     intervals = []
     for parameter in diagnosis["parameters"]:
@@ -152,7 +166,8 @@ def _interval(name: str, true: float, ci95: list[float], off: bool = False) -> I
 
 
 def true_groups(robot: Robot) -> dict[str, float]:
-    """Parameter groups that recordings identify for a robot without effects, by their names in the diagnosis."""
+    """Parameter groups that recordings identify for a robot without effects, by their names in the
+    diagnosis."""
     gamma = robot.traction_efficiency
     return {
         "P_anc, idle part": robot.sensing_idle_w + robot.communication_w + robot.controller_w,

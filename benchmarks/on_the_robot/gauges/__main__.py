@@ -1,4 +1,5 @@
-"""Drive robots with faulty battery gauges until the companion says to turn, and count who gets home.
+"""Drive robots with faulty battery gauges until the companion says to turn, and count who gets
+home.
 
 `python -m benchmarks.on_the_robot.gauges --drives 200 --seed 1 --out runs/gauges.csv`
 """
@@ -41,7 +42,8 @@ class Args:
     drives: int = 200
     """Drives; gauges and chemistries are spread evenly over them."""
     seed: int = 1
-    """Seed of everything drawn. A drive depends on it, on the drive's number, and on the choices below."""
+    """Seed of everything drawn. A drive depends on it, on the drive's number, and on the choices
+    below."""
     robots: tuple[Robot, ...] = ("husky", "turtlebot3", "f1tenth")
     """Robots."""
     chemistries: tuple[Chemistry, ...] = ("nmc", "lipo", "lfp", "lead_acid", "flat")
@@ -55,12 +57,14 @@ class Args:
     no_current: FlagCreatePairsOff[bool] = False
     """Only robots that do not record current."""
     engine: Engine = "circuit"
-    """What gives the voltage: the simulator's own circuit, or PyBaMM, stepped through every drive (nmc, lipo and lfp
-    only)."""
+    """What gives the voltage: the simulator's own circuit, or PyBaMM, stepped through every drive
+    (nmc, lipo and lfp only)."""
     curve: Curve | None = None
-    """What the robot file says of the open-circuit voltage; None: what the installed version accepts."""
+    """What the robot file says of the open-circuit voltage; None: what the installed version
+    accepts."""
     charged: FlagCreatePairsOff[bool] = False
-    """The user charges the battery and says so: `Companion(soc=1.0)`. By default the gauge's first reading counts."""
+    """The user charges the battery and says so: `Companion(soc=1.0)`. By default the gauge's first
+    reading counts."""
     positions_m: float | None = None
     """Noise of all positions, m; None: as drawn."""
     jobs: int = 2
@@ -84,9 +88,8 @@ def main(args: Args) -> list[Drive]:
         if lacking is None and args.curve == "measured":
             lacking = "--curve measured: its curve is that of the circuit; give chemistry or none with --engine pybamm"
         if lacking is None and not _driven(args):
-            lacking = (
-                f"--engine pybamm has cells of {', '.join(pybamm_pack.PARAMETER_SETS)}; give --chemistries of them"
-            )
+            cells = ", ".join(pybamm_pack.PARAMETER_SETS)
+            lacking = f"--engine pybamm has cells of {cells}; give --chemistries of them"
         if lacking is not None:
             console.print(lacking)
             sys.exit(1)
@@ -106,7 +109,9 @@ def main(args: Args) -> list[Drive]:
     drives: list[Drive] = Parallel(n_jobs=args.jobs)(runs)
     wall_s = time.perf_counter() - start_s
 
-    title = f"{len(drives)} drives, seed {args.seed}, {args.engine}, curve {curve}; {_versions(args)}"
+    title = (
+        f"{len(drives)} drives, seed {args.seed}, {args.engine}, curve {curve}; {_versions(args)}"
+    )
     show(drives, sizes, title, console)
     console.print(_times(drives, wall_s, args.jobs))
     if args.out is not None:
@@ -121,8 +126,8 @@ def make_cases(args: Args, curve: Curve, sizes: Sizes) -> list[Case]:
     both = args.current == args.no_current
     currents = [True, False] if both else [args.current]
     conditions = list(product(sizes.truth.pack_shares, currents, args.robots))
-    # From one round to the next, a cell moves on by this many conditions. Without a common divisor, it meets every
-    # condition in time.
+    # From one round to the next, a cell moves on by this many conditions. Without a common divisor,
+    # it meets every condition in time.
     stride = len(cells) + 1
     while math.gcd(stride, len(conditions)) > 1:
         stride += 1
@@ -150,7 +155,11 @@ def make_cases(args: Args, curve: Curve, sizes: Sizes) -> list[Case]:
 
 def _driven(args: Args) -> list[Chemistry]:
     """Chemistries that the engine has."""
-    return [name for name in args.chemistries if args.engine == "circuit" or name in pybamm_pack.PARAMETER_SETS]
+    return [
+        name
+        for name in args.chemistries
+        if args.engine == "circuit" or name in pybamm_pack.PARAMETER_SETS
+    ]
 
 
 def show(drives: list[Drive], sizes: Sizes, title: str, console: Console) -> None:

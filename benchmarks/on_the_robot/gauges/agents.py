@@ -1,4 +1,5 @@
-"""Those who decide when to turn: the companion, two rules of thumb, and a mirror rule that only estimates."""
+"""Those who decide when to turn: the companion, two rules of thumb, and a mirror rule that only
+estimates."""
 
 from __future__ import annotations
 
@@ -57,13 +58,16 @@ class CompanionRun:
     companion: Companion | None = None
 
     def estimates(self, index: int) -> tuple[Estimate, Estimate] | None:
-        """Energy left and energy of the way home at an update or the last before it; None before the first."""
+        """Energy left and energy of the way home at an update or the last before it; None before
+        the first."""
         for earlier in range(min(index, len(self.advice) - 1), -1, -1):
             advice = self.advice[earlier]
             if advice is not None:
                 left = advice.energy_left_j
                 home = advice.energy_home_j
-                return Estimate(left.mean, left.low, left.high), Estimate(home.mean, home.low, home.high)
+                return Estimate(left.mean, left.low, left.high), Estimate(
+                    home.mean, home.low, home.high
+                )
         return None
 
 
@@ -78,8 +82,9 @@ def run_companion(
 ) -> CompanionRun:
     """Let the companion read along the way out until it says to turn.
 
-    An exception in an update ends the advice, so that the robot drives on until its battery is cut off. An exception at
-    the construction is one of this benchmark, or of the installed version, and ends the whole run.
+    An exception in an update ends the advice, so that the robot drives on until its battery is cut
+    off. An exception at the construction is one of this benchmark, or of the installed version, and
+    ends the whole run.
 
     Args:
         robot_file: The robot file that it gets.
@@ -93,7 +98,12 @@ def run_companion(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the file's pack may be unusual for its robot
         companion = Companion(
-            robot_file, home=(0.0, 0.0), cruise_mps=cruise_mps, cutoff_v=cutoff_v, soc=told_soc, **more
+            robot_file,
+            home=(0.0, 0.0),
+            cruise_mps=cruise_mps,
+            cutoff_v=cutoff_v,
+            soc=told_soc,
+            **more,
         )
     run = CompanionRun(companion=companion)
     start_s = time.perf_counter()
@@ -106,7 +116,9 @@ def run_companion(
     return run
 
 
-def _read_along(companion: Companion, readings: Readings, rated_energy_j: float, run: CompanionRun) -> None:
+def _read_along(
+    companion: Companion, readings: Readings, rated_energy_j: float, run: CompanionRun
+) -> None:
     """Call `update` with each reading until the companion says to turn, and fill `run`."""
     voltage_v = _optional(readings.voltage_v)
     current_a = _optional(readings.current_a)
@@ -147,7 +159,14 @@ def _check(advice: Advice, index: int, rated_energy_j: float, run: CompanionRun)
     left = advice.energy_left_j
     home = advice.energy_home_j
     run.most_left = max(run.most_left, left.mean / rated_energy_j)
-    numbers = (left.mean, home.mean, advice.chance_home, advice.turn_in_m, advice.turn_in_s, advice.way_home_m)
+    numbers = (
+        left.mean,
+        home.mean,
+        advice.chance_home,
+        advice.turn_in_m,
+        advice.turn_in_s,
+        advice.way_home_m,
+    )
     if any(math.isnan(number) for number in numbers):
         _note("not a number", run)
     if left.mean < 0.0 or home.mean < 0.0:
@@ -179,7 +198,8 @@ def turn_at_half(readings: Readings, rules: RuleSizes) -> int | None:
 
 
 def turn_at_reserve(readings: Readings, rules: RuleSizes) -> int | None:
-    """Index of the first update at which the used share times 1.2 is the share left; None if it never is."""
+    """Index of the first update at which the used share times 1.2 is the share left; None if it
+    never is."""
     start = first_shown(readings)
     reached = readings.there & (rules.reserve_factor * (start - readings.soc) >= readings.soc)
     return _first(reached)
@@ -202,12 +222,15 @@ def _first(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int | None:
     return int(indices[0]) if indices.size else None
 
 
-def mirror(readings: Readings, index: int, rated_energy_j: float, rules: RuleSizes) -> tuple[Estimate, Estimate] | None:
-    """Estimate energy left and way home without a model; None if the robot records too little for it.
+def mirror(
+    readings: Readings, index: int, rated_energy_j: float, rules: RuleSizes
+) -> tuple[Estimate, Estimate] | None:
+    """Estimate energy left and way home without a model; None if the robot records too little for
+    it.
 
-    The way home takes what the way out has taken so far, by the meter if there is one, else by the gauge. The energy
-    left is the rated energy times the share shown, or the rated energy less what was metered. A tenth is their
-    uncertainty.
+    The way home takes what the way out has taken so far, by the meter if there is one, else by the
+    gauge. The energy left is the rated energy times the share shown, or the rated energy less what
+    was metered. A tenth is their uncertainty.
     """
     shown = readings.soc[: index + 1][readings.there[: index + 1]]
     shown = shown[np.isfinite(shown)]
@@ -218,8 +241,12 @@ def mirror(readings: Readings, index: int, rated_energy_j: float, rules: RuleSiz
         home_j = max(float(shown[0] - shown[-1]), 0.0) * rated_energy_j
     else:
         return None
-    left_j = float(shown[-1]) * rated_energy_j if shown.size else max(rated_energy_j - metered_j, 0.0)
-    return _mirror_estimate(left_j, rated_energy_j, rules), _mirror_estimate(home_j, rated_energy_j, rules)
+    left_j = (
+        float(shown[-1]) * rated_energy_j if shown.size else max(rated_energy_j - metered_j, 0.0)
+    )
+    return _mirror_estimate(left_j, rated_energy_j, rules), _mirror_estimate(
+        home_j, rated_energy_j, rules
+    )
 
 
 def _mirror_estimate(mean_j: float, rated_energy_j: float, rules: RuleSizes) -> Estimate:
@@ -238,12 +265,14 @@ def metered_share(readings: Readings, true_w: Floats, index: int) -> float:
 
 
 def _metered_j(readings: Readings, index: int) -> float:
-    """Energy by the meter up to an update, J; NaN without one. A missing reading counts as the mean of the others."""
+    """Energy by the meter up to an update, J; NaN without one. A missing reading counts as the mean
+    of the others."""
     power_w = readings.voltage_v[: index + 1] * readings.current_a[: index + 1]
     measured = readings.there[: index + 1] & np.isfinite(power_w)
     if not measured.any():
         return math.nan
-    # The clock may have stepped. Updates are not evenly spaced, so that their median is not their mean.
+    # The clock may have stepped. Updates are not evenly spaced, so that their median is not their
+    # mean.
     lengths_s = np.diff(readings.time_s[: index + 1])
     usual = (lengths_s > 0.0) & (lengths_s < CLOCK_STEP_S)
     update_s = float(lengths_s[usual].mean()) if usual.any() else 0.0

@@ -73,7 +73,9 @@ class Circuit:
 
     def drive_out(self, ground: Ground, update_s: float, truth: TruthSizes) -> WayOut:
         """Drive out until the battery is cut off or the way ends."""
-        return drive_out(self.pack, full_state(self.pack, self.start_share), ground, update_s, truth)
+        return drive_out(
+            self.pack, full_state(self.pack, self.start_share), ground, update_s, truth
+        )
 
     def drive_home(self, way: WayOut, turn: int, ground: Ground, truth: TruthSizes) -> WayHome:
         """Turn at the update with index `turn`, and drive home along the same way."""

@@ -1,7 +1,8 @@
 """A battery pack: open-circuit curves, two RC pairs, two charge wells, cold and self-heating.
 
-Each chemistry has a curve of another form: a sum of logistic steps, Plett's combined model, a power of the charge, or
-Shepherd's. Resistance depends on temperature (Arrhenius), on charge, and for charge transfer on current.
+Each chemistry has a curve of another form: a sum of logistic steps, Plett's combined model, a power
+of the charge, or Shepherd's. Resistance depends on temperature (Arrhenius), on charge, and for
+charge transfer on current.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ EMPTY_CHARGE = 1e-6  # share, chosen: a curve with a logarithm cannot be evaluat
 
 
 class Pack(NamedTuple):
-    """A pack's true parameters; sags are volts per cell at a current that empties the label's charge in an hour."""
+    """A pack's true parameters; sags are volts per cell at a current that empties the label's
+    charge in an hour."""
 
     curve: int
     curve_v: Floats
@@ -76,7 +78,11 @@ def open_circuit_v(curve: int, curve_v: Floats, share: float) -> float:
             + curve_v[4] * math.log(1.0 - inner)
         )
     if curve == POWER:
-        return float(curve_v[0] + curve_v[1] * charge ** curve_v[2] - curve_v[3] * math.exp(-charge / curve_v[4]))
+        return float(
+            curve_v[0]
+            + curve_v[1] * charge ** curve_v[2]
+            - curve_v[3] * math.exp(-charge / curve_v[4])
+        )
     exponential_v = curve_v[2] * math.exp(-curve_v[3] * (1.0 - charge))
     return float(curve_v[0] - curve_v[1] / (0.01 + 0.99 * charge) + exponential_v)
 
@@ -95,12 +101,15 @@ def total_share(state: Floats) -> float:
 
 @numba.njit(cache=True)
 def step(pack: Pack, state: Floats, power_w: float, time_s: float) -> tuple[float, float]:
-    """Draw a power for a time, and change `state` accordingly; return voltage, V, and current, A, at the terminals."""
+    """Draw a power for a time, and change `state` accordingly; return voltage, V, and current, A,
+    at the terminals."""
     charge = height(pack, state)
     inverse_k = 1.0 / (state[TEMPERATURE_C] + KELVIN) - 1.0 / REFERENCE_K
     ohm_factor = math.exp(pack.ohm_activation_k * inverse_k)
     slow_factor = math.exp(pack.slow_activation_k * inverse_k)
-    low_charge_factor = 1.0 + pack.low_charge_rise * math.exp(-max(charge, 0.0) / pack.low_charge_share)
+    low_charge_factor = 1.0 + pack.low_charge_rise * math.exp(
+        -max(charge, 0.0) / pack.low_charge_share
+    )
     ohm_sag_v = pack.ohm_sag_v * ohm_factor * low_charge_factor
 
     cell_v = open_circuit_v(pack.curve, pack.curve_v, charge) - state[SLOW_V] - state[DIFFUSION_V]
@@ -114,10 +123,18 @@ def step(pack: Pack, state: Floats, power_w: float, time_s: float) -> tuple[floa
     voltage_v = inner_v - inner_ohm * current_a
     rate_c = current_a / pack.label_ah
 
-    slow_v = pack.slow_sag_v * slow_factor * low_charge_factor * rate_c / math.sqrt(1.0 + abs(rate_c) / pack.knee_c)
+    slow_v = (
+        pack.slow_sag_v
+        * slow_factor
+        * low_charge_factor
+        * rate_c
+        / math.sqrt(1.0 + abs(rate_c) / pack.knee_c)
+    )
     diffusion_v = pack.diffusion_sag_v * slow_factor * low_charge_factor * rate_c
     state[SLOW_V] += (slow_v - state[SLOW_V]) * (1.0 - math.exp(-time_s / pack.slow_s))
-    state[DIFFUSION_V] += (diffusion_v - state[DIFFUSION_V]) * (1.0 - math.exp(-time_s / pack.diffusion_s))
+    state[DIFFUSION_V] += (diffusion_v - state[DIFFUSION_V]) * (
+        1.0 - math.exp(-time_s / pack.diffusion_s)
+    )
 
     # In the cold each ampere-hour costs a larger share of what the cell can give.
     usable = 1.0 - pack.cold_loss_per_k * max(25.0 - state[TEMPERATURE_C], 0.0)
@@ -142,9 +159,11 @@ def is_down(pack: Pack, state: Floats, voltage_v: float) -> bool:
 
 @numba.njit(cache=True)
 def discharge(pack: Pack, state: Floats, power_w: float, trip_s: float) -> tuple[float, float]:
-    """Energy, J, and charge, Ah, that the pack still delivers at its terminals under a steady power to its cut-off.
+    """Energy, J, and charge, Ah, that the pack still delivers at its terminals under a steady power
+    to its cut-off.
 
-    `state` stays as it is. The pack is cut off after `trip_s` below its cut-off voltage, or when it is empty.
+    `state` stays as it is. The pack is cut off after `trip_s` below its cut-off voltage, or when it
+    is empty.
     """
     time_s = 2.0  # chosen: short beside the RC pairs
     now = state.copy()
@@ -161,4 +180,6 @@ def discharge(pack: Pack, state: Floats, power_w: float, trip_s: float) -> tuple
 
 def full_state(pack: Pack, share: float) -> Floats:
     """State of a rested pack at a share of charge, as warm as the air."""
-    return np.array([share * pack.well_share, share * (1.0 - pack.well_share), 0.0, 0.0, pack.outside_c])
+    return np.array(
+        [share * pack.well_share, share * (1.0 - pack.well_share), 0.0, 0.0, pack.outside_c]
+    )

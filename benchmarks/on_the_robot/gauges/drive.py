@@ -1,8 +1,10 @@
-"""One drive: draw the truth, let every agent decide on the same way out, drive home, and keep what counts.
+"""One drive: draw the truth, let every agent decide on the same way out, drive home, and keep what
+counts.
 
-Truths. The energy left is what the pack would still deliver at its terminals, until it is cut off, under the mean power
-of the way out so far. The energy of the way home is what turning and driving home from there would take at the
-terminals, with the true ground, the true speeds and the mean wind. Gusts are left out, because nobody could know them.
+Truths. The energy left is what the pack would still deliver at its terminals, until it is cut off,
+under the mean power of the way out so far. The energy of the way home is what turning and driving
+home from there would take at the terminals, with the true ground, the true speeds and the mean
+wind. Gusts are left out, because nobody could know them.
 """
 
 from __future__ import annotations
@@ -80,7 +82,8 @@ class Outcome:
     Attributes:
         stranded: Whether the battery was cut off before the robot was home.
         left: Share of charge left at home, of the share at the start; NaN if stranded.
-        turned: Length of the way out, share of the length after which the battery would have been empty.
+        turned: Length of the way out, share of the length after which the battery would have been
+            empty.
     """
 
     stranded: bool
@@ -92,8 +95,8 @@ class Outcome:
 class Point:
     """Truth and estimates at a share of the companion's way out; energies in J.
 
-    The companion's energies are those that the robot's own meter would measure. So `metered` is kept: what the meter
-    has read so far over the truth. It is 1 without a meter.
+    The companion's energies are those that the robot's own meter would measure. So `metered` is
+    kept: what the meter has read so far over the truth. It is 1 without a meter.
     """
 
     share: float
@@ -114,10 +117,12 @@ class Drive:
         fault: The gauge's fault in words.
         cutoff_known: Whether the companion was told the voltage of the cut-off.
         temperature_c: Of the air.
-        charge_share: Charge that the pack gives at 25 C before it is cut off, over the charge on its label.
+        charge_share: Charge that the pack gives at 25 C before it is cut off, over the charge on
+            its label.
         empty_s: Time after which the battery would be cut off on the way out.
         outcomes: By agent, and of the companion under other conditions, by their name.
-        most_left: Largest mean of the energy left that the companion stated, over the energy on the label.
+        most_left: Largest mean of the energy left that the companion stated, over the energy on the
+            label.
         looked: What `look` of `run_drive` returned.
         updates, companion_s: Of the companion, and its computing time for them.
         seconds: Computing time of the whole drive.
@@ -143,7 +148,9 @@ class Drive:
     seconds: float = 0.0
 
 
-def run_drive(case: Case, sizes: Sizes, look: Callable[[Companion], dict[str, float]] | None = None) -> Drive:
+def run_drive(
+    case: Case, sizes: Sizes, look: Callable[[Companion], dict[str, float]] | None = None
+) -> Drive:
     """Draw and drive a case; the same case gives the same drive.
 
     Args:
@@ -169,7 +176,9 @@ def run_drive(case: Case, sizes: Sizes, look: Callable[[Companion], dict[str, fl
 
     ground = draw_ground(robot, place.grade_sd_rad, SPARE_WAY * lasts_s, sizes, ground_rng)
     way = battery.drive_out(ground, update_s, sizes.truth)
-    shown, fault = shown_shares(case.gauge, case.chemistry, battery, start_share, way, sizes, gauge_rng)
+    shown, fault = shown_shares(
+        case.gauge, case.chemistry, battery, start_share, way, sizes, gauge_rng
+    )
     conditions = draw_conditions(case.with_current, sizes.instruments, instrument_rng)
     reading_seed = int(instrument_rng.integers(2**63))
     measured_v = None
@@ -198,9 +207,14 @@ def run_drive(case: Case, sizes: Sizes, look: Callable[[Companion], dict[str, fl
             more["capacity_j"] = min(drive.charge_share, 1.0) * label.energy_j
 
         def ask(asked: Conditions) -> tuple[Readings, CompanionRun]:
-            """Let the companion drive under some conditions, with the same errors of all other instruments."""
-            readings = read(way, ground, shown, asked, sizes.instruments, np.random.default_rng(reading_seed))
-            run = run_companion(path, readings, robot.cruise_mps, cutoff_v, label.energy_j, case.told_soc, more)
+            """Let the companion drive under some conditions, with the same errors of all other
+            instruments."""
+            readings = read(
+                way, ground, shown, asked, sizes.instruments, np.random.default_rng(reading_seed)
+            )
+            run = run_companion(
+                path, readings, robot.cruise_mps, cutoff_v, label.energy_j, case.told_soc, more
+            )
             return readings, run
 
         readings, run = ask(conditions)
@@ -212,14 +226,22 @@ def run_drive(case: Case, sizes: Sizes, look: Callable[[Companion], dict[str, fl
             good = Conditions(conditions.recorded, 0.0, 0.0, conditions.clock_when)
             step_s = float(paired_rng.choice([-1.0, 1.0])) * sizes.instruments.clock_step_s
             stepped = Conditions(conditions.recorded, 0.0, step_s, conditions.clock_when)
-            for name, asked in (("good instruments", good), ("10 m of noise", poor), ("clock steps", stepped)):
+            for name, asked in (
+                ("good instruments", good),
+                ("10 m of noise", poor),
+                ("clock steps", stepped),
+            ):
                 _asked_readings, asked_run = ask(asked)
                 drive.outcomes[name] = _outcome(asked_run.turn, battery, way, ground, sizes)
                 drive.crash = drive.crash or asked_run.crash
 
     if has_gauge(readings):
-        drive.outcomes["half charge"] = _outcome(turn_at_half(readings, sizes.rules), battery, way, ground, sizes)
-        drive.outcomes["used x 1.2"] = _outcome(turn_at_reserve(readings, sizes.rules), battery, way, ground, sizes)
+        drive.outcomes["half charge"] = _outcome(
+            turn_at_half(readings, sizes.rules), battery, way, ground, sizes
+        )
+        drive.outcomes["used x 1.2"] = _outcome(
+            turn_at_reserve(readings, sizes.rules), battery, way, ground, sizes
+        )
     drive.points = _points(run, readings, battery, way, ground, label, sizes)
     drive.crash = run.crash or drive.crash
     drive.faults = run.faults
@@ -237,8 +259,11 @@ def _update_s(lasts_s: float, sizes: Sizes) -> float:
     return min(max(float(wanted_s), shortest_s), longest_s)
 
 
-def _outcome(turn: int | None, battery: Battery, way: WayOut, ground: Ground, sizes: Sizes) -> Outcome:
-    """Drive home from where an agent turned; who never turns is stranded where the battery is cut off."""
+def _outcome(
+    turn: int | None, battery: Battery, way: WayOut, ground: Ground, sizes: Sizes
+) -> Outcome:
+    """Drive home from where an agent turned; who never turns is stranded where the battery is cut
+    off."""
     if turn is None:
         return Outcome(stranded=True, left=math.nan, turned=1.0)
     turned = float(way.records[turn, CELL] / way.records[-1, CELL])

@@ -12,7 +12,9 @@ from benchmarks.on_the_robot.gauges.cell import Floats
 from benchmarks.on_the_robot.gauges.sizes import GaugeSizes, Sizes, VoltageMap, between
 from benchmarks.on_the_robot.gauges.way import CURRENT_A, TIME_S, VOLTAGE_V, WayOut
 
-Gauge = Literal["counter", "linear_voltage", "pieces_voltage", "coarse", "late", "reset", "stuck", "none"]
+Gauge = Literal[
+    "counter", "linear_voltage", "pieces_voltage", "coarse", "late", "reset", "stuck", "none"
+]
 GAUGES: tuple[Gauge, ...] = get_args(Gauge)
 
 
@@ -44,7 +46,8 @@ def shown_shares(
     """
     counted = _count(way, start_share, pack.learned_ah, sizes.gauge, rng)
     cell_v = way.column(VOLTAGE_V) / pack.cells
-    update_s = way.empty_s / counted.size  # an update waits for the end of a cell, so they are further apart than asked
+    # an update waits for the end of a cell, so they are further apart than asked
+    update_s = way.empty_s / counted.size
     if gauge == "none":
         return np.full(counted.size, np.nan), ""
     if gauge == "linear_voltage":
@@ -63,14 +66,19 @@ def shown_shares(
     return _rounded(counted, sizes.gauge.counter_step), ""
 
 
-def _count(way: WayOut, start_share: float, learned_ah: float, gauge: GaugeSizes, rng: Generator) -> Floats:
-    """A coulomb counter before rounding, shape (updates,): right at 25 C, but for a start, a gain and a drift."""
+def _count(
+    way: WayOut, start_share: float, learned_ah: float, gauge: GaugeSizes, rng: Generator
+) -> Floats:
+    """A coulomb counter before rounding, shape (updates,): right at 25 C, but for a start, a gain
+    and a drift."""
     lengths_s = np.diff(way.column(TIME_S), prepend=0.0)
     drawn_ah = np.cumsum(way.column(CURRENT_A) * lengths_s) / 3600.0
     start = start_share + rng.normal(0.0, gauge.counter_start_sd)
     gain = 1.0 + rng.normal(0.0, gauge.counter_gain_sd)
     drift_per_h = rng.normal(0.0, gauge.counter_offset_per_h)
-    counted: Floats = start - gain * drawn_ah / learned_ah - drift_per_h * way.column(TIME_S) / 3600.0
+    counted: Floats = (
+        start - gain * drawn_ah / learned_ah - drift_per_h * way.column(TIME_S) / 3600.0
+    )
     return counted
 
 
@@ -80,7 +88,9 @@ def _rounded(share: Floats, step: float) -> Floats:
     return rounded
 
 
-def _by_voltage(cell_v: Floats, voltage_map: VoltageMap, update_s: float, gauge: GaugeSizes) -> Floats:
+def _by_voltage(
+    cell_v: Floats, voltage_map: VoltageMap, update_s: float, gauge: GaugeSizes
+) -> Floats:
     """Share by a map of the voltage under load, averaged as drivers do."""
     window = max(round(gauge.voltage_average_s / update_s), 1)
     padded_v = np.concatenate([np.full(window - 1, cell_v[0]), cell_v])
@@ -88,7 +98,9 @@ def _by_voltage(cell_v: Floats, voltage_map: VoltageMap, update_s: float, gauge:
     return _rounded(np.interp(mean_v, voltage_map.v, voltage_map.share), gauge.voltage_step)
 
 
-def _late(counted: Floats, update_s: float, gauge: GaugeSizes, rng: Generator) -> tuple[Floats, str]:
+def _late(
+    counted: Floats, update_s: float, gauge: GaugeSizes, rng: Generator
+) -> tuple[Floats, str]:
     """A counter that lags, or that is read every few minutes."""
     if rng.random() < gauge.late_held_share:
         hold_s = between(rng.random(), gauge.late_hold_s)
@@ -102,9 +114,15 @@ def _late(counted: Floats, update_s: float, gauge: GaugeSizes, rng: Generator) -
 
 
 def _reset(
-    counted: Floats, cell_v: Floats, rest_map: VoltageMap, way: WayOut, gauge: GaugeSizes, rng: Generator
+    counted: Floats,
+    cell_v: Floats,
+    rest_map: VoltageMap,
+    way: WayOut,
+    gauge: GaugeSizes,
+    rng: Generator,
 ) -> tuple[Floats, str]:
-    """A counter that is set anew on the way, to full, by a map of the voltage, or by some percent, and counts on."""
+    """A counter that is set anew on the way, to full, by a map of the voltage, or by some percent,
+    and counts on."""
     moment_s = between(rng.random(), gauge.reset_when) * way.empty_s
     reset = int(np.searchsorted(way.column(TIME_S), moment_s))
     kind = rng.random()

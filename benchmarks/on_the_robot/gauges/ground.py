@@ -1,6 +1,8 @@
-"""The way out and home: hills, patches, bends, wind and pace, and the power that they cost at the terminals.
+"""The way out and home: hills, patches, bends, wind and pace, and the power that they cost at the
+terminals.
 
-The way is cut into cells that the robot crosses in about a second. Forces of all cells are computed once, as arrays.
+The way is cut into cells that the robot crosses in about a second. Forces of all cells are computed
+once, as arrays.
 """
 
 from __future__ import annotations
@@ -49,7 +51,9 @@ class Ground:
     standby_w: float
 
 
-def draw_ground(robot: TrueRobot, grade_sd_rad: list[float], seconds: float, sizes: Sizes, rng: Generator) -> Ground:
+def draw_ground(
+    robot: TrueRobot, grade_sd_rad: list[float], seconds: float, sizes: Sizes, rng: Generator
+) -> Ground:
     """Draw a way that the robot would need `seconds` to drive out."""
     cells = int(seconds / CELL_S)
     grade_rad = _waves(cells, sizes, rng) * between(rng.random(), grade_sd_rad)
@@ -70,8 +74,12 @@ def draw_ground(robot: TrueRobot, grade_sd_rad: list[float], seconds: float, siz
     against_mps = wind_mps * np.cos(wind_from_rad - heading_rad)
     across_mps = wind_mps * np.sin(wind_from_rad - heading_rad)
 
-    out_traction_w = traction_w(robot, grade_rad, rolling, out_mps, against_mps * out_gust, across_mps * out_gust)
-    home_traction_w = traction_w(robot, -grade_rad, rolling, home_mps, -against_mps * home_gust, across_mps * home_gust)
+    out_traction_w = traction_w(
+        robot, grade_rad, rolling, out_mps, against_mps * out_gust, across_mps * out_gust
+    )
+    home_traction_w = traction_w(
+        robot, -grade_rad, rolling, home_mps, -against_mps * home_gust, across_mps * home_gust
+    )
     mean_traction_w = traction_w(robot, -grade_rad, rolling, home_mps, -against_mps, across_mps)
     return Ground(
         length_m=length_m,
@@ -114,13 +122,15 @@ def traction_w(
 
 
 def home_energy_j(ground: Ground) -> Floats:
-    """True energy of the way home from each cell's end, J, shape (cells,): with the mean wind, without the turn."""
+    """True energy of the way home from each cell's end, J, shape (cells,): with the mean wind,
+    without the turn."""
     energy_j: Floats = np.cumsum(ground.mean_home_w * ground.length_m / ground.home_mps)
     return energy_j
 
 
 def _waves(cells: int, sizes: Sizes, rng: Generator) -> Floats:
-    """A sum of sines with random lengths and phases and a standard deviation of 1, shape (cells,)."""
+    """A sum of sines with random lengths and phases and a standard deviation of 1, shape
+    (cells,)."""
     low_s, high_s = np.log(sizes.ground.wave_s)
     periods_s = np.exp(rng.uniform(low_s, high_s, sizes.ground.waves))
     phases_rad = rng.uniform(0.0, 2.0 * np.pi, sizes.ground.waves)
@@ -133,7 +143,8 @@ def _waves(cells: int, sizes: Sizes, rng: Generator) -> Floats:
 
 
 def _patches(cells: int, sizes: Sizes, rng: Generator) -> Floats:
-    """Factors of rolling resistance with a mean of about 1, constant on each patch, shape (cells,)."""
+    """Factors of rolling resistance with a mean of about 1, constant on each patch, shape
+    (cells,)."""
     starts = rng.random(cells) < CELL_S / sizes.ground.patch_s
     patch = np.cumsum(starts)
     log_factors = rng.normal(-0.5 * sizes.ground.patch_sd**2, sizes.ground.patch_sd, patch[-1] + 1)
@@ -142,7 +153,8 @@ def _patches(cells: int, sizes: Sizes, rng: Generator) -> Floats:
 
 
 def _wander(cells: int, correlation_s: float, rng: Generator) -> Floats:
-    """Noise with a standard deviation of 1 that forgets itself after `correlation_s`, shape (cells,)."""
+    """Noise with a standard deviation of 1 that forgets itself after `correlation_s`, shape
+    (cells,)."""
     share_kept = np.exp(-CELL_S / correlation_s)
     noise = rng.normal(0.0, np.sqrt(1.0 - share_kept**2), cells)
     wander: Floats = lfilter([1.0], [1.0, -share_kept], noise)

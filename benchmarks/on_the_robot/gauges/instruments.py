@@ -1,4 +1,5 @@
-"""What the robot's instruments read, given what truly happens: gains, offsets, noise, dropouts, a clock that steps."""
+"""What the robot's instruments read, given what truly happens: gains, offsets, noise, dropouts, a
+clock that steps."""
 
 from __future__ import annotations
 
@@ -12,7 +13,15 @@ from numpy.typing import NDArray
 from benchmarks.on_the_robot.gauges.cell import Floats
 from benchmarks.on_the_robot.gauges.ground import Ground
 from benchmarks.on_the_robot.gauges.sizes import InstrumentSizes, between
-from benchmarks.on_the_robot.gauges.way import CELL, CURRENT_A, SPEED_MPS, TEMPERATURE_C, TIME_S, VOLTAGE_V, WayOut
+from benchmarks.on_the_robot.gauges.way import (
+    CELL,
+    CURRENT_A,
+    SPEED_MPS,
+    TEMPERATURE_C,
+    TIME_S,
+    VOLTAGE_V,
+    WayOut,
+)
 
 Recorded = Literal["voltage and current", "voltage", "neither"]
 SINGLE = ("voltage", "current", "speed", "position", "grade", "heading", "soc", "temperature")
@@ -81,7 +90,8 @@ def read(
 ) -> Readings:
     """Read all instruments along the way out.
 
-    The draws do not depend on `conditions`, so the same generator gives the same errors under other conditions.
+    The draws do not depend on `conditions`, so the same generator gives the same errors under other
+    conditions.
     """
     updates = shown.size
     cells = way.column(CELL).astype(np.int64)
@@ -98,11 +108,20 @@ def read(
     speed_mps = way.column(SPEED_MPS) * (1.0 + rng.normal(0.0, instruments.speed_gain_sd))
     speed_mps = speed_mps * (1.0 + noise(instruments.speed_noise_share))
     white = rng.normal(0.0, 1.0, (updates, 2))
-    position_m = np.column_stack([ground.east_m[cells], ground.north_m[cells]]) + conditions.position_noise_m * white
+    position_m = (
+        np.column_stack([ground.east_m[cells], ground.north_m[cells]])
+        + conditions.position_noise_m * white
+    )
     grade_offset_rad = np.radians(rng.normal(0.0, instruments.grade_offset_sd_deg))
-    grade_rad = ground.grade_rad[cells] + grade_offset_rad + noise(np.radians(instruments.grade_noise_deg))
+    grade_rad = (
+        ground.grade_rad[cells] + grade_offset_rad + noise(np.radians(instruments.grade_noise_deg))
+    )
     heading_offset_rad = np.radians(rng.normal(0.0, instruments.heading_offset_sd_deg))
-    heading_rad = ground.heading_rad[cells] + heading_offset_rad + noise(np.radians(instruments.heading_noise_deg))
+    heading_rad = (
+        ground.heading_rad[cells]
+        + heading_offset_rad
+        + noise(np.radians(instruments.heading_noise_deg))
+    )
     temperature_c = way.column(TEMPERATURE_C) + rng.normal(0.0, instruments.temperature_offset_sd_c)
     soc = shown.copy()
 
@@ -155,7 +174,9 @@ def _dropouts(
     return list(zip(starts_s.tolist(), ends_s.tolist(), strict=True))
 
 
-def _single_dropouts(seconds: float, instruments: InstrumentSizes, rng: Generator) -> list[tuple[str, float, float]]:
+def _single_dropouts(
+    seconds: float, instruments: InstrumentSizes, rng: Generator
+) -> list[tuple[str, float, float]]:
     """Instrument, start and end, s, of dropouts of an instrument at a time."""
     spans_s = _dropouts(seconds, instruments.single_dropouts_per_h, instruments, rng)
     names = rng.choice(SINGLE, len(spans_s)).tolist()

@@ -1,11 +1,12 @@
 """A pack of PyBaMM's cells, stepped through every drive: what `--engine pybamm` drives with.
 
-The cells are of parameter sets that neither `homeward` nor the circuit of `cell.py` took a curve from, where there is
-one: `lfp` has only Prada2013, to which the circuit's curve was fitted. They are single particles, of Mohtat2020 with
-electrolyte, as cold as the air all the time. The electrolyte of Ai2020 leaves its range in the cold (7 mol/l at half a
-charge an hour and -7 C, where the solver fails), and Prada2013 lacks what its dynamics need. Power is averaged over
-steps of `STEP_S`, so the peaks of shorter hills and the seconds below the cut-off until a protection trips are left
-out.
+The cells are of parameter sets that neither `homeward` nor the circuit of `cell.py` took a curve
+from, where there is one: `lfp` has only Prada2013, to which the circuit's curve was fitted. They
+are single particles, of Mohtat2020 with electrolyte, as cold as the air all the time. The
+electrolyte of Ai2020 leaves its range in the cold (7 mol/l at half a charge an hour and -7 C, where
+the solver fails), and Prada2013 lacks what its dynamics need. Power is averaged over steps of
+`STEP_S`, so the peaks of shorter hills and the seconds below the cut-off until a protection trips
+are left out.
 """
 
 from __future__ import annotations
@@ -63,7 +64,8 @@ class Cell:
     nominal_ah: float
 
     def inputs(self, share: float, temperature_c: float, contact_ohm: float) -> dict[str, float]:
-        """What a drive begins with: share of charge, air, and what its resistance has risen by, in ohms of a cell."""
+        """What a drive begins with: share of charge, air, and what its resistance has risen by, in
+        ohms of a cell."""
         begins = _stoichiometries(self.chemistry, share)
         concentrations = {
             f"Initial concentration in {electrode} electrode [mol.m-3]": float(stoichiometry)
@@ -81,13 +83,20 @@ class Cell:
             return None
         return solution.last_state
 
-    def until_cut_off(self, state: Any, power_w: float, most_s: float, inputs: dict[str, float]) -> Any:
-        """Draw a power until the cell is cut off, at most for a time; None if it cannot give that power at all."""
+    def until_cut_off(
+        self, state: Any, power_w: float, most_s: float, inputs: dict[str, float]
+    ) -> Any:
+        """Draw a power until the cell is cut off, at most for a time; None if it cannot give that
+        power at all."""
         import pybamm
 
         try:
             return self.solver.step(
-                state, self.model, most_s, inputs={**inputs, "Power function [W]": power_w}, save=False
+                state,
+                self.model,
+                most_s,
+                inputs={**inputs, "Power function [W]": power_w},
+                save=False,
             )
         except pybamm.SolverError as error:
             if "non-positive at initial conditions" in str(error):  # below the cut-off as it begins
@@ -109,7 +118,8 @@ class PybammPack:
         label_j: Energy on the label.
         inputs: Of the cell's model, at the start.
         start_share: Share of charge at the start.
-        endless: A battery without an end, with which the same way is driven to know what power it takes.
+        endless: A battery without an end, with which the same way is driven to know what power it
+            takes.
     """
 
     chemistry: str
@@ -132,7 +142,11 @@ class PybammPack:
     def drive_out(self, ground: Ground, update_s: float, truth: TruthSizes) -> WayOut:
         """Drive out until the battery is cut off or the way ends."""
         without_end = drive_out(
-            self.endless, full_state(self.endless, 1.0), ground, update_s, replace(truth, trip_s=np.inf)
+            self.endless,
+            full_state(self.endless, 1.0),
+            ground,
+            update_s,
+            replace(truth, trip_s=np.inf),
         )
         records = without_end.records.copy()
         records[:, TEMPERATURE_C] = self.outside_c
@@ -142,7 +156,9 @@ class PybammPack:
         for first, last in _stretches(records[:, TIME_S]):
             end_s = records[last, TIME_S]
             end_j = records[last, ENERGY_J]
-            next_state = self._step(state, (end_j - step_start[1]) / (end_s - step_start[0]), end_s - step_start[0])
+            next_state = self._step(
+                state, (end_j - step_start[1]) / (end_s - step_start[0]), end_s - step_start[0]
+            )
             if next_state is None:
                 break
             share = self._share(next_state)
@@ -224,7 +240,8 @@ def cell_of(chemistry: str, cutoff_v: float) -> Cell:
     )  # fmt: skip
     open_values = values.copy()
     open_values.update(
-        {**dict.fromkeys(by_drive, "[input]"), "Lower voltage cut-off [V]": cutoff_v}, check_already_exists=False
+        {**dict.fromkeys(by_drive, "[input]"), "Lower voltage cut-off [V]": cutoff_v},
+        check_already_exists=False,
     )
     particles = pybamm.lithium_ion.SPMe if chemistry == "nmc" else pybamm.lithium_ion.SPM
     model = particles({"operating mode": "power", "contact resistance": "true"})
@@ -238,21 +255,28 @@ def cell_of(chemistry: str, cutoff_v: float) -> Cell:
 
 @cache
 def _stoichiometries(chemistry: str, share: float) -> tuple[float, float]:
-    """Of the negative and the positive electrode, at a share of charge; computed once, as it takes half a second."""
+    """Of the negative and the positive electrode, at a share of charge; computed once, as it takes
+    half a second."""
     import pybamm
 
     values = pybamm.ParameterValues(PARAMETER_SETS[chemistry])
-    begins = pybamm.lithium_ion.get_initial_stoichiometries(share, values, pybamm.LithiumIonParameters())
+    begins = pybamm.lithium_ion.get_initial_stoichiometries(
+        share, values, pybamm.LithiumIonParameters()
+    )
     return float(begins[0]), float(begins[1])
 
 
-def make_pack(chemistry: str, label: Label, sizes: Sizes, wear: Wear, start_share: float) -> PybammPack:
+def make_pack(
+    chemistry: str, label: Label, sizes: Sizes, wear: Wear, start_share: float
+) -> PybammPack:
     """A true pack, faded and with risen resistance; see `robots.worn_pack`."""
     sizes_of_cell = sizes.cells[chemistry]
     cell = cell_of(chemistry, sizes_of_cell.cutoff_v)
     circuit = worn_pack(chemistry, label, sizes, Wear(1.0, 1.0, LABEL_C))
 
-    def pack(parallel: float, contact_ohm: float, temperature_c: float, share: float, learned_ah: float) -> PybammPack:
+    def pack(
+        parallel: float, contact_ohm: float, temperature_c: float, share: float, learned_ah: float
+    ) -> PybammPack:
         return PybammPack(
             chemistry=chemistry,
             cells=label.cells,
@@ -270,10 +294,12 @@ def make_pack(chemistry: str, label: Label, sizes: Sizes, wear: Wear, start_shar
     # A new pack gives the energy of its label at 25 C within the label's hours.
     label_w = label.energy_j / (3600.0 * sizes.truth.label_hours)
     parallel = label.charge_ah / cell.nominal_ah
-    for _again in range(3):  # the rate of a cell changes with their number; chosen: it is then exact to 0.1 %
+    # the rate of a cell changes with their number; chosen: it is then exact to 0.1 %
+    for _again in range(3):
         new_j, _new_ah = _given_j(pack(parallel, 0.0, LABEL_C, 1.0, 0.0), None, label_w)
         parallel *= label.energy_j / new_j
-    risen_v = (wear.resistance_factor - 1.0) * sizes_of_cell.ohm_sag_v  # at a current that empties a cell in an hour
+    # at a current that empties a cell in an hour
+    risen_v = (wear.resistance_factor - 1.0) * sizes_of_cell.ohm_sag_v
     parallel *= wear.capacity_share
     contact_ohm = risen_v / cell.nominal_ah
     _learned_j, learned_ah = _given_j(pack(parallel, contact_ohm, LABEL_C, 1.0, 0.0), None, label_w)
@@ -281,9 +307,12 @@ def make_pack(chemistry: str, label: Label, sizes: Sizes, wear: Wear, start_shar
 
 
 def _given_j(pack: PybammPack, state: Any, power_w: float) -> tuple[float, float]:
-    """Energy, J, and charge, Ah, that a pack delivers from a state under a steady power, to its cut-off."""
+    """Energy, J, and charge, Ah, that a pack delivers from a state under a steady power, to its
+    cut-off."""
     most_s = 2.0 * pack.label_j / power_w
-    solution = pack.cell.until_cut_off(state, power_w / pack.cells / pack.parallel, most_s, pack.inputs)
+    solution = pack.cell.until_cut_off(
+        state, power_w / pack.cells / pack.parallel, most_s, pack.inputs
+    )
     if solution is None:
         return 0.0, 0.0
     before_ah = 0.0 if state is None else float(state["Discharge capacity [A.h]"].entries[-1])
@@ -293,7 +322,8 @@ def _given_j(pack: PybammPack, state: Any, power_w: float) -> tuple[float, float
 
 
 def _stretches(times_s: Floats) -> Sequence[tuple[int, int]]:
-    """First and last index of parts of a way that last at least `STEP_S` each; what is left over is a shorter one."""
+    """First and last index of parts of a way that last at least `STEP_S` each; what is left over is
+    a shorter one."""
     stretches = []
     start = 0
     begin_s = 0.0

@@ -35,10 +35,14 @@ Figure = TypeVar("Figure", bool, float)
 
 
 def stranded_table(drives: list[Drive], sizes: Sizes, title: str) -> Table:
-    """How many were stranded, by agent: all, by robot, pack, electrical readings, chemistry, gauge, and cell."""
+    """How many were stranded, by agent: all, by robot, pack, electrical readings, chemistry, gauge,
+    and cell."""
     made = table(f"Stranded: {title}", ["drives", ""], list(AGENTS))
     for by, name, selected in [*_groups(drives, sizes), *_cells(drives, sizes)]:
-        rates = [rate_of([outcome.stranded for outcome in _outcomes(selected, agent)]) for agent in AGENTS]
+        rates = [
+            rate_of([outcome.stranded for outcome in _outcomes(selected, agent)])
+            for agent in AGENTS
+        ]
         made.add_row(by, name, *rates)
     return made
 
@@ -46,17 +50,27 @@ def stranded_table(drives: list[Drive], sizes: Sizes, title: str) -> Table:
 def left_table(drives: list[Drive], sizes: Sizes, title: str) -> Table:
     """Charge left at home of those that arrived, share of the charge at the start."""
     made = table(
-        f"Charge left at home, share of the start, of those that arrived: {title}", ["drives", ""], list(AGENTS)
+        f"Charge left at home, share of the start, of those that arrived: {title}",
+        ["drives", ""],
+        list(AGENTS),
     )
     for by, name, selected in _groups(drives, sizes):
-        means = [mean_of([outcome.left for outcome in _outcomes(selected, agent)], ".1%") for agent in AGENTS]
+        means = [
+            mean_of([outcome.left for outcome in _outcomes(selected, agent)], ".1%")
+            for agent in AGENTS
+        ]
         made.add_row(by, name, *means)
     return made
 
 
 def paired_table(drives: list[Drive], title: str) -> Table:
-    """The companion on the same drives with exact positions, with 10 m of noise, and with a clock that steps."""
-    made = table(f"The same drives, other instruments: {title}", ["positions and clock"], ["left at home", "stranded"])
+    """The companion on the same drives with exact positions, with 10 m of noise, and with a clock
+    that steps."""
+    made = table(
+        f"The same drives, other instruments: {title}",
+        ["positions and clock"],
+        ["left at home", "stranded"],
+    )
     for name in PAIRED:
         outcomes = _outcomes(drives, name)
         made.add_row(
@@ -86,11 +100,14 @@ def error_table(drives: list[Drive], sizes: Sizes, title: str) -> Table:
     def words(errors: list[float]) -> str:
         return mean_of(errors, "+.0%")
 
-    return _along_way("Error of the mean, share of the rated energy", title, _groups(drives, sizes), figure, words)
+    return _along_way(
+        "Error of the mean, share of the rated energy", title, _groups(drives, sizes), figure, words
+    )
 
 
 def _said_and_true(point: Point, energy: str) -> tuple[Estimate, float]:
-    """The companion's estimate of an energy, and the truth, J, at the terminals or as the meter would read it."""
+    """The companion's estimate of an energy, and the truth, J, at the terminals or as the meter
+    would read it."""
     name = energy.removesuffix(AS_METERED)
     said: Estimate = getattr(point, name)
     true_j: float = getattr(point, f"true_{name}_j")
@@ -104,7 +121,8 @@ def _along_way(
     figure: Callable[[Drive, Point, str], Figure],
     words: Callable[[list[Figure]], str],
 ) -> Table:
-    """Figures of energy left and way home at shares of the way out, a row a group of drives that may matter for it."""
+    """Figures of energy left and way home at shares of the way out, a row a group of drives that
+    may matter for it."""
     headings = [f"{share:.0%}" for share in SHARES_OF_WAY]
     made = table(f"{what}, at shares of the way out: {title}", ["energy", "drives", ""], headings)
     for energy in ALONG_WAY:
@@ -136,16 +154,29 @@ def crps_table(drives: list[Drive], title: str) -> Table:
             ours, theirs = _scores(drives, energy, share)
             differences = [our - their for our, their in zip(ours, theirs, strict=True)]
             words = "mean of a drive" if share is None else f"{share:.0%}"
-            made.add_row(energy, words, mean_of(ours, ".2f"), mean_of(theirs, ".2f"), mean_of(differences, "+.2f"))
+            made.add_row(
+                energy,
+                words,
+                mean_of(ours, ".2f"),
+                mean_of(theirs, ".2f"),
+                mean_of(differences, "+.2f"),
+            )
     return made
 
 
-def _scores(drives: list[Drive], energy: str, share: float | None) -> tuple[list[float], list[float]]:
-    """Scores of companion and mirror rule, % of the rated energy, a value a drive; share None: mean over its points."""
+def _scores(
+    drives: list[Drive], energy: str, share: float | None
+) -> tuple[list[float], list[float]]:
+    """Scores of companion and mirror rule, % of the rated energy, a value a drive; share None: mean
+    over its points."""
     ours: list[float] = []
     theirs: list[float] = []
     for drive in drives:
-        points = [point for point in drive.points if point.mirror_left is not None and share in (None, point.share)]
+        points = [
+            point
+            for point in drive.points
+            if point.mirror_left is not None and share in (None, point.share)
+        ]
         if not points:
             continue
         truths_j = [getattr(point, f"true_{energy}_j") for point in points]
@@ -170,7 +201,9 @@ def trouble_lines(drives: list[Drive]) -> list[str]:
     above = [drive for drive in drives if drive.most_left > 1.0]
     if above:
         most = max(drive.most_left for drive in above)
-        lines.append(f"The mean of the energy left rose above the label in {len(above)} drives, to at most {most:.0%}.")
+        lines.append(
+            f"The mean of the energy left rose above the label in {len(above)} drives, to at most {most:.0%}."
+        )
     return lines
 
 
@@ -216,16 +249,23 @@ def _flat(drive: Drive) -> dict[str, object]:
 
 def _flat_point(point: Point) -> dict[str, float]:
     """Numbers of a point by name."""
-    flat = {"metered": point.metered, "true_left_j": point.true_left_j, "true_home_j": point.true_home_j}
+    flat = {
+        "metered": point.metered,
+        "true_left_j": point.true_left_j,
+        "true_home_j": point.true_home_j,
+    }
     for name in ("left", "home", "mirror_left", "mirror_home"):
         estimate = getattr(point, name)
         if estimate is not None:
-            flat.update({f"{name} {part}": value for part, value in dataclasses.asdict(estimate).items()})
+            flat.update(
+                {f"{name} {part}": value for part, value in dataclasses.asdict(estimate).items()}
+            )
     return flat
 
 
 def _groups(drives: list[Drive], sizes: Sizes) -> list[Group]:
-    """Groups of drives, each with what it is grouped by and its name; groups without drives are left out."""
+    """Groups of drives, each with what it is grouped by and its name; groups without drives are
+    left out."""
     groups: list[Group] = [("all", "", drives)]
     for robot in sizes.robots:
         groups.append(("robot", robot, [drive for drive in drives if drive.case.robot == robot]))
@@ -240,10 +280,28 @@ def _groups(drives: list[Drive], sizes: Sizes) -> list[Group]:
         groups.append(("positions", f"{noise_m:.0f} m of noise", selected))
     groups.append(("cut-off", "told", [drive for drive in drives if drive.cutoff_known]))
     groups.append(("cut-off", "not told", [drive for drive in drives if not drive.cutoff_known]))
-    groups.append(("air", f"below {COLD_C:.0f} C", [drive for drive in drives if drive.temperature_c < COLD_C]))
-    groups.append(("air", f"{COLD_C:.0f} C and above", [drive for drive in drives if drive.temperature_c >= COLD_C]))
+    groups.append(
+        (
+            "air",
+            f"below {COLD_C:.0f} C",
+            [drive for drive in drives if drive.temperature_c < COLD_C],
+        )
+    )
+    groups.append(
+        (
+            "air",
+            f"{COLD_C:.0f} C and above",
+            [drive for drive in drives if drive.temperature_c >= COLD_C],
+        )
+    )
     for chemistry in sizes.cells:
-        groups.append(("chemistry", chemistry, [drive for drive in drives if drive.case.chemistry == chemistry]))
+        groups.append(
+            (
+                "chemistry",
+                chemistry,
+                [drive for drive in drives if drive.case.chemistry == chemistry],
+            )
+        )
     for gauge in GAUGES:
         groups.append(("gauge", gauge, [drive for drive in drives if drive.case.gauge == gauge]))
     return [group for group in groups if group[2]]
@@ -254,7 +312,11 @@ def _cells(drives: list[Drive], sizes: Sizes) -> list[Group]:
     groups: list[Group] = []
     for gauge in GAUGES:
         for chemistry in sizes.cells:
-            selected = [drive for drive in drives if drive.case.gauge == gauge and drive.case.chemistry == chemistry]
+            selected = [
+                drive
+                for drive in drives
+                if drive.case.gauge == gauge and drive.case.chemistry == chemistry
+            ]
             if selected:
                 groups.append((gauge, chemistry, selected))
     return groups

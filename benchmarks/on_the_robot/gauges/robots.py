@@ -15,7 +15,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.random import Generator
 
-from benchmarks.on_the_robot.gauges.cell import CURVES, Floats, Pack, discharge, full_state, open_circuit_v
+from benchmarks.on_the_robot.gauges.cell import (
+    CURVES,
+    Floats,
+    Pack,
+    discharge,
+    full_state,
+    open_circuit_v,
+)
 from benchmarks.on_the_robot.gauges.sizes import Sizes, between
 from homeward import load_robot
 
@@ -56,7 +63,8 @@ def read_preset(preset: str) -> dict[str, Any]:
 
 
 def draw_robot(preset: str, cruise_mps: list[float], sizes: Sizes, rng: Generator) -> TrueRobot:
-    """Draw a robot near its file; its losses equal the file's when it cruises on level ground without wind."""
+    """Draw a robot near its file; its losses equal the file's when it cruises on level ground
+    without wind."""
     stated = read_preset(preset)
     body = stated["body"]
     drive = stated["drive"]
@@ -68,7 +76,9 @@ def draw_robot(preset: str, cruise_mps: list[float], sizes: Sizes, rng: Generato
     gear_loss = 1.0 / (1.0 - drive["friction_loss"]) - 1.0
     stated_motor_w = stated_wheel_w * (1.0 + gear_loss)
     copper_w = stated_motor_w * drive["motor_loss"] / (1.0 - drive["motor_loss"])
-    standby_w = ancillary["sensing_idle_w"] + ancillary["communication_w"] + ancillary["controller_w"]
+    standby_w = (
+        ancillary["sensing_idle_w"] + ancillary["communication_w"] + ancillary["controller_w"]
+    )
     return TrueRobot(
         mass_kg=body["mass_kg"] * (1.0 + between(rng.random(), truth.payload_share)),
         rolling_resistance=body["rolling_resistance"] * between(rng.random(), truth.rolling_factor),
@@ -112,7 +122,8 @@ def draw_pack(chemistry: str, label: Label, sizes: Sizes, rng: Generator) -> Pac
 def worn_pack(chemistry: str, label: Label, sizes: Sizes, wear: Wear) -> Pack:
     """A true pack.
 
-    A new pack gives the energy of its label at 25 C within the label's hours; a faded one that much less charge.
+    A new pack gives the energy of its label at 25 C within the label's hours; a faded one that much
+    less charge.
     """
     cell = sizes.cells[chemistry]
     circuit = sizes.circuit
@@ -154,7 +165,8 @@ def worn_pack(chemistry: str, label: Label, sizes: Sizes, wear: Wear) -> Pack:
 
 
 def measured_curve(pack: Pack, sizes: Sizes, rng: Generator) -> Floats:
-    """Open-circuit curve as a user measures it: shares of charge and volts of the pack, shape (points, 2)."""
+    """Open-circuit curve as a user measures it: shares of charge and volts of the pack, shape
+    (points, 2)."""
     shares = np.linspace(0.0, 1.0, sizes.curve.measured_points)
     cell_v = np.array([open_circuit_v(pack.curve, pack.curve_v, share) for share in shares])
     error_v = rng.normal(0.0, sizes.curve.measured_sd_v, shares.size)
@@ -165,7 +177,12 @@ def measured_curve(pack: Pack, sizes: Sizes, rng: Generator) -> Floats:
 
 
 def robot_file(
-    folder: Path, preset: str, label: Label, chemistry: str, curve: Curve, measured_v: Floats | None = None
+    folder: Path,
+    preset: str,
+    label: Label,
+    chemistry: str,
+    curve: Curve,
+    measured_v: Floats | None = None,
 ) -> Path:
     """Write the preset with another pack into a folder, and return its path.
 
@@ -174,13 +191,16 @@ def robot_file(
         preset: Name of the preset.
         label: What is printed on the pack.
         chemistry: Chemistry of the pack.
-        curve: What the file says of the open-circuit voltage: nothing, the chemistry, or a measured curve.
+        curve: What the file says of the open-circuit voltage: nothing, the chemistry, or a measured
+            curve.
         measured_v: Shares and volts of the pack, shape (points, 2); only for "measured".
     """
     text = (files("homeward") / "robots" / f"{preset}.toml").read_text()
     text = re.sub(r"(?m)^(chemistry|cells_in_series) = .*\n", "", text)
     text = re.sub(r"(?m)^rated_energy_j = .*$", f"rated_energy_j = {label.energy_j}", text)
-    text = re.sub(r"(?m)^nominal_voltage_v = .*$", f"nominal_voltage_v = {label.voltage_v:.6g}", text)
+    text = re.sub(
+        r"(?m)^nominal_voltage_v = .*$", f"nominal_voltage_v = {label.voltage_v:.6g}", text
+    )
     lines = "[battery]\n"
     if curve == "chemistry":
         lines += f'chemistry = "{chemistry}"\n'
@@ -195,7 +215,8 @@ def robot_file(
 
 
 def refusal(curve: Curve, chemistry: str, sizes: Sizes) -> str | None:
-    """What the installed version of homeward says against such a robot file; None if it accepts it."""
+    """What the installed version of homeward says against such a robot file; None if it accepts
+    it."""
     place = sizes.robots["husky"]
     cells = place.cells[chemistry]
     cell = sizes.cells[chemistry]
@@ -214,7 +235,8 @@ def refusal(curve: Curve, chemistry: str, sizes: Sizes) -> str | None:
 
 
 def accepted_curve(chemistries: Sequence[str], sizes: Sizes) -> Curve:
-    """The best that the installed version accepts without a measurement: the chemistries, or nothing."""
+    """The best that the installed version accepts without a measurement: the chemistries, or
+    nothing."""
     for chemistry in chemistries:
         if refusal("chemistry", chemistry, sizes) is not None:
             return "none"

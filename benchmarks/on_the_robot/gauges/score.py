@@ -56,10 +56,14 @@ def missing() -> str | None:
 
 
 def crps_j(estimates: list[Estimate], truths_j: list[float]) -> list[float]:
-    """Continuous ranked probability scores, J, of estimates taken as normals with their mean and 90 % interval."""
+    """Continuous ranked probability scores, J, of estimates taken as normals with their mean and 90
+    % interval."""
     scoringrules = import_module("scoringrules")
     means_j = np.array([estimate.mean_j for estimate in estimates])
     widths_j = np.array([estimate.high_j - estimate.low_j for estimate in estimates])
-    sds_j = np.maximum(widths_j / (2.0 * Z90), 1e-9)  # an interval without width has a score all the same
-    scores: list[float] = np.asarray(scoringrules.crps_normal(np.array(truths_j), means_j, sds_j)).tolist()
+    # an interval without width has a score all the same
+    sds_j = np.maximum(widths_j / (2.0 * Z90), 1e-9)
+    scores: list[float] = np.asarray(
+        scoringrules.crps_normal(np.array(truths_j), means_j, sds_j)
+    ).tolist()
     return scores

@@ -1,4 +1,5 @@
-"""Sizes of all faults, noises and spreads, read from `gauge_faults.toml`, where each has its source or reason."""
+"""Sizes of all faults, noises and spreads, read from `gauge_faults.toml`, where each has its source
+or reason."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ FILE = Path(__file__).with_name("gauge_faults.toml")
 
 @dataclass(frozen=True)
 class TruthSizes:
-    """By how much the true robot, weather and pack differ from the robot file: section `[truth]`."""
+    """By how much the true robot, weather and pack differ from the robot file: section
+    `[truth]`."""
 
     rolling_factor: list[float]
     capacity_share: list[float]
@@ -52,7 +54,8 @@ class GroundSizes:
 
 @dataclass(frozen=True)
 class RobotSizes:
-    """A robot: its preset, its pace, its slopes and its cells in series: section `[robots.NAME]`."""
+    """A robot: its preset, its pace, its slopes and its cells in series: section
+    `[robots.NAME]`."""
 
     preset: str
     cruise_mps: list[float]
@@ -206,7 +209,9 @@ def read_sizes(path: Path = FILE) -> Sizes:
         cells={name: CellSizes(**values) for name, values in sections["cells"].items()},
         circuit=CircuitSizes(**sections["circuit"]),
         gauge=GaugeSizes(**sections["gauge"]),
-        linear_map={name: VoltageMap(ends, [0.0, 1.0]) for name, ends in sections["linear_map"].items()},
+        linear_map={
+            name: VoltageMap(ends, [0.0, 1.0]) for name, ends in sections["linear_map"].items()
+        },
         pieces_map={name: VoltageMap(**values) for name, values in sections["pieces_map"].items()},
         instruments=InstrumentSizes(**sections["instruments"]),
         curve=CurveSizes(**sections["curve"]),

@@ -1,4 +1,5 @@
-"""Drive out until the battery is cut off, and home from any place: the kernels and their records."""
+"""Drive out until the battery is cut off, and home from any place: the kernels and their
+records."""
 
 from __future__ import annotations
 
@@ -23,10 +24,12 @@ RECORD_COLUMNS = 9
 
 @dataclass(frozen=True)
 class WayOut:
-    """What truly happens on the way out, at each update of the companion, until the battery is cut off.
+    """What truly happens on the way out, at each update of the companion, until the battery is cut
+    off.
 
     Attributes:
-        records: Shape (updates, 9), in the columns above. The energy is what the way out has taken so far.
+        records: Shape (updates, 9), in the columns above. The energy is what the way out has taken
+            so far.
         states: State of the pack at each update; of a circuit, shape (updates, 5).
     """
 
@@ -46,7 +49,8 @@ class WayOut:
 
 @dataclass(frozen=True)
 class WayHome:
-    """How the way home ended: whether at home, the energy that it took, J, and the share of charge left."""
+    """How the way home ended: whether at home, the energy that it took, J, and the share of charge
+    left."""
 
     arrived: bool
     energy_j: float
@@ -125,7 +129,8 @@ def _home(
     turning_s: float,
     trip_s: float,
 ) -> tuple[bool, float]:
-    """Turn round and drive home from the end of a cell, changing `state`; return whether it arrived, and its energy."""
+    """Turn round and drive home from the end of a cell, changing `state`; return whether it
+    arrived, and its energy."""
     energy_j = standby_w * turning_s
     step(pack, state, standby_w, turning_s)
     low_s = 0.0
@@ -138,7 +143,9 @@ def _home(
     return True, energy_j
 
 
-def drive_out(pack: Pack, state: Floats, ground: Ground, update_s: float, truth: TruthSizes) -> WayOut:
+def drive_out(
+    pack: Pack, state: Floats, ground: Ground, update_s: float, truth: TruthSizes
+) -> WayOut:
     """Drive out until the battery is cut off or the way ends.
 
     Args:
@@ -175,6 +182,13 @@ def drive_home(pack: Pack, way: WayOut, turn: int, ground: Ground, truth: TruthS
     start_cell = int(way.records[turn, CELL])
     cross_s = ground.length_m / ground.home_mps
     arrived, energy_j = _home(
-        pack, state, ground.home_w, cross_s, start_cell, ground.standby_w, truth.turning_s, truth.trip_s
+        pack,
+        state,
+        ground.home_w,
+        cross_s,
+        start_cell,
+        ground.standby_w,
+        truth.turning_s,
+        truth.trip_s,
     )
     return WayHome(arrived, energy_j, max(float(total_share(state)), 0.0))

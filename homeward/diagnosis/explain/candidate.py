@@ -1,7 +1,7 @@
 """A set of effects in its joint replay, and a candidate: one effect beside the others of its set.
 
-Every number that a condition reads is computed here. A set is fitted together with the parameters, through the replay,
-and scored by the windows that its fit has not seen.
+Every number that a condition reads is computed here. A set is fitted together with the parameters,
+through the replay, and scored by the windows that its fit has not seen.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ class EffectSet:
 
     @cached_property
     def predicted(self) -> Array:
-        """Held-out prediction by replays, shape (windows,): each fold by the model fitted to the others."""
+        """Held-out prediction by replays, shape (windows,): each fold by the model fitted to the
+        others."""
 
         def predict(training: Mask) -> Array:
             return self.model.refitted(training, self.runs).replayed(self.runs)
@@ -68,7 +69,8 @@ class Candidate:
     with_it: EffectSet
     without: EffectSet
     noise: float  # squared error that noise of power explains; 0 beside other effects
-    find: Callable[[], tuple[Bench, int]]  # the hypotheses beside `without`, and which of them it is
+    # the hypotheses beside `without`, and which of them it is
+    find: Callable[[], tuple[Bench, int]]
 
     @cached_property
     def _bench_and_index(self) -> tuple[Bench, int]:
@@ -146,7 +148,8 @@ class Candidate:
 
     @property
     def delta_bic(self) -> float:
-        """Reduction of BIC by the effect, from what it explains of held-out windows or, in steps, from innovations."""
+        """Reduction of BIC by the effect, from what it explains of held-out windows or, in steps,
+        from innovations."""
         return self.bench.delta_bic(self.index)
 
     @cached_property
@@ -156,8 +159,8 @@ class Candidate:
 
 
 def followed(bench: Bench, index: int) -> float:
-    """Share of the channels' errors that a hypothesis may absorb: all by place, where they repeat, and all of what is
-    like a slope; in time one independent window for each of its levels."""
+    """Share of the channels' errors that a hypothesis may absorb: all by place, where they repeat,
+    and all of what is like a slope; in time one independent window for each of its levels."""
     term = bench.candidates[index]
     if term.axis == "time":
         changes = 1 if term.schedule is None else term.schedule.changes

@@ -1,9 +1,10 @@
-"""Change points: levels of an effect that change at unknown moments or places, found from the residual of a refit.
+"""Change points: levels of an effect that change at unknown moments or places, found from the
+residual of a refit.
 
-A load that follows a known shape (constant watts, rolling force, the whole load) but changes its size is cut into
-stretches of constant size by exact penalised segmentation (PELT: Killick, Fearnhead & Eckley, 2012), and stretches of
-about the same size become one level. The search works on blocks with equal sums of the squared shape, so that all of
-them have equal weight.
+A load that follows a known shape (constant watts, rolling force, the whole load) but changes its
+size is cut into stretches of constant size by exact penalised segmentation (PELT: Killick,
+Fearnhead & Eckley, 2012), and stretches of about the same size become one level. The search works
+on blocks with equal sums of the squared shape, so that all of them have equal weight.
 """
 
 from __future__ import annotations
@@ -25,16 +26,20 @@ from homeward.logs.channels import Array, Index, Mask
 Axis = Literal["time", "place"]
 Changes = Literal["standing", "moving", "between runs", "once", "repeatedly", "in the cold"]
 
-_AROUND = 2 * thresholds.SHORTEST_LEVEL  # windows: as far as a change is refined, and the largest error of its moment
+# windows: as far as a change is refined, and the largest error of its moment
+_AROUND = 2 * thresholds.SHORTEST_LEVEL
 _MOST_BLOCKS = 3000  # by time; chosen: bounds the time that a search takes
-SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)  # penalties: shares of the squared residual; chosen: about threefold each
-_PLACES = 150  # blocks along the way; chosen: 75 or 300 change no test of change_points, proof and explanation
+# penalties: shares of the squared residual; chosen: about threefold each
+SHARES = (0.1, 0.03, 0.01, 0.003, 0.001)
+# blocks along the way; chosen: 75 or 300 change no test of change_points, proof and explanation
+_PLACES = 150
 _KNOTS = (6, 12, 24)  # hats of the profiles; chosen: coarse to fine by factors of two
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """A piecewise constant size of an effect: level of each window, shape (windows,), 0 the reference level."""
+    """A piecewise constant size of an effect: level of each window, shape (windows,), 0 the
+    reference level."""
 
     axis: Axis
     level: Index
@@ -46,7 +51,8 @@ class Schedule:
 
     @property
     def share(self) -> float:
-        """The second largest penalty that finds it, if any: a search in a part of the windows then finds it too."""
+        """The second largest penalty that finds it, if any: a search in a part of the windows then
+        finds it too."""
         return self.found_by[:2][-1]
 
     def at_work(self) -> Array:
@@ -60,12 +66,14 @@ class Schedule:
 
 
 def clearly_apart(schedule: Schedule | None) -> bool:
-    """Whether the levels are separate: those of a schedule that fits autocorrelated noise are not."""
+    """Whether the levels are separate: those of a schedule that fits autocorrelated noise are
+    not."""
     return schedule is not None and schedule.apart > thresholds.FAR_APART
 
 
 def profiles(runs: Runs) -> list[Array]:
-    """Hat functions along the way from base, coarse to fine, shape (windows, hats) each: a basis of smooth profiles."""
+    """Hat functions along the way from base, coarse to fine, shape (windows, hats) each: a basis of
+    smooth profiles."""
     place_m = place_of(runs)
     if place_m is None:
         return []
@@ -92,7 +100,9 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     if how == "repeatedly":
         switched_on = changes[step[changes] > 0]
         runs_with_switch = len(np.unique(runs.run[switched_on]))
-        often = runs_with_switch >= thresholds.FEWEST_RUNS or len(changes) >= thresholds.FEWEST_SWITCHES
+        often = (
+            runs_with_switch >= thresholds.FEWEST_RUNS or len(changes) >= thresholds.FEWEST_SWITCHES
+        )
         return most_in_a_run > 1 and often
     stops = np.abs(runs.context["speed_mps"]) < thresholds.STOPS_MPS
     at_standstill = [_is_at_a_stop(int(change), stops, runs) for change in changes]
@@ -108,15 +118,19 @@ def _is_at_a_stop(change: int, stops: Mask, runs: Runs) -> bool:
 
 
 def _is_colder(on: Mask, runs: Runs) -> bool:
-    """Whether the air is colder in windows where a load is on, shape (windows,), than in most others."""
+    """Whether the air is colder in windows where a load is on, shape (windows,), than in most
+    others."""
     temperature_c = runs.context["temperature_c"]
     # The Mann-Whitney statistic counts the pairs of which the window without the load is warmer.
     pairs_colder = mannwhitneyu(temperature_c[~on], temperature_c[on], nan_policy="omit").statistic
-    return bool(pairs_colder >= thresholds.NEARLY_ALL * np.count_nonzero(on) * np.count_nonzero(~on))
+    return bool(
+        pairs_colder >= thresholds.NEARLY_ALL * np.count_nonzero(on) * np.count_nonzero(~on)
+    )
 
 
 def place_of(runs: Runs) -> Array | None:
-    """Way from base to each window along the route, m; None where it is unknown or no place is revisited."""
+    """Way from base to each window along the route, m; None where it is unknown or no place is
+    revisited."""
     place_m = runs.context.get("place_m")
     if place_m is None or not np.isfinite(place_m).all():
         return None
@@ -130,12 +144,14 @@ def search(
     axis: Axis, shape: Array, residual: Array, runs: Runs, signed: bool, shares: Sequence[float] = SHARES,
     several: bool = False,
 ) -> list[Schedule]:  # fmt: skip
-    """Find the change points of a load's size, in time or on the way from base: schedules of few changes to many.
+    """Find the change points of a load's size, in time or on the way from base: schedules of few
+    changes to many.
 
-    The `residual`, W or A, is modelled as the size times `shape`, (windows,) each. A change must explain such `shares`
-    of its square, the largest first; their number is chosen later, by BIC with the autocorrelation of each residual.
-    Unless `signed`, the lowest size counts as none. By place nothing is found where no place is revisited. Of `several`
-    loads that are each on or off, each schedule of more levels is followed by those that one of them may have.
+    The `residual`, W or A, is modelled as the size times `shape`, (windows,) each. A change must
+    explain such `shares` of its square, the largest first; their number is chosen later, by BIC
+    with the autocorrelation of each residual. Unless `signed`, the lowest size counts as none. By
+    place nothing is found where no place is revisited. Of `several` loads that are each on or off,
+    each schedule of more levels is followed by those that one of them may have.
     """
     square = float(residual @ residual)
     parts = _parts(axis, runs)
@@ -150,7 +166,9 @@ def search(
         if levels < 2:
             continue
         exact = _refined(level, shape, residual, parts)
-        same = [index for index, schedule in enumerate(schedules) if _is_same(schedule, exact, levels)]
+        same = [
+            index for index, schedule in enumerate(schedules) if _is_same(schedule, exact, levels)
+        ]
         if same:
             schedule = schedules[same[0]]
             schedules[same[0]] = replace(schedule, found_by=(*schedule.found_by, share))
@@ -171,7 +189,8 @@ def search(
 
 
 def _parts(axis: Axis, runs: Runs) -> list[Index]:
-    """Windows in the order of each run's time, or all in the order of places; none where no place is revisited."""
+    """Windows in the order of each run's time, or all in the order of places; none where no place
+    is revisited."""
     if axis == "time":
         return [np.flatnonzero(runs.run == run) for run in np.unique(runs.run)]
     place_m = place_of(runs)
@@ -229,14 +248,16 @@ def _levels(blocks: _Blocks, penalty: float, signed: bool) -> tuple[Index, int]:
 
 
 def _is_same(schedule: Schedule, level: Index, levels: int) -> bool:
-    """Whether a schedule has about these levels: a switch more may be of a few windows of the rarest."""
+    """Whether a schedule has about these levels: a switch more may be of a few windows of the
+    rarest."""
     rarest = np.bincount(schedule.level).min()
     differ = np.count_nonzero(schedule.level != level)
     return schedule.levels == levels and bool(differ <= thresholds.SAME_SCHEDULE * rarest)
 
 
 def _of_one_load(schedule: Schedule, parts: Sequence[Index]) -> Iterator[Schedule]:
-    """A schedule and, of more than two levels, those of a load that is on in some of its higher levels."""
+    """A schedule and, of more than two levels, those of a load that is on in some of its higher
+    levels."""
     yield schedule
     if schedule.levels == 2:
         return
@@ -244,11 +265,14 @@ def _of_one_load(schedule: Schedule, parts: Sequence[Index]) -> Iterator[Schedul
     for count in higher:
         for levels_on in combinations(higher, count):
             on = np.isin(schedule.level, levels_on).astype(np.intp)
-            yield replace(schedule, level=on, levels=2, changes=_changes(on, parts), of_several=True)
+            yield replace(
+                schedule, level=on, levels=2, changes=_changes(on, parts), of_several=True
+            )
 
 
 def _changes(level: Index, parts: Sequence[Index]) -> int:
-    """Changes of a level within the parts, and parts that begin neither at the reference nor as the last ended."""
+    """Changes of a level within the parts, and parts that begin neither at the reference nor as the
+    last ended."""
     changes = 0
     end_of_last = 0
     for part in parts:
@@ -261,7 +285,8 @@ def _changes(level: Index, parts: Sequence[Index]) -> int:
 
 
 def _first_windows(shape: Array, count: int) -> Index:
-    """First window of each of `count` blocks (or fewer) that hold equal parts of the squared shape."""
+    """First window of each of `count` blocks (or fewer) that hold equal parts of the squared
+    shape."""
     reached = np.cumsum(shape * shape)
     if reached[-1] == 0.0:
         return np.zeros(1, dtype=np.intp)
@@ -271,10 +296,12 @@ def _first_windows(shape: Array, count: int) -> Index:
 
 
 def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
-    """Size of each block, constant over stretches that reduce the squared error by more than their penalty."""
+    """Size of each block, constant over stretches that reduce the squared error by more than their
+    penalty."""
     ends = [len(moment)]
     if len(moment) > 1:  # the search takes no single block
-        # Of blocks of the same weight its squared error is that of the residual, but for a constant.
+        # Of blocks of the same weight its squared error is that of the residual, but for a
+        # constant.
         whitened = moment / np.sqrt(weight)
         search = ruptures.KernelCPD(kernel="linear", min_size=1).fit(whitened[:, None])
         ends = search.predict(pen=max(penalty, 1e-300))
@@ -285,7 +312,8 @@ def _sizes(moment: Array, weight: Array, penalty: float) -> Array:
 
 
 def _cluster(size: Array, weight: Array, penalty: float, signed: bool) -> tuple[Index, int]:
-    """Level of each block and the number of levels: sorted sizes, cut where the gain exceeds the penalty."""
+    """Level of each block and the number of levels: sorted sizes, cut where the gain exceeds the
+    penalty."""
     distinct, which, times = np.unique(size, return_inverse=True, return_counts=True)
     mean = float(np.average(size, weights=weight))
     total = float((weight * (size - mean) ** 2).sum())
@@ -315,9 +343,11 @@ def _counted_from(reference: int, level: Index) -> Index:
 
 
 def _groups(value: Array, times: Index, most: int) -> Iterator[Index]:
-    """Group of each of n ascending values, in 2 to `most` groups: k-means, the least squared distance to their means.
+    """Group of each of n ascending values, in 2 to `most` groups: k-means, the least squared
+    distance to their means.
 
-    Exact, by dynamic programming over the ends of groups; `times`, shape (n,), is how often each value occurs.
+    Exact, by dynamic programming over the ends of groups; `times`, shape (n,), is how often each
+    value occurs.
     """
     centred = value - np.average(value, weights=times)
     # Sums over the values before each.
@@ -351,7 +381,8 @@ def _apart(level: Index, shape: Array, residual: Array) -> float:
 
 
 def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]) -> Index:
-    """The levels with each change moved to the window where it fits best, half-way to the next change at most."""
+    """The levels with each change moved to the window where it fits best, half-way to the next
+    change at most."""
     levels = int(level.max()) + 1
     weight = np.maximum(np.bincount(level, shape * shape, minlength=levels), 1e-300)
     size = np.bincount(level, shape * residual, minlength=levels) / weight
@@ -370,7 +401,8 @@ def _refined(level: Index, shape: Array, residual: Array, parts: Sequence[Index]
             error_after = (residual[around] - size[level_after] * shape[around]) ** 2
             # Error of a change at each of these windows, less that of a change at the first.
             missed = np.concatenate(([0.0], np.cumsum(error_before - error_after)))
-            change_at = int(np.median(np.flatnonzero(missed == missed.min())))  # the middle of those with equal error
+            # the middle of those with equal error
+            change_at = int(np.median(np.flatnonzero(missed == missed.min())))
             exact[around[:change_at]] = level_before
             exact[around[change_at:]] = level_after
     return exact

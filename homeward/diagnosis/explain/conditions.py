@@ -1,7 +1,8 @@
 """When an effect is named: one table of conditions, each a number and its limit.
 
-Each effect must meet `CONDITIONS`, and all named effects together `TOGETHER`. `judge` is the only place where they are
-evaluated. The result and the report carry every value, and the page "When an effect is named" shows this table.
+Each effect must meet `CONDITIONS`, and all named effects together `TOGETHER`. `judge` is the only
+place where they are evaluated. The result and the report carry every value, and the page "When an
+effect is named" shows this table.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ _HOLDS: Mapping[Side, Callable[[float, float], bool]] = {
 
 @dataclass(frozen=True)
 class Condition(Generic[Judged]):
-    """One condition: what it asks of a candidate or of all named effects, of which of them, and its limit."""
+    """One condition: what it asks of a candidate or of all named effects, of which of them, and its
+    limit."""
 
     name: str
     asks: str  # the quantity, in words
@@ -49,7 +51,9 @@ class Condition(Generic[Judged]):
             return None
         limit = self.limit(judged)
         holds = _HOLDS[self.side](value, limit)
-        return Checked(condition=self.name, value=float(value), side=self.side, limit=limit, holds=bool(holds))
+        return Checked(
+            condition=self.name, value=float(value), side=self.side, limit=limit, holds=bool(holds)
+        )
 
 
 def check_names(names: Collection[str]) -> None:
@@ -61,8 +65,11 @@ def check_names(names: Collection[str]) -> None:
             raise ValueError(f"{name!r} is no condition; these are: {', '.join(condition_names)}")
 
 
-def judge(judged: Judged, waived: Collection[str], conditions: Sequence[Condition[Judged]]) -> tuple[Checked, ...]:
-    """Check a candidate, or all named effects, against conditions in their order, up to the first that does not hold.
+def judge(
+    judged: Judged, waived: Collection[str], conditions: Sequence[Condition[Judged]]
+) -> tuple[Checked, ...]:
+    """Check a candidate, or all named effects, against conditions in their order, up to the first
+    that does not hold.
 
     Conditions that an experiment has `waived` are checked as well, and refuse nothing.
     """
@@ -97,7 +104,8 @@ def _evidence(candidate: Candidate) -> float | None:
     if term.axis == "steady":
         return None
     is_sudden = term.schedule is not None and term.hypothesis.is_sudden
-    # Levels also follow the drift that another effect leaves: only steps stand out of the innovations.
+    # Levels also follow the drift that another effect leaves: only steps stand out of the
+    # innovations.
     if is_sudden or _is_in_time_beside_others(candidate):
         return candidate.innovations_bic
     return candidate.delta_bic
@@ -310,7 +318,8 @@ TOGETHER: tuple[Condition[Together], ...] = (
 )
 
 BEFORE_PLACEBOS = tuple(condition for condition in CONDITIONS if condition.name != "placebo")
-"""Those that a rival must meet: that noise would score as high as the named effect is refuted already."""
+"""Those that a rival must meet: that noise would score as high as the named effect is refuted
+already."""
 
 BEFORE_REPLAYS = tuple(condition for condition in CONDITIONS if condition.name == "energy")
 """That which needs no replay on held-out windows: evaluated first, as it takes no time."""

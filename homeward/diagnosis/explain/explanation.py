@@ -1,4 +1,5 @@
-"""Which explanation of a mismatch stands: named effects, a formula of the channels, or neither; and what remains."""
+"""Which explanation of a mismatch stands: named effects, a formula of the channels, or neither; and
+what remains."""
 
 from __future__ import annotations
 
@@ -16,7 +17,12 @@ from homeward.diagnosis.explain.naming import name_missing
 from homeward.diagnosis.explain.parsimony import needless
 from homeward.diagnosis.explain.places import Location, locate, where_at_work
 from homeward.diagnosis.explain.residual_test import Dependence
-from homeward.diagnosis.explain.together import RemainingDependence, Residual, Together, only_unrecorded_channels
+from homeward.diagnosis.explain.together import (
+    RemainingDependence,
+    Residual,
+    Together,
+    only_unrecorded_channels,
+)
 from homeward.diagnosis.fit.channel_errors import is_material, times_noise, unexplained, unrecorded
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
@@ -30,7 +36,8 @@ class Explanation:
 
     naming: Naming = field(default_factory=Naming)
     location: Location | None = None
-    empirical: Empirical | None = None  # the formula that fits the mismatch, where no effect is named
+    # the formula that fits the mismatch, where no effect is named
+    empirical: Empirical | None = None
     remaining: RemainingDependence | None = None
 
 
@@ -44,10 +51,12 @@ def explain(
     progress: Callable[[str], None],
     waived: Collection[str] = (),
 ) -> Explanation:
-    """Explain the residual of a refit by `tested`, its dependences on channels and time, significant ones first.
+    """Explain the residual of a refit by `tested`, its dependences on channels and time,
+    significant ones first.
 
-    Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each. Conditions
-    that an experiment has `waived` refuse nothing. An empty `tested` gives an empty explanation.
+    Windows of one `block` are dependent, those of one `fold` are held out together, shape
+    (windows,) each. Conditions that an experiment has `waived` refuse nothing. An empty `tested`
+    gives an empty explanation.
     """
     if not tested:
         return Explanation()
@@ -73,7 +82,13 @@ class _Search:
         """The effects that meet their own conditions."""
         residual = self.residual
         return name_missing(
-            residual.fit, residual.runs, residual.block, residual.rng, self.progress, varying, self.waived
+            residual.fit,
+            residual.runs,
+            residual.block,
+            residual.rng,
+            self.progress,
+            varying,
+            self.waived,
         )
 
     @cached_property
@@ -85,7 +100,8 @@ class _Search:
         return locate(strongest, self.residual.runs)
 
     def with_effects(self, naming: Naming) -> Explanation:
-        """The named effects if all together meet their conditions; otherwise what else explains the residual."""
+        """The named effects if all together meet their conditions; otherwise what else explains the
+        residual."""
         together = Together(naming, self.residual)
         checks = judge(together, self.waived, TOGETHER)
         if not passes(checks, self.waived):
@@ -112,7 +128,8 @@ class _Search:
         return Explanation(nothing_named, location, self.residual.formula)
 
     def _by_channels(self, together: Together, checks: tuple[Checked, ...]) -> Explanation | None:
-        """The effects that channels show, where they explain nearly as much as a refused schedule did.
+        """The effects that channels show, where they explain nearly as much as a refused schedule
+        did.
 
         The cause of the schedule was recorded, so that they may be nearly all of it.
         """
@@ -146,7 +163,8 @@ class _Search:
         return Explanation(self._instead_of_parameters(naming))
 
     def _instead_of_parameters(self, naming: Naming) -> Naming:
-        """The effects named if groups that one effect would replace are held at the robot file's values.
+        """The effects named if groups that one effect would replace are held at the robot file's
+        values.
 
         It is tried where the refit absorbs all that is missing.
         """

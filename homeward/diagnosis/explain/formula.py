@@ -1,10 +1,13 @@
-"""Symbolic regression of a residual that no known effect explains: a sparse, dimensionally consistent formula.
+"""Symbolic regression of a residual that no known effect explains: a sparse, dimensionally
+consistent formula.
 
-Candidates are the weight's power m g v, the drive's load, or plain watts, times at most two dimensionless groups of the
-channels (|w| B / v_max, a / g, sin(grade), ...) with small powers. At most two terms are taken by forward selection, by
-held-out error and by the extended BIC, with a penalty for the size of the search (Chen & Chen, Biometrika 2008). It is
-validated as the catalogue's effects are, and its placebos repeat the whole search on channels shifted in time: the best
-of thousands of candidates counts only if it beats the best of thousands that cannot be a cause.
+Candidates are the weight's power m g v, the drive's load, or plain watts, times at most two
+dimensionless groups of the channels (|w| B / v_max, a / g, sin(grade), ...) with small powers. At
+most two terms are taken by forward selection, by held-out error and by the extended BIC, with a
+penalty for the size of the search (Chen & Chen, Biometrika 2008). It is validated as the
+catalogue's effects are, and its placebos repeat the whole search on channels shifted in time: the
+best of thousands of candidates counts only if it beats the best of thousands that cannot be a
+cause.
 """
 
 import math
@@ -28,11 +31,14 @@ from homeward.logs.channels import Array, Index
 from homeward.physics import Robot, ancillary_power
 from homeward.physics.model import GRAVITY_MPS2
 
-_PLACEBOS = round(1.0 / thresholds.SIGNIFICANT) - 1  # the highest score of all then has p = SIGNIFICANT
+# the highest score of all then has p = SIGNIFICANT
+_PLACEBOS = round(1.0 / thresholds.SIGNIFICANT) - 1
 _MOST_TERMS = 2  # chosen: each takes a search and its placebos
-_MOST_SEARCHED = 20_000  # windows; chosen: bounds the time, of more the search takes every second, third, ...
+# windows; chosen: bounds the time, of more the search takes every second, third, ...
+_MOST_SEARCHED = 20_000
 _MOST_ALTERNATIVES = 3  # expressions listed beside a term; chosen: to be read at a glance
-_RIDGE = 1e-8  # of columns of norm 1; chosen: makes collinear ones invertible and changes nothing else
+# of columns of norm 1; chosen: makes collinear ones invertible and changes nothing else
+_RIDGE = 1e-8
 _MILD_C = 20.0  # zero and unit of the temperature in formulas; chosen: room temperature
 # Powers of a group.
 _PLAIN = (1.0,)
@@ -79,10 +85,13 @@ class Empirical:
         return f"{self.symbol} = {formula}"
 
 
-def propose(fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.Generator) -> Empirical | None:
+def propose(
+    fit: Fitted, runs: Runs, block: Index, fold: Index, rng: np.random.Generator
+) -> Empirical | None:
     """Find a formula that fits the residual of a refit; None where none is validated.
 
-    Windows of one `block` are dependent, those of one `fold` are held out together, shape (windows,) each.
+    Windows of one `block` are dependent, those of one `fold` are held out together, shape
+    (windows,) each.
     """
     library = candidates(fit, runs)
     search = Search(library, fit, runs, fold)
@@ -129,17 +138,19 @@ class Library:
     units: tuple[str, ...]  # of a coefficient
     parts: Array  # (windows, bases + factors): what candidates are products of
     places: Index  # (candidates, 3): base and factors of each in `parts`
-    cost: Array  # (candidates,): BIC penalty of the search, twice the log of the number of candidates as simple
+    # (candidates,): BIC penalty of the search, twice the log of the number of candidates as simple
+    cost: Array
 
     def columns(self, numbers: Sequence[int]) -> Array:
         """Values of some candidates, by their numbers, shape (windows, numbers)."""
         return np.asarray(self.parts[:, self.places[np.array(numbers, np.intp)]].prod(axis=2))
 
     def products(self, parts: Array, model: Array) -> tuple[Array, Array]:
-        """Squares of all candidates, shape (candidates,), and products with the columns of a model, (candidates,
-        columns).
+        """Squares of all candidates, shape (candidates,), and products with the columns of a model,
+        (candidates, columns).
 
-        Either is a product of two factors under a weight, so that one product of matrices serves all pairs of factors.
+        Either is a product of two factors under a weight, so that one product of matrices serves
+        all pairs of factors.
         """
         bases = int(self.places[:, 0].max()) + 1
         factors = parts[:, bases:]
@@ -165,10 +176,12 @@ class Search:
     fit: Fitted
     runs: Runs
     fold: Index
-    correlation: float | None = None  # autocorrelation time of the residual, windows; None: of the refit's
+    # autocorrelation time of the residual, windows; None: of the refit's
+    correlation: float | None = None
 
     def scores(self, parts: Array, present: Sequence[int]) -> Array:
-        """Reduction of BIC by each candidate beside the refit and the terms present, shape (candidates,).
+        """Reduction of BIC by each candidate beside the refit and the terms present, shape
+        (candidates,).
 
         `parts` is what candidates are products of, as the library has it or shifted in time.
         """
@@ -188,12 +201,18 @@ class Search:
         # Autocorrelated windows count as fewer.
         correlation = self.correlation or noise_of(residual, self.runs.run).correlation
         independent = max(len(residual) / correlation, 2.0)
-        return np.asarray(independent * np.log(error / error_with) - np.log(independent) - self.library.cost)
+        return np.asarray(
+            independent * np.log(error / error_with) - np.log(independent) - self.library.cost
+        )
 
     def held_out(self, present: Sequence[int]) -> Array:
-        """Held-out predictions of the refit with these terms, within the bounds of what is physical."""
+        """Held-out predictions of the refit with these terms, within the bounds of what is
+        physical."""
         columns = self.library.columns(present)
-        return held_out(lambda training: with_columns(self.fit, training, self.runs.observed, columns), self.fold)
+        return held_out(
+            lambda training: with_columns(self.fit, training, self.runs.observed, columns),
+            self.fold,
+        )
 
 
 class _Selection(NamedTuple):
@@ -203,7 +222,8 @@ class _Selection(NamedTuple):
 
 
 def _forward_selection(search: Search, block: Index, rng: np.random.Generator) -> _Selection:
-    """The likeliest term beside those selected, as long as it lowers BIC and the held-out error beyond chance."""
+    """The likeliest term beside those selected, as long as it lowers BIC and the held-out error
+    beyond chance."""
     library = search.library
     observed = search.runs.observed
     selection = _Selection([], 0.0, 0.0)
@@ -213,14 +233,22 @@ def _forward_selection(search: Search, block: Index, rng: np.random.Generator) -
         terms = [*selection.terms, likeliest]
         predicted = search.held_out(selection.terms)
         predicted_with = search.held_out(terms)
-        bic_gain = delta_bic(observed, predicted, predicted_with, search.runs.run) - float(library.cost[likeliest])
+        bic_gain = delta_bic(observed, predicted, predicted_with, search.runs.run) - float(
+            library.cost[likeliest]
+        )
         gained = gain(observed, predicted, predicted_with, block, rng)
-        if bic_gain < thresholds.STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if (
+            bic_gain < thresholds.STRONG_BIC
+            or gained.share < thresholds.SMALLEST_GAIN
+            or gained.ci95[0] <= 0.0
+        ):
             break
         p_value = _placebo_p_value(search, selection.terms, float(scores[likeliest]), rng)
         if p_value > thresholds.SIGNIFICANT:
             break
-        selection = _Selection(terms, selection.delta_bic + bic_gain, max(selection.p_value, p_value))
+        selection = _Selection(
+            terms, selection.delta_bic + bic_gain, max(selection.p_value, p_value)
+        )
     return selection
 
 
@@ -233,9 +261,11 @@ class _Products(NamedTuple):
 
 
 def _squared_errors(folds: Sequence[_Products]) -> tuple[float, Array]:
-    """Squared error on each fold of fits to the others, without a candidate and with each, shape (candidates,).
+    """Squared error on each fold of fits to the others, without a candidate and with each, shape
+    (candidates,).
 
-    A candidate contributes its part orthogonal to the other columns (Frisch & Waugh, Econometrica 1, 1933).
+    A candidate contributes its part orthogonal to the other columns (Frisch & Waugh, Econometrica
+    1, 1933).
     """
     error_without = 0.0
     error_with = np.zeros(len(folds[0].squares))
@@ -248,14 +278,16 @@ def _squared_errors(folds: Sequence[_Products]) -> tuple[float, Array]:
         times_target = moments[:, -1]
         inverse = np.linalg.inv(gram[:-1, :-1] + _RIDGE * np.eye(len(gram) - 1))
         weights = inverse @ gram[:-1, -1]
-        spanned = times_columns @ inverse  # weights of the columns that describe each candidate best
+        # weights of the columns that describe each candidate best
+        spanned = times_columns @ inverse
         orthogonal_square = squares - (spanned * times_columns).sum(axis=1)
-        is_new = orthogonal_square > 1e-6 * np.maximum(squares, 1e-300)  # else it is collinear with the model
+        # else it is collinear with the model
+        is_new = orthogonal_square > 1e-6 * np.maximum(squares, 1e-300)
         times_residual = times_target - times_columns @ weights
         divisor = np.where(is_new, orthogonal_square, 1.0)
         size = np.where(is_new, times_residual / divisor, 0.0)
-        # The residual as a combination of the model's columns: without a candidate, and with each, of which then
-        # `size` times it is taken away.
+        # The residual as a combination of the model's columns: without a candidate, and with each,
+        # of which then `size` times it is taken away.
         residual = np.append(-weights, 1.0)
         residuals = residual + np.pad(spanned * size[:, None], ((0, 0), (0, 1)))
         error_without += max(float(residual @ test.gram @ residual), 0.0)
@@ -267,7 +299,8 @@ def _squared_errors(folds: Sequence[_Products]) -> tuple[float, Array]:
 
 
 def _reconsidered(search: Search, terms: Sequence[int]) -> tuple[list[int], list[tuple[str, ...]]]:
-    """Each term chosen anew beside the others, as the first was chosen without the second; and its equivalents."""
+    """Each term chosen anew beside the others, as the first was chosen without the second; and its
+    equivalents."""
     residual = search.runs.observed - search.held_out(terms)
     judge = replace(search, correlation=correlation_windows(residual, search.runs.run))
     final = list(terms)
@@ -279,20 +312,28 @@ def _reconsidered(search: Search, terms: Sequence[int]) -> tuple[list[int], list
         final[index] = highest_first[0]
         limit = scores[final[index]] - thresholds.STRONG_BIC
         as_good = [candidate for candidate in highest_first[1:] if scores[candidate] > limit]
-        alternatives.append(tuple(search.library.texts[candidate] for candidate in as_good[:_MOST_ALTERNATIVES]))
+        alternatives.append(
+            tuple(search.library.texts[candidate] for candidate in as_good[:_MOST_ALTERNATIVES])
+        )
     return final, alternatives
 
 
-def _placebo_p_value(search: Search, present: Sequence[int], score: float, rng: np.random.Generator) -> float:
-    """P-value: share of searches, this one included, that score as high on placebos, channels shifted in time."""
+def _placebo_p_value(
+    search: Search, present: Sequence[int], score: float, rng: np.random.Generator
+) -> float:
+    """P-value: share of searches, this one included, that score as high on placebos, channels
+    shifted in time."""
     parts = search.library.parts
-    of_placebos = [float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(_PLACEBOS)]
+    of_placebos = [
+        float(search.scores(shifted_in_time(parts, rng), present).max()) for _ in range(_PLACEBOS)
+    ]
     as_high = sum(placebo >= score for placebo in of_placebos)
     return (1 + as_high) / (_PLACEBOS + 1)
 
 
 def _coefficients(fit: Fitted, runs: Runs, block: Index, columns: Array) -> tuple[Array, Array]:
-    """Coefficient of each term fitted together with the groups, and half its interval clustered by block."""
+    """Coefficient of each term fitted together with the groups, and half its interval clustered by
+    block."""
     all_windows = np.ones(len(runs.observed), np.bool_)
     predicted = with_columns(fit, all_windows, runs.observed, columns)
     design = np.column_stack([fit.jacobian[:, excited(fit, runs)], columns])
@@ -321,7 +362,10 @@ class _Factor(NamedTuple):
 def candidates(fit: Fitted, runs: Runs) -> Library:
     """Every candidate that the channels of these runs allow."""
     bases = _bases(fit, runs)
-    factors = [_Factor("", "1", np.ones(len(runs.observed))), *_factors(runs, fit.parameters.nominal)]
+    factors = [
+        _Factor("", "1", np.ones(len(runs.observed))),
+        *_factors(runs, fit.parameters.nominal),
+    ]
     pairs = [(0, 0)]  # the base alone; a factor alone is paired with the first, which is 1
     for number, factor in enumerate(factors):
         for partner_number, partner in enumerate(factors[number + 1 :], start=number + 1):
@@ -339,11 +383,14 @@ def candidates(fit: Fitted, runs: Runs) -> Library:
                 units.append(base.unit)
     place_array = np.array(places)
     factors_of = (place_array[:, 1:] > len(bases)).sum(axis=1)  # beside those that are 1
-    as_simple = np.cumsum(np.bincount(factors_of, minlength=3))  # candidates of at most so many factors
+    # candidates of at most so many factors
+    as_simple = np.cumsum(np.bincount(factors_of, minlength=3))
     return Library(
         texts=tuple(texts),
         units=tuple(units),
-        parts=np.column_stack([*(base.values for base in bases), *(factor.values for factor in factors)]),
+        parts=np.column_stack(
+            [*(base.values for base in bases), *(factor.values for factor in factors)]
+        ),
         places=place_array,
         cost=2.0 * np.log(as_simple[factors_of]),
     )
@@ -397,7 +444,8 @@ def _factors(runs: Runs, robot: Robot) -> list[_Factor]:
     return factors
 
 
-_Dimensionless = tuple[str, str, Array, tuple[float, ...]]  # family, formula, values of shape (windows,), powers
+# family, formula, values of shape (windows,), powers
+_Dimensionless = tuple[str, str, Array, tuple[float, ...]]
 
 
 def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
@@ -406,7 +454,8 @@ def _groups(runs: Runs, robot: Robot) -> list[_Dimensionless]:
     channel = defaultdict(lambda: missing, runs.context)
     moves = np.abs(channel["speed_mps"]) > logs_thresholds.STANDSTILL_MPS
     speed = np.abs(channel["speed_mps"]) / robot.max_speed_mps
-    # A difference of wheel speeds is a turning rate; where a gyroscope measured that, it is not needed.
+    # A difference of wheel speeds is a turning rate; where a gyroscope measured that, it is not
+    # needed.
     wheels = missing
     if "yaw_rate_radps" not in runs.context:
         wheels = np.abs(channel["wheel_difference_mps"])

@@ -1,14 +1,19 @@
-"""What a recorded state of charge is worth: whether it follows the charge drawn, or the voltage under load.
+"""What a recorded state of charge is worth: whether it follows the charge drawn, or the voltage
+under load.
 
-A gauge that counts falls with the charge drawn, whatever the load, and never rises at rest. A map of the voltage falls
-with the load and recovers at rest. The two are weighed by how well they predict the readings (BIC):
+A gauge that counts falls with the charge drawn, whatever the load, and never rises at rest. A map
+of the voltage falls with the load and recovers at rest. The two are weighed by how well they
+predict the readings (BIC):
 
-* a counter: a line over the charge drawn, one for each run, that may be set anew a few times, such as by a reset;
-* a map of a recorded voltage: a curve of straight pieces that rises with the voltage, one for all runs;
-* a map of a voltage that was not recorded: a line that also falls with the power drawn at the moment.
+* a counter: a line over the charge drawn, one for each run, that may be set anew a few times, such
+  as by a reset;
+* a map of a recorded voltage: a curve of straight pieces that rises with the voltage, one for all
+  runs;
+* a map of a voltage that was not recorded: a line that also falls with the power drawn at the
+  moment.
 
-A reading is known to within a step, one at full or empty only from one side, and one that is held lies between itself
-and the next: a coarse, late or stuck gauge is still a counter.
+A reading is known to within a step, one at full or empty only from one side, and one that is held
+lies between itself and the next: a coarse, late or stuck gauge is still a counter.
 """
 
 from __future__ import annotations
@@ -41,15 +46,19 @@ from homeward.physics.battery import energy_share, open_circuit_v
 
 _BIN_S = 10.0  # chosen: drivers average a voltage over as many readings, and loads change in it
 _AVERAGED_BINS = (1, 3, 6)  # over which a map may average the voltage: 10, 30 and 60 s
-_PIECE_BINS = 60  # of the counter's line where no voltage was recorded: in ten minutes its curve is straight
-_RARE_BIC = 4.4  # 2 log 9: one gauge in ten is a map of the voltage (`OWN_COURSE` of `homeward.companion.thresholds`)
+# of the counter's line where no voltage was recorded: in ten minutes its curve is straight
+_PIECE_BINS = 60
+# 2 log 9: one gauge in ten is a map of the voltage (`OWN_COURSE` of
+# `homeward.companion.thresholds`)
+_RARE_BIC = 4.4
 _CORNERS = 8  # of a map of the voltage; published ones have 4 to 11
 _MOST_JUMPS = 12  # chosen: bounds time; a gauge is reset once a charge or less often
 
 
 @dataclass(frozen=True)
 class Readings:
-    """The state of charge in bins of `_BIN_S`, which cross no gap and no end of a run; arrays of shape (bins,)."""
+    """The state of charge in bins of `_BIN_S`, which cross no gap and no end of a run; arrays of
+    shape (bins,)."""
 
     shown: Array
     low: Array  # bounds of the state of charge by what was shown
@@ -70,7 +79,9 @@ class Readings:
     def only(self, bins: Mask) -> Readings:
         """These bins only."""
         arrays: dict[str, Any] = {
-            name: values[bins] for name, values in vars(self).items() if isinstance(values, np.ndarray)
+            name: values[bins]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray)
         }
         return dataclasses.replace(self, **arrays)
 
@@ -85,7 +96,8 @@ class Jump:
 
 @dataclass(frozen=True)
 class Counter:
-    """A counter's states of charge and how far they are out of the bounds of the readings, (bins,) each; its jumps."""
+    """A counter's states of charge and how far they are out of the bounds of the readings, (bins,)
+    each; its jumps."""
 
     fitted: Array
     beyond: Array
@@ -95,8 +107,9 @@ class Counter:
 def weigh_gauge(runs: Runs, robot: Robot) -> tuple[Runs, Gauge | None]:
     """What the recorded state of charge is worth, and the runs without what it is not.
 
-    One that follows the voltage is left out. Of a counter, jumps are taken out, and readings that stay while charge is
-    drawn. By a counter, a recorded `power_w` is that at the terminals or counts the battery's own losses.
+    One that follows the voltage is left out. Of a counter, jumps are taken out, and readings that
+    stay while charge is drawn. By a counter, a recorded `power_w` is that at the terminals or
+    counts the battery's own losses.
 
     Returns:
         The runs, and None without a state of charge that falls.
@@ -133,7 +146,10 @@ def _followed(readings: Readings, counter: Counter) -> tuple[Followed, str]:
     gained = max(by_voltage, by_load)
     is_map = gained >= thresholds.STRONG_BIC + _RARE_BIC
     if is_map and by_voltage > 0.0:
-        return "voltage", f"follows the voltage under load, not the charge drawn (BIC lower by {gained:.0f})"
+        return (
+            "voltage",
+            f"follows the voltage under load, not the charge drawn (BIC lower by {gained:.0f})",
+        )
     if is_map:
         return "load", (
             f"falls with the load, by {1e4 * fall_per_w:.2g} % for 100 W, and recovers at rest, as a map of the "
@@ -143,7 +159,8 @@ def _followed(readings: Readings, counter: Counter) -> tuple[Followed, str]:
 
 
 def capacity_question(capacity: Capacity | None, robot: Robot) -> str | None:
-    """What is asked about a capacity above that of a new battery, as a counter shows it; None of others."""
+    """What is asked about a capacity above that of a new battery, as a counter shows it; None of
+    others."""
     if capacity is None or not capacity.asked:
         return None
     low_j, high_j = capacity.ci95
@@ -161,7 +178,8 @@ def _energy(amount_j: float) -> str:
 
 
 def _mended(runs: Runs, readings: Readings, counter: Counter) -> tuple[Runs, list[str]]:
-    """The runs without jumps of the gauge and without readings that stay while charge is drawn, and what was done."""
+    """The runs without jumps of the gauge and without readings that stay while charge is drawn, and
+    what was done."""
     soc = runs.context["soc"].copy()
     notes = []
     for jump in counter.jumps:
@@ -175,7 +193,8 @@ def _mended(runs: Runs, readings: Readings, counter: Counter) -> tuple[Runs, lis
         moment = f"{runs.time_s[jump_at]:.0f} s of {PurePath(runs.signals[run].name).name}"
         notes.append(f"jumps by {jump.size:+.0%} at {moment}, which is taken out")
     nearest = np.clip(counter.fitted, readings.low, readings.high)
-    stays = np.abs(nearest - readings.shown) > readings.step  # only one that is held, full or empty has so wide bounds
+    # only one that is held, full or empty has so wide bounds
+    stays = np.abs(nearest - readings.shown) > readings.step
     if stays.any():
         bin_of = np.searchsorted(readings.window, np.arange(len(soc)))
         left_out = stays[np.minimum(bin_of, len(stays) - 1)]
@@ -186,10 +205,11 @@ def _mended(runs: Runs, readings: Readings, counter: Counter) -> tuple[Runs, lis
 
 
 def _settled(runs: Runs, robot: Robot) -> tuple[Runs, str]:
-    """The runs with `power_w` as the charge shows it, at the terminals or with what is lost inside, and that in words;
-    nothing where the file's battery loses nothing inside that matters."""
+    """The runs with `power_w` as the charge shows it, at the terminals or with what is lost inside,
+    and that in words; nothing where the file's battery loses nothing inside that matters."""
     lost_w = inside_w(robot, runs)
-    # Where power is voltage times current, it is that at the terminals; of a recorded `power_w` it is open.
+    # Where power is voltage times current, it is that at the terminals; of a recorded `power_w` it
+    # is open.
     is_open = np.array([not run.at_terminals for run in runs.signals])[runs.run]
     if not is_open.any() or not matters(lost_w * is_open, runs):
         return runs, ""
@@ -214,8 +234,8 @@ def _settled(runs: Runs, robot: Robot) -> tuple[Runs, str]:
 
 
 def _misfit(channel: Reading, drawn_per_s: Array) -> float:
-    """Twice the negative log posterior of a capacity near that of the file, where charge is drawn at these rates,
-    over that of a full battery, shape (windows,)."""
+    """Twice the negative log posterior of a capacity near that of the file, where charge is drawn
+    at these rates, over that of a full battery, shape (windows,)."""
     drawn = channel.summed(drawn_per_s)
 
     def objective(rate: float) -> float:
@@ -225,11 +245,16 @@ def _misfit(channel: Reading, drawn_per_s: Array) -> float:
         squared = max(float(residual @ residual), TINY)
         return float(independent * np.log(squared) + ((rate - 1.0) / thresholds.CAPACITY_SD) ** 2)
 
-    return float(minimize_scalar(objective, bounds=(thresholds.HALF, 1.0 / thresholds.HALF), method="bounded").fun)
+    return float(
+        minimize_scalar(
+            objective, bounds=(thresholds.HALF, 1.0 / thresholds.HALF), method="bounded"
+        ).fun
+    )
 
 
 def read_gauge(runs: Runs, robot: Robot) -> Readings:
-    """The state of charge of all runs at the end of each bin, beside the charge drawn until then."""
+    """The state of charge of all runs at the end of each bin, beside the charge drawn until
+    then."""
     soc = runs.context["soc"]
     is_shown = np.isfinite(soc)
     voltage_v = runs.context.get("voltage_v", np.full(len(soc), np.nan))
@@ -241,7 +266,8 @@ def read_gauge(runs: Runs, robot: Robot) -> Readings:
     follows = (np.diff(runs.run) == 0) & no_gap
     stretch = np.concatenate([[0], np.cumsum(~follows)])
     bin_of = _bin_of(stretch, runs.time_s)
-    drawn_between = np.where(follows, 0.5 * (rate[1:] + rate[:-1]) * apart_s, 0.0)  # by the trapezoidal rule
+    # by the trapezoidal rule
+    drawn_between = np.where(follows, 0.5 * (rate[1:] + rate[:-1]) * apart_s, 0.0)
     drawn = np.concatenate([[0.0], np.cumsum(drawn_between)])
     # What is read is that of one moment: a mean of readings that change would be none of them.
     shown_in, place_from_end = np.unique(bin_of[is_shown][::-1], return_index=True)
@@ -265,7 +291,8 @@ def read_gauge(runs: Runs, robot: Robot) -> Readings:
 
 
 def _relative_voltage(soc: Array, voltage_v: Array, robot: Robot) -> Array:
-    """Voltage over its mean, shape (windows,): the recorded one, else the file's open-circuit curve, else constant."""
+    """Voltage over its mean, shape (windows,): the recorded one, else the file's open-circuit
+    curve, else constant."""
     relative_voltage = np.ones(len(soc))
     curve = robot.curve
     if curve.mean_v > 0.0:
@@ -273,12 +300,15 @@ def _relative_voltage(soc: Array, voltage_v: Array, robot: Robot) -> Array:
         filled = np.interp(np.arange(len(soc)), np.flatnonzero(is_shown), soc[is_shown])
         relative_voltage = open_circuit_v(curve, filled) / curve.mean_v
     if np.isfinite(voltage_v).any():
-        relative_voltage = np.where(np.isfinite(voltage_v), voltage_v / np.nanmean(voltage_v), relative_voltage)
+        relative_voltage = np.where(
+            np.isfinite(voltage_v), voltage_v / np.nanmean(voltage_v), relative_voltage
+        )
     return relative_voltage
 
 
 def _bin_of(stretch: Index, time_s: Array) -> Index:
-    """Number of the bin of each window, shape (windows,): bins of `_BIN_S` that begin anew with each stretch."""
+    """Number of the bin of each window, shape (windows,): bins of `_BIN_S` that begin anew with
+    each stretch."""
     began_s = time_s[np.searchsorted(stretch, stretch)]
     number_in_stretch = np.floor((time_s - began_s) / _BIN_S).astype(np.intp)
     begins = (np.diff(stretch) != 0) | (np.diff(number_in_stretch) != 0)
@@ -300,8 +330,8 @@ def _step(runs: Runs) -> float:
 
 
 def _bounds(shown: Array, stretch: Index, step: float) -> tuple[Array, Array]:
-    """Bounds of the state of charge: within half a step, and from one that is held down to the next; open at full and
-    empty, and downwards where it is held to the end of its stretch."""
+    """Bounds of the state of charge: within half a step, and from one that is held down to the
+    next; open at full and empty, and downwards where it is held to the end of its stretch."""
     changes = (np.diff(shown) != 0.0) | (np.diff(stretch) != 0)
     # A level lasts for the bins of one stretch that show the same.
     begins = np.flatnonzero(np.concatenate([[True], changes]))
@@ -318,9 +348,12 @@ def _bounds(shown: Array, stretch: Index, step: float) -> tuple[Array, Array]:
     return np.where(is_empty, -np.inf, low), np.where(is_full, np.inf, high)
 
 
-def _within_bounds(columns: Array, readings: Readings, lowest: float = -np.inf) -> tuple[Array, Array, Array]:
-    """Weights of columns, shape (bins, columns), that come nearest to the bounds of the readings, with the states of
-    charge that they make and how far these are out of the bounds, (bins,) each; no weight is below the `lowest`."""
+def _within_bounds(
+    columns: Array, readings: Readings, lowest: float = -np.inf
+) -> tuple[Array, Array, Array]:
+    """Weights of columns, shape (bins, columns), that come nearest to the bounds of the readings,
+    with the states of charge that they make and how far these are out of the bounds, (bins,) each;
+    no weight is below the `lowest`."""
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     unit = columns / scale
 
@@ -341,9 +374,12 @@ def _within_bounds(columns: Array, readings: Readings, lowest: float = -np.inf) 
 
 
 def _bic_gain(residual: Array, residual_with: Array, readings: Readings, freedom: float) -> float:
-    """Reduction of BIC from one residual beyond rounding to another, (bins,) each, by `freedom` more parameters."""
+    """Reduction of BIC from one residual beyond rounding to another, (bins,) each, by `freedom`
+    more parameters."""
     rounding = len(residual_with) * readings.error**2
-    independent = min(independent_windows(residual_with, readings.stretch), float(len(residual_with)))
+    independent = min(
+        independent_windows(residual_with, readings.stretch), float(len(residual_with))
+    )
     squared = float(residual @ residual) + rounding
     squared_with = float(residual_with @ residual_with) + rounding
     return float(independent * np.log(squared / squared_with) - freedom * np.log(independent))
@@ -362,13 +398,15 @@ def _set_anew(readings: Readings, from_bin: int) -> Array:
 
 
 def _counter_columns(readings: Readings) -> Array:
-    """A start for each stretch, and a charge of a full battery for each run: it depends on cold and age."""
+    """A start for each stretch, and a charge of a full battery for each run: it depends on cold and
+    age."""
     starts = _per_stretch(readings.stretch, np.ones(len(readings.shown)))
     return np.column_stack([starts, _per_stretch(readings.run, readings.drawn)])
 
 
 def as_counter(readings: Readings) -> Counter:
-    """The counter that comes nearest to the readings, set anew where that explains more than chance."""
+    """The counter that comes nearest to the readings, set anew where that explains more than
+    chance."""
     columns = _counter_columns(readings)
     weights, fitted, beyond_without = _within_bounds(columns, readings)
     # It may have been set anew where readings move most against the counter.
@@ -395,7 +433,9 @@ def as_counter(readings: Readings) -> Counter:
 def _averaged(values: Array, stretch: Index, bins: int) -> Array:
     """Mean of the last so many bins of a stretch."""
     parts = np.split(values, np.flatnonzero(np.diff(stretch)) + 1)
-    return np.concatenate([uniform_filter1d(part, bins, mode="nearest", origin=(bins - 1) // 2) for part in parts])
+    return np.concatenate(
+        [uniform_filter1d(part, bins, mode="nearest", origin=(bins - 1) // 2) for part in parts]
+    )
 
 
 def evidence_for_voltage(readings: Readings) -> float:
@@ -411,7 +451,8 @@ def evidence_for_voltage(readings: Readings) -> float:
         by_maps.append(beyond)
     by_map = min(by_maps, key=lambda beyond: float(beyond @ beyond))
     by_counter = counter.beyond
-    # One start and one charge count, however many runs there are: a counter does not lose to a map by their number.
+    # One start and one charge count, however many runs there are: a counter does not lose to a map
+    # by their number.
     freedom_of_counter = 2 + thresholds.COST_OF_A_CHANGE * len(counter.jumps)
     freedom_of_map = _CORNERS + 1  # its corners and the time over which it averages
     more_freedom = freedom_of_map - freedom_of_counter
@@ -421,21 +462,28 @@ def evidence_for_voltage(readings: Readings) -> float:
 
 
 def _rising_with(volts: Array) -> Array:
-    """Columns of which a sum with weights from 0 up rises with the voltage in straight pieces, (bins, corners + 1)."""
+    """Columns of which a sum with weights from 0 up rises with the voltage in straight pieces,
+    (bins, corners + 1)."""
     corners = np.unique(np.quantile(volts, np.linspace(0.0, 1.0, _CORNERS)))
-    hats = np.column_stack([np.interp(volts, corners, at_corner) for at_corner in np.eye(len(corners))])
-    rises = np.cumsum(hats[:, ::-1], axis=1)[:, ::-1]  # each column rises from 0 to 1 between two corners
+    hats = np.column_stack(
+        [np.interp(volts, corners, at_corner) for at_corner in np.eye(len(corners))]
+    )
+    # each column rises from 0 to 1 between two corners
+    rises = np.cumsum(hats[:, ::-1], axis=1)[:, ::-1]
     return np.column_stack([rises, -rises[:, 0]])  # the level of the lowest corner has any sign
 
 
 def evidence_for_load(readings: Readings, jumps: Sequence[Jump]) -> tuple[float, float]:
-    """Reduction of BIC by a fall with the power drawn, beside a counter that is straight over some minutes, and that
-    fall for a watt."""
+    """Reduction of BIC by a fall with the power drawn, beside a counter that is straight over some
+    minutes, and that fall for a watt."""
     piece = _pieces(readings.stretch)
-    straight = np.column_stack([_per_stretch(piece, np.ones(len(piece))), _per_stretch(piece, readings.drawn)])
+    straight = np.column_stack(
+        [_per_stretch(piece, np.ones(len(piece))), _per_stretch(piece, readings.drawn)]
+    )
     steps = [_set_anew(readings, jump.bin) * (piece == piece[jump.bin])[:, None] for jump in jumps]
     *_, beyond_without = _within_bounds(np.column_stack([straight, *steps]), readings)
-    step_sets: list[list[Array]] = [[]]  # what looks like jumps of a counter may be all loads of a map
+    # what looks like jumps of a counter may be all loads of a map
+    step_sets: list[list[Array]] = [[]]
     if steps:
         step_sets.append(steps)
     most_gained = -np.inf
@@ -445,7 +493,9 @@ def evidence_for_load(readings: Readings, jumps: Sequence[Jump]) -> tuple[float,
         freedom = 2.0 + thresholds.COST_OF_A_CHANGE * (len(with_steps) - len(steps))
         for bins in _AVERAGED_BINS:
             load = -_averaged(readings.power_w, readings.stretch, bins)
-            weights, _, beyond = _within_bounds(np.column_stack([straight, *with_steps, load]), readings)
+            weights, _, beyond = _within_bounds(
+                np.column_stack([straight, *with_steps, load]), readings
+            )
             gained = _bic_gain(beyond_without, beyond, readings, freedom)
             if weights[-1] > 0.0 and gained > most_gained:
                 most_gained = gained

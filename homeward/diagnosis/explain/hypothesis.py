@@ -1,9 +1,11 @@
-"""A hypothesis: one effect or fault, the regressors that it adds to the refit, and how it is reported and verified.
+"""A hypothesis: one effect or fault, the regressors that it adds to the refit, and how it is
+reported and verified.
 
-An effect whose channels show when it is at work needs only its entry: every other field has a default. Its regressor
-comes from the kernel: the replay with the effect less the replay without it. Where no channel shows it, its size
-follows a schedule with change points found from the residual, and the way it changes distinguishes such effects:
-a load is added at standstill, the ground changes while the robot moves, a battery ages between runs.
+An effect whose channels show when it is at work needs only its entry: every other field has a
+default. Its regressor comes from the kernel: the replay with the effect less the replay without it.
+Where no channel shows it, its size follows a schedule with change points found from the residual,
+and the way it changes distinguishes such effects: a load is added at standstill, the ground changes
+while the robot moves, a battery ages between runs.
 """
 
 from __future__ import annotations
@@ -27,8 +29,10 @@ from homeward.physics import Robot
 from homeward.physics.effects import Effect, Parameter
 
 TINY = 1e-6
-"""Share of the largest size of an effect at which its response is linear. Chosen: small, and above rounding."""
-SMALL_STEP = 1e-3  # of a number, for difference quotients; chosen: small beside it, large beside rounding
+"""Share of the largest size of an effect at which its response is linear. Chosen: small, and above
+rounding."""
+# of a number, for difference quotients; chosen: small beside it, large beside rounding
+SMALL_STEP = 1e-3
 
 CHECKS: Mapping[str, str] = {
     "force": "tow the robot over the ground with a spring balance, its drive disengaged",
@@ -43,7 +47,8 @@ _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _PIECES = 4  # of a rising function; chosen: three bends
 _SWITCHED = ("repeatedly", "in the cold")
 _SUDDEN = ("standing", "once", *_SWITCHED)
-_PREFERENCES = ("standing", "moving")  # ways to change that are only typical; the others define an effect
+# ways to change that are only typical; the others define an effect
+_PREFERENCES = ("standing", "moving")
 
 Numbers = Mapping[str, float]
 Spread = Mapping[str, tuple[float, float]]
@@ -74,7 +79,8 @@ class Instrument:
 
 @dataclass(frozen=True)
 class Term:
-    """One form of a hypothesis: its regressors, (windows, sizes), in W or A per unit of size, and bounds of the sizes.
+    """One form of a hypothesis: its regressors, (windows, sizes), in W or A per unit of size, and
+    bounds of the sizes.
 
     `hidden` counts parameters that were searched beside the sizes, for BIC.
     """
@@ -87,11 +93,14 @@ class Term:
     shape: Numbers = field(default_factory=dict)  # values of the effect's other parameters
     axis: Axis | Literal["steady"] = "steady"  # what the size depends on
     schedule: Schedule | None = None
-    spread: Spread = field(default_factory=dict)  # intervals of parameters estimated from the schedule
+    # intervals of parameters estimated from the schedule
+    spread: Spread = field(default_factory=dict)
     fixed: bool = False  # whether its columns are not computed by the kernel
     typical: bool = True  # whether the size changes in the way typical of this effect
-    of_rolling_kg: float | None = None  # C_rr m, by the refit or an earlier joint fit, where its sizes are shares of it
-    load: Array | None = None  # contribution per unit where it is at work, (windows,), None if everywhere
+    # C_rr m, by the refit or an earlier joint fit, where its sizes are shares of it
+    of_rolling_kg: float | None = None
+    # contribution per unit where it is at work, (windows,), None if everywhere
+    load: Array | None = None
     at_work: Array | None = None  # share of each size that is at work, (windows, sizes)
     flexible: bool = False  # whether its sizes form any rising function, which no file can express
     plain: Term | None = None  # the best form that a robot file can express, where this one is not
@@ -103,9 +112,11 @@ class Term:
 
     @property
     def linear(self) -> bool:
-        """Whether its contribution is linear in its sizes, so that no replay with other sizes is needed.
+        """Whether its contribution is linear in its sizes, so that no replay with other sizes is
+        needed.
 
-        Rough ground is replayed: where the drive draws nothing downhill, it may draw something over rougher ground.
+        Rough ground is replayed: where the drive draws nothing downhill, it may draw something over
+        rougher ground.
         """
         return self.of_rolling_kg is None and (self.axis != "steady" or self.fixed)
 
@@ -117,7 +128,8 @@ class Term:
 
 @dataclass(frozen=True)
 class Setting:
-    """Inputs of hypotheses: the runs, the refit's parameters, the effects in the model, the residual."""
+    """Inputs of hypotheses: the runs, the refit's parameters, the effects in the model, the
+    residual."""
 
     runs: Runs
     parameters: Parameters
@@ -149,9 +161,12 @@ class Setting:
         return fitted_kg if is_material else assumed_kg
 
     def response(self, hypothesis: Hypothesis, size: float, shape: Numbers) -> Array:
-        """Contribution of an effect of this size beyond the robot file's, per unit of size, shape (windows,)."""
+        """Contribution of an effect of this size beyond the robot file's, per unit of size, shape
+        (windows,)."""
         in_model = {**self.parameters.nominal.effects, **self.present.effects}
-        lacking = {name: numbers for name, numbers in hypothesis.beside.items() if name not in in_model}
+        lacking = {
+            name: numbers for name, numbers in hypothesis.beside.items() if name not in in_model
+        }
         base = self.present
         predicted = self.predicted
         if lacking:  # what the effect requires is no part of its contribution
@@ -167,7 +182,8 @@ class Setting:
 
 
 def responses(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Forms of one constant size, at each of a few values of its other parameters, or at the robot file's."""
+    """Forms of one constant size, at each of a few values of its other parameters, or at the robot
+    file's."""
     switch = hypothesis.entry.switch
     size_in_file, numbers_in_file = hypothesis.in_file(setting.parameters.nominal)
     shapes = [numbers_in_file]
@@ -189,7 +205,8 @@ def responses(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def rising(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Form as any increasing, piecewise linear function of its channel: the channel is identified before the form."""
+    """Form as any increasing, piecewise linear function of its channel: the channel is identified
+    before the form."""
     values = setting.runs.context.get(hypothesis.rises_with.lstrip("-"))
     if not hypothesis.rises_with or values is None or not np.isfinite(values).all():
         return
@@ -208,11 +225,19 @@ def rising(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
         columns = setting.predicted[:, None] * pieces
     largest = float(np.max(np.abs(setting.runs.observed)))
     sizes = columns.shape[1]
-    yield Term(hypothesis, columns, low=np.zeros(sizes), high=np.full(sizes, largest), fixed=True, flexible=True)
+    yield Term(
+        hypothesis,
+        columns,
+        low=np.zeros(sizes),
+        high=np.full(sizes, largest),
+        fixed=True,
+        flexible=True,
+    )
 
 
 def levels(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Forms whose size has change points, in time or place, found from the residual, or a smooth profile by place."""
+    """Forms whose size has change points, in time or place, found from the residual, or a smooth
+    profile by place."""
     if hypothesis.changes is None:
         return
     load = hypothesis.load(hypothesis, setting)
@@ -226,12 +251,19 @@ def levels(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
 
 
 def _changing(
-    hypothesis: Hypothesis, how: Changes, setting: Setting, load: Array, axis: Axis, rolling_kg: float | None
+    hypothesis: Hypothesis,
+    how: Changes,
+    setting: Setting,
+    load: Array,
+    axis: Axis,
+    rolling_kg: float | None,
 ) -> Iterator[Term]:
     """Forms whose size has change points along one axis."""
     runs = setting.runs
     all_windows = np.ones(len(load), np.bool_)
-    for schedule in hypothesis.search(axis, load, setting.residual, runs, all_windows, change_points.SHARES):
+    for schedule in hypothesis.search(
+        axis, load, setting.residual, runs, all_windows, change_points.SHARES
+    ):
         if _cannot_be(hypothesis, schedule, runs):
             continue
         typical = axis == "place" or change_points.may_change(how, schedule, runs)
@@ -239,10 +271,13 @@ def _changing(
             continue
         typical = typical and not hypothesis.seldom
         rhythm, spread = hypothesis.rhythm(schedule, runs)
-        cost_of_a_change = 1 if change_points.clearly_apart(schedule) else thresholds.COST_OF_A_CHANGE
+        cost_of_a_change = (
+            1 if change_points.clearly_apart(schedule) else thresholds.COST_OF_A_CHANGE
+        )
         hidden = cost_of_a_change * schedule.changes
         if not typical:
-            hidden += 1  # of two effects with the same schedule, the one that it is typical of has the lower BIC
+            # of two effects with the same schedule, the one that it is typical of has the lower BIC
+            hidden += 1
         at_work = schedule.at_work()
         low, high = hypothesis.limits(schedule.levels - 1, hypothesis.signed)
         yield Term(
@@ -266,12 +301,19 @@ def _cannot_be(hypothesis: Hypothesis, schedule: Schedule, runs: Runs) -> bool:
     """Whether the effect cannot have such a schedule, whatever its size."""
     if hypothesis.is_switched and schedule.levels > 2:
         return True  # a switched load is on or off: more levels would fit a drift
-    if schedule.axis == "place" or not hypothesis.by_place or schedule.changes <= hypothesis.most_changes:
+    if (
+        schedule.axis == "place"
+        or not hypothesis.by_place
+        or schedule.changes <= hypothesis.most_changes
+    ):
         return False
-    return change_points.place_of(runs) is not None  # where places are revisited, their ground does not change
+    # where places are revisited, their ground does not change
+    return change_points.place_of(runs) is not None
 
 
-def _along_the_way(hypothesis: Hypothesis, setting: Setting, load: Array, rolling_kg: float | None) -> Iterator[Term]:
+def _along_the_way(
+    hypothesis: Hypothesis, setting: Setting, load: Array, rolling_kg: float | None
+) -> Iterator[Term]:
     """Forms whose size is a smooth profile along the way from base."""
     for hats in change_points.profiles(setting.runs):
         low, high = hypothesis.limits(hats.shape[1])
@@ -293,7 +335,8 @@ def everywhere(hypothesis: Hypothesis, setting: Setting) -> Array:
 
 
 def temperatures(parameter: Parameter) -> Callable[[Setting], Iterator[Numbers]]:
-    """Values tried for a temperature: quantiles of the recorded ones, one beyond them, and 20 degC."""
+    """Values tried for a temperature: quantiles of the recorded ones, one beyond them, and 20
+    degC."""
 
     def shapes(setting: Setting) -> Iterator[Numbers]:
         temperature_c = setting.runs.context["temperature_c"]
@@ -341,7 +384,9 @@ def level_name(name: str, size: int, sizes: int) -> str:
     return f"{name}_level_{size + 1}"
 
 
-def _as_effect(hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
+def _as_effect(
+    hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs
+) -> WithEffects:
     return replace(so_far, effects={**so_far.effects, hypothesis.id: dict(numbers)})
 
 
@@ -357,11 +402,13 @@ def _on_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers)
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One effect or fault of an instrument: its forms with and without a channel that shows it, fit and report."""
+    """One effect or fault of an instrument: its forms with and without a channel that shows it, fit
+    and report."""
 
     entry: Effect | Instrument
 
-    needs: tuple[str, ...] | None = None  # channels that show when it is at work, all needed; None: those of `entry`
+    # channels that show when it is at work, all needed; None: those of `entry`
+    needs: tuple[str, ...] | None = None
     beside: Mapping[str, Numbers] = field(default_factory=dict)  # effects that it requires
     shapes: Callable[[Setting], Iterator[Numbers]] = _defaults  # values of its other parameters
     rises_with: str = ""  # channel that its power rises with in any form; with a minus, falls with
@@ -371,27 +418,37 @@ class Hypothesis:
     signed: bool = False  # whether its size may then also fall below the reference
     seldom: bool = False  # whether such a change is rare
     by_place: bool = False  # whether its size may change from place to place
-    most_changes: int = thresholds.RARE_CHANGES  # changes in time that it may have in places that are revisited
-    of_rolling: bool = False  # whether it is a share of the rolling resistance, in a file as rough ground
-    load: Callable[[Hypothesis, Setting], Array | None] = _response  # as if always at work; None if a channel shows it
-    rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _no_rhythm  # numbers that a schedule shows
+    # changes in time that it may have in places that are revisited
+    most_changes: int = thresholds.RARE_CHANGES
+    # whether it is a share of the rolling resistance, in a file as rough ground
+    of_rolling: bool = False
+    # as if always at work; None if a channel shows it
+    load: Callable[[Hypothesis, Setting], Array | None] = _response
+    # numbers that a schedule shows
+    rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _no_rhythm
     varying: Forms = levels  # forms whose size changes for no recorded reason
 
-    bounds: tuple[float, float] | None = None  # of its size, where they are not those of its first parameter
-    size_names: Callable[[Term], Sequence[tuple[str, str]]] = _level_names  # name and unit of each size
+    # of its size, where they are not those of its first parameter
+    bounds: tuple[float, float] | None = None
+    # name and unit of each size
+    size_names: Callable[[Term], Sequence[tuple[str, str]]] = _level_names
     searched: tuple[Parameter, ...] = ()  # parameters that recordings may identify beside the size
-    within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect  # adds it to a replay
-    reach: Callable[[Runs], Numbers] = _no_reach  # numbers in its file that give the range of the recordings
+    # adds it to a replay
+    within: Callable[[Hypothesis, WithEffects, Numbers, Runs], WithEffects] = _as_effect
+    # numbers in its file that give the range of the recordings
+    reach: Callable[[Runs], Numbers] = _no_reach
     is_weather: bool = False  # whether it is weather, which no robot file contains
 
     map_channel: str = ""  # without it the effect may be that channel's influence
 
-    shown_by: tuple[str, ...] | None = None  # channels that show when it is at work; None: those of `entry`
+    # channels that show when it is at work; None: those of `entry`
+    shown_by: tuple[str, ...] | None = None
     otherwise: str = "while driving"  # when it is at work, if no channel shows it
     check: str = ""  # measurement that identifies it where no drive does; default by kind
     at_wheels: bool = False  # whether it shows in motor current, as every force does
     lies_in: Literal["load", "ground", "route"] | None = None  # what a test drive must include
-    on_drive: Callable[[Hypothesis, Drive, float, Numbers], Array] = _on_drive  # its contribution to a test drive
+    # its contribution to a test drive
+    on_drive: Callable[[Hypothesis, Drive, float, Numbers], Array] = _on_drive
 
     @property
     def id(self) -> str:
@@ -407,7 +464,9 @@ class Hypothesis:
         """Its size and other numbers in a robot file: 0 and none if it is not there."""
         numbers = robot.effects.get(self.id, {})
         switch = self.entry.switch.name
-        return numbers.get(switch, 0.0), {name: value for name, value in numbers.items() if name != switch}
+        return numbers.get(switch, 0.0), {
+            name: value for name, value in numbers.items() if name != switch
+        }
 
     @property
     def physical(self) -> bool:
@@ -421,8 +480,8 @@ class Hypothesis:
 
     @property
     def is_sudden(self) -> bool:
-        """Whether it changes from one moment to the next where no channel shows it: what is switched, loaded or
-        breaks, but neither ground nor weather."""
+        """Whether it changes from one moment to the next where no channel shows it: what is
+        switched, loaded or breaks, but neither ground nor weather."""
         return self.changes in _SUDDEN
 
     @property
@@ -456,7 +515,8 @@ class Hypothesis:
         return np.full(sizes, low), np.full(sizes, high)
 
     def forms(self, setting: Setting, varying: bool) -> Iterator[Term]:
-        """Every form that these runs allow, those whose size changes for no recorded reason only if `varying`."""
+        """Every form that these runs allow, those whose size changes for no recorded reason only if
+        `varying`."""
         if self.steady is not None and not self.missing(setting.runs):
             yield from self.steady(self, setting)
             yield from rising(self, setting)
@@ -464,16 +524,25 @@ class Hypothesis:
             yield from self.varying(self, setting)
 
     def search(
-        self, axis: Axis, load: Array, residual: Array, runs: Runs, windows: Mask, shares: Sequence[float]
+        self,
+        axis: Axis,
+        load: Array,
+        residual: Array,
+        runs: Runs,
+        windows: Mask,
+        shares: Sequence[float],
     ) -> list[Schedule]:
         """Schedules found by a search in these `windows`, shape (windows,), of few changes to many.
 
-        Other windows have the level of those before them. A unit of size adds `load`, shape (windows,), where the
-        effect is at work, and a change must explain such `shares` of the squared residual, the largest first.
+        Other windows have the level of those before them. A unit of size adds `load`, shape
+        (windows,), where the effect is at work, and a change must explain such `shares` of the
+        squared residual, the largest first.
         """
         load = load * windows
         residual = residual * windows
-        schedules = change_points.search(axis, load, residual, runs, self.signed, shares, several=self.is_sudden)
+        schedules = change_points.search(
+            axis, load, residual, runs, self.signed, shares, several=self.is_sudden
+        )
         # An effect that begins once was absent before, however long it lasts.
         if self.changes == "once" and self.signed:
             return [schedule.from_the_first() for schedule in schedules]
@@ -490,7 +559,8 @@ class Hypothesis:
         return tuple(name for name in needs if name not in recorded)
 
     def looks_like(self, rival: Hypothesis, runs: Runs) -> bool:
-        """Whether the two are known to be confounded and no channel of these runs separates them."""
+        """Whether the two are known to be confounded and no channel of these runs separates
+        them."""
         confused = rival.id in self.entry.confused_with or self.id in rival.entry.confused_with
         separating = {*self.entry.needs, *rival.entry.needs}
         not_recorded = separating - {*runs.context, *_ALWAYS_GIVEN}

@@ -1,4 +1,5 @@
-"""The corrected model: nonlinear least squares of refit groups and named effects together, with 95 % intervals."""
+"""The corrected model: nonlinear least squares of refit groups and named effects together, with 95
+% intervals."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ _SHARES_OF_A_STEP = (1.0, 0.5, 0.25, 0.125)  # chosen: if an eighth does not imp
 
 @dataclass(frozen=True)
 class Unknown:
-    """One fitted number of an effect: a level of a schedule, a component of the wind, or a parameter of the kernel."""
+    """One fitted number of an effect: a level of a schedule, a component of the wind, or a
+    parameter of the kernel."""
 
     effect: str
     parameter: str  # name in the robot file or in the report
@@ -38,7 +40,8 @@ class Unknown:
     high: float
     term: int  # which of the terms it belongs to
     column: int | None  # of the term, or None for a parameter of the kernel
-    reference: float = 0.0  # value in the robot file or, of a parameter of the kernel, where its search starts
+    # value in the robot file or, of a parameter of the kernel, where its search starts
+    reference: float = 0.0
 
     @property
     def name(self) -> str:
@@ -73,8 +76,11 @@ class Model:
         sizes = (values - self.reference)[self.of(index)]
         return np.asarray(self.terms[index].columns @ sizes)
 
-    def predict(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> Array:
-        """Prediction, (windows,), by parameters and a value per unknown, without term `leave_out` if given."""
+    def predict(
+        self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None
+    ) -> Array:
+        """Prediction, (windows,), by parameters and a value per unknown, without term `leave_out`
+        if given."""
         added = np.zeros(len(runs.observed))
         for index, term in enumerate(self.terms):
             if term.linear and index != leave_out:
@@ -82,7 +88,9 @@ class Model:
         within = self.within(runs, theta, values, leave_out)
         return self.parameters.predict(runs, theta, within) + added
 
-    def within(self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None) -> WithEffects:
+    def within(
+        self, runs: Runs, theta: Array, values: Array, leave_out: int | None = None
+    ) -> WithEffects:
         """The terms that are not linear in their sizes, as additions to the replay."""
         within = WithEffects()
         for index, term in enumerate(self.terms):
@@ -98,16 +106,20 @@ class Model:
         return within
 
     def share(self, index: int, theta: Array) -> float:
-        """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for other effects.
+        """Factor from fitted sizes to shares of the rolling resistance fitted with them; 1 for
+        other effects.
 
-        Sizes of rough ground are of another C_rr m (`Term.of_rolling_kg`), as only its product with the rise is known.
+        Sizes of rough ground are of another C_rr m (`Term.of_rolling_kg`), as only its product with
+        the rise is known.
         """
         rolling_kg = self.terms[index].of_rolling_kg
         if rolling_kg is None:
             return 1.0
         return rolling_kg / max(float(theta[ROLLING]), 1e-9)
 
-    def _over_ground(self, within: WithEffects, index: int, theta: Array, values: Array) -> WithEffects:
+    def _over_ground(
+        self, within: WithEffects, index: int, theta: Array, values: Array
+    ) -> WithEffects:
         """Rough ground as an addition to the replay, on top of what the robot file has of it."""
         term = self.terms[index]
         assert term.at_work is not None
@@ -124,7 +136,8 @@ class Model:
     def setting(self, runs: Runs, theta: Array, values: Array) -> Setting:
         """Prediction of these parameters and values by a replay, and its residual.
 
-        Flexible forms are in their form in a robot file: a load on top, for example, also makes turning harder.
+        Flexible forms are in their form in a robot file: a load on top, for example, also makes
+        turning harder.
         """
         within = self.within(runs, theta, values)
         for index, term in enumerate(self.terms):
@@ -147,7 +160,8 @@ class Model:
 
 
 def _closest_size(term: Term, added: Array) -> float:
-    """Size at which a term of one size is closest to what another adds, shape (windows,), within its bounds."""
+    """Size at which a term of one size is closest to what another adds, shape (windows,), within
+    its bounds."""
     column = term.columns[:, 0]
     projected = float(column @ added) / max(float(column @ column), 1e-300)
     return float(np.clip(projected, term.low[0], term.high[0]))
@@ -181,16 +195,22 @@ class Corrected:
 
     @property
     def jacobian(self) -> Array:
-        """Derivative of the prediction by groups (in units of `scale`) and unknowns, shape (windows, columns)."""
+        """Derivative of the prediction by groups (in units of `scale`) and unknowns, shape
+        (windows, columns)."""
         return np.column_stack([self.groups.jacobian, self.beside])
 
     def profiles_over(self, group: int) -> list[Term]:
-        """Profiles along the way that contain a group, by its index: more C_rr is rougher ground all along, and only
-        their sum is known."""
+        """Profiles along the way that contain a group, by its index: more C_rr is rougher ground
+        all along, and only their sum is known."""
         profiles = []
         for index, term in enumerate(self.model.terms):
             is_profile = term.axis == "place" and term.schedule is None
-            if is_profile and _spanned(self.groups.jacobian[:, [group]], self.beside[:, self.model.of(index)]).all():
+            if (
+                is_profile
+                and _spanned(
+                    self.groups.jacobian[:, [group]], self.beside[:, self.model.of(index)]
+                ).all()
+            ):
                 profiles.append(term)
         return profiles
 
@@ -212,11 +232,14 @@ class Corrected:
         residual = (observed - self.predicted)[chosen]
         step = _best_step(self.groups, self.model, self.values, self.jacobian[chosen], residual)
         theta, values = _moved(self.groups, self.model, self.values, step)
-        groups = dataclasses.replace(self.groups, theta=theta, predicted=self.predicted + self.jacobian @ step)
+        groups = dataclasses.replace(
+            self.groups, theta=theta, predicted=self.predicted + self.jacobian @ step
+        )
         return dataclasses.replace(self, values=values, groups=groups)
 
     def refitted(self, chosen: Mask, runs: Runs) -> Corrected:
-        """The same fitted to the chosen windows only, by replays, with further steps where one overshoots."""
+        """The same fitted to the chosen windows only, by replays, with further steps where one
+        overshoots."""
         start = _Point(self.theta, self.values, self.predicted, self.jacobian)
         end = _descended(self.groups, self.model, runs, chosen, start, to_first=True)
         groups = dataclasses.replace(self.groups, theta=end.theta, predicted=end.predicted)
@@ -254,7 +277,8 @@ class Corrected:
 def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Corrected:
     """Fit the groups and the named effects together, by Gauss-Newton through the kernel.
 
-    Groups that the refit holds are not fitted; intervals are clustered by `block`, shape (windows,).
+    Groups that the refit holds are not fitted; intervals are clustered by `block`, shape
+    (windows,).
     """
     fit = _without_spanned(fit, terms, runs)
     groups = len(fit.parameters.groups)
@@ -268,9 +292,12 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
         if not loads_depend_on_groups and not _ground_is_at_a_bound(model, point.values):
             break
         model, values = _with_loads_at(model, runs, point.theta, point.values)
-        point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, point.theta, values))
+        point = _descended(
+            fit, model, runs, all_windows, _linearised(fit, model, runs, point.theta, values)
+        )
     contribution = [
-        point.predicted - model.predict(runs, point.theta, point.values, leave_out=index) for index in range(len(terms))
+        point.predicted - model.predict(runs, point.theta, point.values, leave_out=index)
+        for index in range(len(terms))
     ]
     return Corrected(
         model=model,
@@ -295,13 +322,19 @@ class _Point:
 
 
 def _linearised(fit: Refit, model: Model, runs: Runs, theta: Array, values: Array) -> _Point:
-    """Prediction and derivatives at these parameters and values; groups that `fit` holds have no derivative."""
+    """Prediction and derivatives at these parameters and values; groups that `fit` holds have no
+    derivative."""
     predicted = model.predict(runs, theta, values)
-    return _Point(theta, values, predicted, _jacobian(model, runs, theta, values, predicted, fit.held))
+    return _Point(
+        theta, values, predicted, _jacobian(model, runs, theta, values, predicted, fit.held)
+    )
 
 
-def _intervals(model: Model, point: _Point, runs: Runs, block: Index) -> tuple[tuple[float, float], ...]:
-    """95 % interval of each unknown within its bounds, by Student's t with the freedom that blocks leave."""
+def _intervals(
+    model: Model, point: _Point, runs: Runs, block: Index
+) -> tuple[tuple[float, float], ...]:
+    """95 % interval of each unknown within its bounds, by Student's t with the freedom that blocks
+    leave."""
     groups = len(model.parameters.groups)
     residual = runs.observed - point.predicted
     spread = covariance(point.jacobian, residual, block)[groups:, groups:]
@@ -319,7 +352,8 @@ def _intervals(model: Model, point: _Point, runs: Runs, block: Index) -> tuple[t
 
 
 def _ground_is_at_a_bound(model: Model, values: Array) -> bool:
-    """Whether a size of rough ground is at its bound, which is meant as a share of the C_rr m fitted with it."""
+    """Whether a size of rough ground is at its bound, which is meant as a share of the C_rr m
+    fitted with it."""
     lowest, highest = model.bounds
     is_at_bound = (values <= lowest) | (values >= highest)
     of_ground = [model.terms[unknown.term].of_rolling_kg is not None for unknown in model.unknowns]
@@ -327,9 +361,12 @@ def _ground_is_at_a_bound(model: Model, values: Array) -> bool:
 
 
 def _with_loads_at(model: Model, runs: Runs, theta: Array, values: Array) -> tuple[Model, Array]:
-    """The model with the loads of its terms computed at these parameters instead of the refit's, and its values."""
+    """The model with the loads of its terms computed at these parameters instead of the refit's,
+    and its values."""
     setting = model.setting(runs, theta, values)
-    moved = dataclasses.replace(model, terms=tuple(_with_load_of(term, setting) for term in model.terms))
+    moved = dataclasses.replace(
+        model, terms=tuple(_with_load_of(term, setting) for term in model.terms)
+    )
     values = values.copy()
     for index in range(len(model.terms)):
         # Sizes of rough ground as shares of another C_rr m.
@@ -353,7 +390,9 @@ def _as_share_of(term: Term, rolling_kg: float) -> Term:
     """Rough ground with its sizes as shares of another C_rr m, kg."""
     assert term.of_rolling_kg is not None and term.load is not None
     ratio = rolling_kg / term.of_rolling_kg
-    return dataclasses.replace(term, of_rolling_kg=rolling_kg, load=ratio * term.load, columns=ratio * term.columns)
+    return dataclasses.replace(
+        term, of_rolling_kg=rolling_kg, load=ratio * term.load, columns=ratio * term.columns
+    )
 
 
 @dataclass(frozen=True)
@@ -367,11 +406,14 @@ class _Trial:
     squared_error: float  # over the windows that are fitted
 
 
-def _descended(fit: Refit, model: Model, runs: Runs, chosen: Mask, start: _Point, to_first: bool = False) -> _Point:
-    """Gauss-Newton over the chosen windows, each step halved until its replay is better than that before.
+def _descended(
+    fit: Refit, model: Model, runs: Runs, chosen: Mask, start: _Point, to_first: bool = False
+) -> _Point:
+    """Gauss-Newton over the chosen windows, each step halved until its replay is better than that
+    before.
 
-    `fit` gives the free groups and bounds. If `to_first`, it stops after a whole step that is better, with the
-    derivatives of its start: near a fit the linear model holds.
+    `fit` gives the free groups and bounds. If `to_first`, it stops after a whole step that is
+    better, with the derivatives of its start: near a fit the linear model holds.
     """
     point = start
     error = _squared_error(runs, point.predicted, chosen)
@@ -390,8 +432,11 @@ def _descended(fit: Refit, model: Model, runs: Runs, chosen: Mask, start: _Point
     return point
 
 
-def _better_trial(fit: Refit, model: Model, runs: Runs, chosen: Mask, point: _Point, error: float) -> _Trial | None:
-    """The largest share of a Gauss-Newton step whose replay lowers the squared error; None if none does."""
+def _better_trial(
+    fit: Refit, model: Model, runs: Runs, chosen: Mask, point: _Point, error: float
+) -> _Trial | None:
+    """The largest share of a Gauss-Newton step whose replay lowers the squared error; None if none
+    does."""
     at_point = dataclasses.replace(fit, theta=point.theta)
     residual = (runs.observed - point.predicted)[chosen]
     step = _best_step(at_point, model, point.values, point.jacobian[chosen], residual)
@@ -413,7 +458,8 @@ def _squared_error(runs: Runs, predicted: Array, chosen: Mask) -> float:
 
 
 def immaterial(fit: Refit, runs: Runs) -> Mask:
-    """Groups without a material contribution, shape (groups,): beside effects they are held as assumed.
+    """Groups without a material contribution, shape (groups,): beside effects they are held as
+    assumed.
 
     The mass on level ground also enters the force of turning, and would be confounded with it.
     """
@@ -422,7 +468,8 @@ def immaterial(fit: Refit, runs: Runs) -> Mask:
 
 
 def _without_spanned(fit: Refit, terms: Sequence[Term], runs: Runs) -> Refit:
-    """The refit with groups held that a flexible form contains: a line is one of the rising functions."""
+    """The refit with groups held that a flexible form contains: a line is one of the rising
+    functions."""
     flexible = [term.columns for term in terms if term.flexible]
     if not flexible:
         return fit
@@ -433,14 +480,16 @@ def _without_spanned(fit: Refit, terms: Sequence[Term], runs: Runs) -> Refit:
 
 
 def _spanned(jacobian: Array, columns: Array) -> Mask:
-    """Groups, by their columns, that are combinations of others, shape (groups,); both have a row for each window."""
+    """Groups, by their columns, that are combinations of others, shape (groups,); both have a row
+    for each window."""
     weights, *_ = np.linalg.lstsq(columns, jacobian, rcond=None)
     residual = jacobian - columns @ weights
     return np.asarray((residual**2).sum(axis=0) < thresholds.COLLINEAR * (jacobian**2).sum(axis=0))
 
 
 def _unknowns(terms: Sequence[Term], nominal: Robot) -> tuple[Unknown, ...]:
-    """The numbers of these terms that are fitted: sizes, and parameters of the kernel that recordings may identify."""
+    """The numbers of these terms that are fitted: sizes, and parameters of the kernel that
+    recordings may identify."""
     unknowns: list[Unknown] = []
     for index, term in enumerate(terms):
         unknowns += _sizes(index, term, nominal)
@@ -452,9 +501,12 @@ def _unknowns(terms: Sequence[Term], nominal: Robot) -> tuple[Unknown, ...]:
 def _sizes(index: int, term: Term, nominal: Robot) -> list[Unknown]:
     # Shares of the rolling resistance count from none, whatever the file has of the effect.
     in_file = nominal.effects.get(term.effect, {}) if term.of_rolling_kg is None else {}
-    # Bounds of a column that is linear near one size only, such as a lag, do not hold where it is replayed.
+    # Bounds of a column that is linear near one size only, such as a lag, do not hold where it is
+    # replayed.
     is_form_of_kernel = not term.linear and term.at_work is None
-    lows, highs = term.hypothesis.limits(len(term.low)) if is_form_of_kernel else (term.low, term.high)
+    lows, highs = (
+        term.hypothesis.limits(len(term.low)) if is_form_of_kernel else (term.low, term.high)
+    )
     sizes = []
     for column, (name, unit) in enumerate(term.hypothesis.size_names(term)):
         reference = in_file.get(name, 0.0)
@@ -494,8 +546,13 @@ def _searched_parameters(index: int, term: Term) -> list[Unknown]:
 
 def _start(fit: Refit, model: Model, runs: Runs) -> tuple[Array, Array]:
     """Starting parameters and values, by the terms' columns at the shapes that were tried."""
-    per_rolling_kg = None if fit.held[ROLLING] else fit.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
-    columns = [_tried_column(model.terms[unknown.term], unknown, per_rolling_kg) for unknown in model.unknowns]
+    per_rolling_kg = (
+        None if fit.held[ROLLING] else fit.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
+    )
+    columns = [
+        _tried_column(model.terms[unknown.term], unknown, per_rolling_kg)
+        for unknown in model.unknowns
+    ]
     jacobian = np.column_stack([fit.jacobian, *columns])
     step = _best_step(fit, model, model.reference, jacobian, runs.observed - fit.predicted)
     return _moved(fit, model, model.reference, step)
@@ -513,12 +570,20 @@ def _tried_column(term: Term, unknown: Unknown, per_rolling_kg: Array | None) ->
     return term.columns[:, unknown.column]
 
 
-def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: Array, fixed: Mask) -> Array:
-    """Derivatives of the prediction at theta and values, which is `predicted`, shape (windows,), by the groups and the
-    unknowns, (windows, columns); 0 for groups that are `fixed`."""
+def _jacobian(
+    model: Model, runs: Runs, theta: Array, values: Array, predicted: Array, fixed: Mask
+) -> Array:
+    """Derivatives of the prediction at theta and values, which is `predicted`, shape (windows,), by
+    the groups and the unknowns, (windows, columns); 0 for groups that are `fixed`."""
 
     def by_groups(held: Mask) -> list[Array]:
-        return derivatives(model.parameters, theta, predicted, lambda moved: model.predict(runs, moved, values), held)
+        return derivatives(
+            model.parameters,
+            theta,
+            predicted,
+            lambda moved: model.predict(runs, moved, values),
+            held,
+        )
 
     columns = by_groups(fixed)
     by_rolling = columns[ROLLING]
@@ -549,17 +614,20 @@ def _jacobian(model: Model, runs: Runs, theta: Array, values: Array, predicted: 
 
 
 def _column_of_ground(term: Term, column: int, per_rolling_kg: Array) -> Array:
-    """Derivative by a size of rough ground, from that by the C_rr m of all ground, per kg; both of shape (windows,).
+    """Derivative by a size of rough ground, from that by the C_rr m of all ground, per kg; both of
+    shape (windows,).
 
-    A window shows its own ground only, or nearly so if the reading lags. Sizes of a profile add up to C_rr m, and only
-    their sum is known: difference quotients of their own, which err at kinks, would tell them apart.
+    A window shows its own ground only, or nearly so if the reading lags. Sizes of a profile add up
+    to C_rr m, and only their sum is known: difference quotients of their own, which err at kinks,
+    would tell them apart.
     """
     assert term.of_rolling_kg is not None and term.at_work is not None
     return np.asarray(term.of_rolling_kg * term.at_work[:, column] * per_rolling_kg)
 
 
 def _best_step(fit: Refit, model: Model, values: Array, jacobian: Array, residual: Array) -> Array:
-    """Physical step of the groups (in units of `scale`) and of the unknowns that lowers the squared error most."""
+    """Physical step of the groups (in units of `scale`) and of the unknowns that lowers the squared
+    error most."""
     low, high = _bounds(fit, model, values)
     return bounded(jacobian.T @ jacobian, jacobian.T @ residual, low, high)
 

@@ -1,7 +1,9 @@
-"""The menu of test drives: a few manoeuvres that a roboticist can drive, each as a sentence and as a drive to simulate.
+"""The menu of test drives: a few manoeuvres that a roboticist can drive, each as a sentence and as
+a drive to simulate.
 
-All have the same number of samples, so that none gains information by its length. Where a drive changes something that
-no channel records (devices switched on, load, ground), the drive gives its times.
+All have the same number of samples, so that none gains information by its length. Where a drive
+changes something that no channel records (devices switched on, load, ground), the drive gives its
+times.
 """
 
 from collections.abc import Mapping
@@ -20,19 +22,22 @@ SAMPLES = 300
 """Samples of each drive: five minutes at 1 Hz, a longer drive at a lower rate. Chosen."""
 
 KNOWN_MASS = 0.2
-"""Mass that is put on the robot in the drive with a known mass, over its own. Chosen: the largest at `uncertain`."""
+"""Mass that is put on the robot in the drive with a known mass, over its own. Chosen: the largest
+at `uncertain`."""
 
 _ACROSS_RAD = np.pi / 2.0  # heading across the wind, which then has no component along the way
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """One entry of the menu: its instruction in one sentence, and its drive, each level constant or of (SAMPLES,)."""
+    """One entry of the menu: its instruction in one sentence, and its drive, each level constant or
+    of (SAMPLES,)."""
 
     id: str
     sentence: str
     speed: Array | float = 0.0  # over the top speed
-    turning: Array | float = 0.0  # over that of turning on the spot with the wheels at half of the top speed
+    # over that of turning on the spot with the wheels at half of the top speed
+    turning: Array | float = 0.0
     yaw_rate_radps: float = 0.0  # beside it
     heading_rad: Array | None = None  # None: first across the wind, and then as the robot turns
     grade_rad: Array | float = 0.0
@@ -42,7 +47,8 @@ class Manoeuvre:
     switched_on: Array | float = 1.0  # 0: everything is off
     known_mass: Array | float = 0.0  # carried on top, over the robot's own
     step_s: Array | float = 1.0
-    present: Mapping[str, Array | float] = field(default_factory=dict)  # share of the recordings' load, ground, route
+    # share of the recordings' load, ground, route
+    present: Mapping[str, Array | float] = field(default_factory=dict)
 
     def signals(self, robot: Robot, unit: Unit, mean_c: float) -> Signals:
         """The drive of a robot as a recording; headings count from where the wind comes from."""
@@ -50,7 +56,8 @@ class Manoeuvre:
         time_s = np.concatenate([[0.0], np.cumsum(step_s[:-1])])
         speed_mps = robot.max_speed_mps * _per_sample(self.speed)
         sensing_hz = robot.max_sensing_hz * _per_sample(self.sensing)
-        # Wheels at half of the top speed, in opposite directions; without a track width a rate of its own.
+        # Wheels at half of the top speed, in opposite directions; without a track width a rate of
+        # its own.
         fastest_turn_radps = robot.max_speed_mps / robot.track_m if robot.track_m > 0.0 else 1.0
         turning_radps = _per_sample(self.turning) * fastest_turn_radps
         heading_rad = self.heading_rad
@@ -75,7 +82,8 @@ class Manoeuvre:
 
 
 class Drive:
-    """A manoeuvre of the refitted robot: its simulated recording, without any effect and with some."""
+    """A manoeuvre of the refitted robot: its simulated recording, without any effect and with
+    some."""
 
     def __init__(self, fit: Refit, manoeuvre: Manoeuvre, unit: Unit, mean_c: float) -> None:
         self.fit = fit
@@ -84,7 +92,8 @@ class Drive:
         self.plain = self.predict(fit.theta)
 
     def there(self, what: str | None) -> Array | float:
-        """Share of the load, the ground or the route of the recordings that is present, shape (samples,).
+        """Share of the load, the ground or the route of the recordings that is present, shape
+        (samples,).
 
         A hidden slope is on the route where it was found, and not on chosen level ground.
         """
@@ -118,7 +127,8 @@ def _in_turn(*levels: float, times: int = 1) -> Array:
     return np.asarray(series[index], dtype=np.float64)
 
 
-_STOP_AND_GO = np.tile([0.0, 0.0, 0.5, 1.0, 1.0, 0.5], SAMPLES // 6)  # speeding up and slowing down within two seconds
+# speeding up and slowing down within two seconds
+_STOP_AND_GO = np.tile([0.0, 0.0, 0.5, 1.0, 1.0, 0.5], SAMPLES // 6)
 _OUT_AND_BACK = np.minimum(np.arange(SAMPLES), SAMPLES - 1 - np.arange(SAMPLES))
 
 MENU = (

@@ -1,9 +1,11 @@
-"""Whether recorded motion is a confounder: whether it explains a residual, so that no unrecorded cause is needed.
+"""Whether recorded motion is a confounder: whether it explains a residual, so that no unrecorded
+cause is needed.
 
-A schedule of levels in time fits any intermittent cause, also one that a channel shows in a form outside the catalogue.
-Boosted trees on the motion, now and in the minutes before, have no feature of a load or of the ground. If they predict
-held-out runs about as well as the schedule does, its cause was recorded, and the effect must not be named. Nor may
-effects that channels identify, where the trees explain clearly more than they do.
+A schedule of levels in time fits any intermittent cause, also one that a channel shows in a form
+outside the catalogue. Boosted trees on the motion, now and in the minutes before, have no feature
+of a load or of the ground. If they predict held-out runs about as well as the schedule does, its
+cause was recorded, and the effect must not be named. Nor may effects that channels identify, where
+the trees explain clearly more than they do.
 """
 
 from collections.abc import Sequence
@@ -19,10 +21,19 @@ from homeward.diagnosis.fit.held_out import black_box, held_out
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array, Index, Mask
 
-MOTION = ("speed_mps", "accel_mps2", "yaw_rate_radps", "wheel_difference_mps", "grade_rad", "sensing_hz")
-"""Channels of the robot's motion; place and time are left out, as they may be confounded with any change."""
+MOTION = (
+    "speed_mps",
+    "accel_mps2",
+    "yaw_rate_radps",
+    "wheel_difference_mps",
+    "grade_rad",
+    "sensing_hz",
+)
+"""Channels of the robot's motion; place and time are left out, as they may be confounded with any
+change."""
 
-_TIME_CONSTANTS_S = (10.0, 30.0, 100.0, 300.0)  # from a converter to a gearbox; chosen: about threefold each
+# from a converter to a gearbox; chosen: about threefold each
+_TIME_CONSTANTS_S = (10.0, 30.0, 100.0, 300.0)
 
 
 def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: Index) -> float:
@@ -32,12 +43,15 @@ def explained(fit: Fitted, corrected: Fitted, runs: Runs, fold: Index) -> float:
 
 def _held_out_error(model: Fitted, runs: Runs, fold: Index) -> float:
     """Squared error of a model, held out by fold and summed over windows."""
-    residual = runs.observed - held_out(lambda training: model.fitted_to(training, runs.observed).predicted, fold)
+    residual = runs.observed - held_out(
+        lambda training: model.fitted_to(training, runs.observed).predicted, fold
+    )
     return float(residual @ residual)
 
 
 def motion_gain(fit: Fitted, runs: Runs, fold: Index, rng: Generator) -> float:
-    """Share of a model's squared error, held out by fold, that trees on the motion and its history explain."""
+    """Share of a model's squared error, held out by fold, that trees on the motion and its history
+    explain."""
     error = _error_of_trees(fit, runs, fold, rng, channels=MOTION, features=_history(fit, runs))
     return _gain(fit, runs, fold, error)
 
@@ -48,12 +62,14 @@ def _gain(fit: Fitted, runs: Runs, fold: Index, remaining_error: float) -> float
 
 
 def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> float:
-    """Held-out gain of a schedule up to which motion accounts for it, so that no unrecorded cause is needed.
+    """Held-out gain of a schedule up to which motion accounts for it, so that no unrecorded cause
+    is needed.
 
-    Motion that causes a load does so in every run: where there are enough runs, whole ones are held out. Motion that
-    explains half as much there is the cause, unless the time since the start of a run explains more. Within a run the
-    history of the motion is confounded with time: in fewer runs, stretches are held out, cut from each `block`, of
-    shape (windows,), and motion must explain nearly as much.
+    Motion that causes a load does so in every run: where there are enough runs, whole ones are held
+    out. Motion that explains half as much there is the cause, unless the time since the start of a
+    run explains more. Within a run the history of the motion is confounded with time: in fewer
+    runs, stretches are held out, cut from each `block`, of shape (windows,), and motion must
+    explain nearly as much.
     """
     fold, held_out_by = cut_folds(runs, block)
     by_motion = motion_gain(fit, runs, fold, rng)
@@ -67,9 +83,11 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> 
 
 
 def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
-    """The same by the place on the way and the height climbed since the start, with whole runs held out.
+    """The same by the place on the way and the height climbed since the start, with whole runs held
+    out.
 
-    What changes in the same places on other days does not depend on time. 0 of fewer than three runs.
+    What changes in the same places on other days does not depend on time. 0 of fewer than three
+    runs.
     """
     if "place_m" not in runs.context or len(runs.signals) < thresholds.FEWEST_RUNS:
         return 0.0
@@ -80,7 +98,8 @@ def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:
 
 
 def _climbed_m(runs: Runs) -> Array:
-    """Height climbed since the start of each run, m, shape (windows,); level where the grade is unknown."""
+    """Height climbed since the start of each run, m, shape (windows,); level where the grade is
+    unknown."""
     grade_rad = runs.context.get("grade_rad", np.zeros(len(runs.run)))
     # Per metre driven a slope climbs its sine.
     rate_of_climb = np.nan_to_num(np.sin(grade_rad)) * runs.context["speed_mps"]
@@ -92,16 +111,22 @@ def _climbed_m(runs: Runs) -> Array:
 
 
 def trees_beat(named: Fitted, fit: Fitted, runs: Runs, fold: Index, rng: Generator) -> bool:
-    """Whether trees on the present motion, beside a fit, leave less than half of the squared error of a model with
-    effects, held out by fold, shape (windows,): by run, where there are enough."""
+    """Whether trees on the present motion, beside a fit, leave less than half of the squared error
+    of a model with effects, held out by fold, shape (windows,): by run, where there are enough."""
     error = _error_of_trees(fit, runs, fold, rng, channels=MOTION)
     return error < thresholds.HALF * _held_out_error(named, runs, fold)
 
 
 def _error_of_trees(
-    fit: Fitted, runs: Runs, fold: Index, rng: Generator, channels: Sequence[str], features: Sequence[Array] = ()
+    fit: Fitted,
+    runs: Runs,
+    fold: Index,
+    rng: Generator,
+    channels: Sequence[str],
+    features: Sequence[Array] = (),
 ) -> float:
-    """Held-out squared error of boosted trees on channels and further features, (windows,) each, beside a fit."""
+    """Held-out squared error of boosted trees on channels and further features, (windows,) each,
+    beside a fit."""
 
     def predict(training: Mask) -> Array:
         by_fit = fit.fitted_to(training, runs.observed).predicted
@@ -112,7 +137,8 @@ def _error_of_trees(
 
 
 def _history(fit: Fitted, runs: Runs) -> list[Array]:
-    """Load and speed after first-order low-pass filters of several time constants: heat, wetness, stirred-up ground."""
+    """Load and speed after first-order low-pass filters of several time constants: heat, wetness,
+    stirred-up ground."""
     speed_mps = np.abs(runs.context["speed_mps"])
     return [
         _low_pass(values, time_constant_s, runs)
@@ -127,7 +153,8 @@ def _low_pass(values: Array, time_constant_s: float, runs: Runs) -> Array:
     for run in np.unique(runs.run):
         in_run = runs.run == run
         window_s = float(np.median(runs.duration_s[in_run]))
-        # Discrete form of dy/dt = (x - y) / time constant, exact for a constant load within a window.
+        # Discrete form of dy/dt = (x - y) / time constant, exact for a constant load within a
+        # window.
         pole = float(np.exp(-window_s / time_constant_s))
         filtered.append(lfilter([1.0 - pole], [1.0, -pole], values[in_run]))
     return np.concatenate(filtered)

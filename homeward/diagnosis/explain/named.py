@@ -1,4 +1,5 @@
-"""What the naming returns: the named effects with their evidence, those refused, and the score of every hypothesis."""
+"""What the naming returns: the named effects with their evidence, those refused, and the score of
+every hypothesis."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ class Refused:
 
 @dataclass(frozen=True)
 class Naming:
-    """The named effects and the score of every hypothesis; `absorbed` is each effect's share that the refit absorbs."""
+    """The named effects and the score of every hypothesis; `absorbed` is each effect's share that
+    the refit absorbs."""
 
     named: tuple[Named, ...] = ()
     corrected: Corrected | None = None  # the model with them, where any is named

@@ -1,8 +1,9 @@
 """Which physics is missing: sets of effects, each scored at its own joint replay.
 
-Hypotheses are screened by their linear response beside the model so far, alone and in pairs. The most promising are
-fitted together with the parameters through the replay, and the simplest set that predicts held-out windows about best
-is taken if each of its effects meets the conditions (`homeward.diagnosis.explain.conditions`). So it goes on beside it.
+Hypotheses are screened by their linear response beside the model so far, alone and in pairs. The
+most promising are fitted together with the parameters through the replay, and the simplest set that
+predicts held-out windows about best is taken if each of its effects meets the conditions
+(`homeward.diagnosis.explain.conditions`). So it goes on beside it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,14 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.candidate import Candidate, EffectSet
 from homeward.diagnosis.explain.catalogue import terms
 from homeward.diagnosis.explain.channel_effects.meter import not_contradicted
-from homeward.diagnosis.explain.conditions import BEFORE_PLACEBOS, BEFORE_REPLAYS, CONDITIONS, Condition, judge, passes
+from homeward.diagnosis.explain.conditions import (
+    BEFORE_PLACEBOS,
+    BEFORE_REPLAYS,
+    CONDITIONS,
+    Condition,
+    judge,
+    passes,
+)
 from homeward.diagnosis.explain.hypothesis import Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model, immaterial
 from homeward.diagnosis.explain.named import Named, Naming, Ranked, Refused
@@ -38,9 +46,11 @@ from homeward.logs.channels import Array, Index, Mask
 _SINGLES = 6
 _BY_INNOVATIONS = 3
 _PAIRS = 3
-_WORTH_JUDGING = 0.5  # share of the least gain that a linearised replay must reach; chosen: bounds the time
+# share of the least gain that a linearised replay must reach; chosen: bounds the time
+_WORTH_JUDGING = 0.5
 _DIGITS = 9  # of an error over that of the base, to which sets are compared: above rounding; chosen
-_PAIRED = 12  # single hypotheses that are screened in pairs; chosen: 66 pairs, which bounds the time
+# single hypotheses that are screened in pairs; chosen: 66 pairs, which bounds the time
+_PAIRED = 12
 
 
 def name_missing(
@@ -52,13 +62,16 @@ def name_missing(
     varying: bool = True,
     waived: Collection[str] = (),
 ) -> Naming:
-    """Name the effects that explain the residual of the refit; windows of one block, (windows,), are dependent.
+    """Name the effects that explain the residual of the refit; windows of one block, (windows,),
+    are dependent.
 
-    Effects whose size changes for no recorded reason are tried only if `varying`. Conditions that an experiment has
-    `waived` refuse nothing.
+    Effects whose size changes for no recorded reason are tried only if `varying`. Conditions that
+    an experiment has `waived` refuse nothing.
     """
     material = holding(fit, runs, immaterial(fit, runs))
-    search = _Search(fit=fit, material=material, runs=runs, block=block, rng=rng, varying=varying, waived=waived)
+    search = _Search(
+        fit=fit, material=material, runs=runs, block=block, rng=rng, varying=varying, waived=waived
+    )
     selection = _Selection(EffectSet(fit, runs, block, rng))
     naming = Naming()
     while len(selection.named) < thresholds.MOST_EFFECTS:
@@ -73,7 +86,9 @@ def name_missing(
     model = selection.effects.model
     # Where nothing is named, the set is empty and its model the refit.
     corrected = model if isinstance(model, Corrected) else None
-    return replace(naming, named=selection.named, corrected=corrected, refused=tuple(search.refused))
+    return replace(
+        naming, named=selection.named, corrected=corrected, refused=tuple(search.refused)
+    )
 
 
 @dataclass(frozen=True)
@@ -121,8 +136,8 @@ class _Search:
         )
 
     def extended(self, selection: _Selection, bench: Bench) -> _Selection | None:
-        """The effects with one or two more: the simplest of the sets that predict about best and meet all
-        conditions."""
+        """The effects with one or two more: the simplest of the sets that predict about best and
+        meet all conditions."""
         trials = self._trials(selection.effects, bench)
         base_error = self.runs.squared_error(self._held_out(selection.effects.model))
         standing = trials
@@ -140,13 +155,20 @@ class _Search:
                 standing = [rival for rival in standing if rival is not trial]
         return None
 
-    def _promises(self, trial: _Trial, trials: Sequence[_Trial], selection: _Selection, base_error: float) -> bool:
-        """Whether a set may meet the least gain: by its linearised replay, each of its effects reaches half of it."""
+    def _promises(
+        self, trial: _Trial, trials: Sequence[_Trial], selection: _Selection, base_error: float
+    ) -> bool:
+        """Whether a set may meet the least gain: by its linearised replay, each of its effects
+        reaches half of it."""
         noise = 0.0 if selection.named else power_noise(self.runs)
         least_share = _WORTH_JUDGING * thresholds.SMALLEST_GAIN_TO_NAME
         if trial.is_single:
             return base_error - trial.squared_error >= least_share * (base_error - noise)
-        error_of_halves = [half.squared_error for half in trials if half.is_single and half.indices[0] in trial.indices]
+        error_of_halves = [
+            half.squared_error
+            for half in trials
+            if half.is_single and half.indices[0] in trial.indices
+        ]
         return all(error - trial.squared_error >= least_share * error for error in error_of_halves)
 
     def _trials(self, effects: EffectSet, bench: Bench) -> list[_Trial]:
@@ -188,7 +210,8 @@ class _Search:
     def _judged(
         self, selection: _Selection, bench: Bench, trial: _Trial, trials: Sequence[_Trial]
     ) -> tuple[_Selection | None, tuple[Checked, ...]]:
-        """The set with the evidence for each effect that it adds, or None and the checks of one that is refused."""
+        """The set with the evidence for each effect that it adds, or None and the checks of one
+        that is refused."""
         as_tried = EffectSet(trial.model, self.runs, self.block, self.rng)
         candidates = self._candidates(selection, bench, trial, trials, as_tried)
         for candidate in candidates:
@@ -199,7 +222,11 @@ class _Search:
         forms = [_with_plain(candidate.bench, candidate.index) for candidate in candidates]
         effects = self._fitted([*selection.effects.terms, *forms])
         candidates = [
-            replace(candidate, with_it=effects, find=partial(self._at_index, candidate.bench, candidate.index))
+            replace(
+                candidate,
+                with_it=effects,
+                find=partial(self._at_index, candidate.bench, candidate.index),
+            )
             for candidate in candidates
         ]
         checks_of_all = []
@@ -217,7 +244,9 @@ class _Search:
         extended = _Selection(effects, (*selection.named, *named))
         return self._without_needless(extended, new=len(named)), checks_of_all[-1]
 
-    def _named(self, candidate: Candidate, checks: tuple[Checked, ...], trials: Sequence[_Trial] | None) -> Named:
+    def _named(
+        self, candidate: Candidate, checks: tuple[Checked, ...], trials: Sequence[_Trial] | None
+    ) -> Named:
         """A candidate that meets the conditions, with the evidence for it."""
         return Named(
             term=candidate.term,
@@ -229,7 +258,9 @@ class _Search:
             checks=checks,
         )
 
-    def _checks(self, candidate: Candidate, conditions: Sequence[Condition[Candidate]]) -> tuple[Checked, ...]:
+    def _checks(
+        self, candidate: Candidate, conditions: Sequence[Condition[Candidate]]
+    ) -> tuple[Checked, ...]:
         checks = judge(candidate, self.waived, conditions)
         if not passes(checks, self.waived):
             self.refused.append(Refused(candidate.term.effect, checks))
@@ -244,7 +275,9 @@ class _Search:
         with_it: EffectSet,
     ) -> list[Candidate]:
         """Each effect that a set adds, beside the set without it."""
-        models_of_singles = {single.indices[0]: single.model for single in trials if single.is_single}
+        models_of_singles = {
+            single.indices[0]: single.model for single in trials if single.is_single
+        }
         candidates = []
         for position, index in enumerate(trial.indices):
             without = selection.effects
@@ -285,8 +318,8 @@ class _Search:
         return bench, len(bench.candidates) - 1
 
     def _without_needless(self, selection: _Selection, new: int) -> _Selection:
-        """The effects that are still needed beside the `new` effects: without each, held-out windows are predicted
-        worse by the least share of what it leaves."""
+        """The effects that are still needed beside the `new` effects: without each, held-out
+        windows are predicted worse by the least share of what it leaves."""
         effects = selection.effects
         named = list(selection.named)
         earlier = selection.named[: len(named) - new]
@@ -297,11 +330,14 @@ class _Search:
             if gain < thresholds.SMALLEST_GAIN_TO_NAME:
                 effects = without
                 named = remaining
-        as_fitted = [replace(effect, term=term) for effect, term in zip(named, effects.terms, strict=True)]
+        as_fitted = [
+            replace(effect, term=term) for effect, term in zip(named, effects.terms, strict=True)
+        ]
         return _Selection(effects, tuple(as_fitted))
 
     def _fitted(self, forms: Sequence[Term]) -> EffectSet:
-        """Effects fitted together, flexible ones in the form of a robot file where that fits as well."""
+        """Effects fitted together, flexible ones in the form of a robot file where that fits as
+        well."""
         if not forms:
             return EffectSet(self.fit, self.runs, self.block, self.rng)
         model = fit_model(self.material, forms, self.runs, self.block)
@@ -315,15 +351,19 @@ class _Search:
         return EffectSet(model, self.runs, self.block, self.rng)
 
     def _rivals(self, named: Candidate, trials: Sequence[_Trial] | None) -> tuple[Term, ...]:
-        """Other effects whose own joint replay meets the conditions and explains as much as a named one, best first.
+        """Other effects whose own joint replay meets the conditions and explains as much as a named
+        one, best first.
 
-        That is nearly all of it or, of effects that are known to be confounded and that no recorded channel
-        separates, half of it. Without `trials` beside the set without it, those of single effects are made.
+        That is nearly all of it or, of effects that are known to be confounded and that no recorded
+        channel separates, half of it. Without `trials` beside the set without it, those of single
+        effects are made.
         """
         if trials is None:
             trials = self._trials_of_singles(named.without, named.bench)
         base_error = self.runs.squared_error(self._held_out(named.without.model))
-        explained = base_error - self._replayed(named.without, named.bench, (named.index,)).squared_error
+        explained = (
+            base_error - self._replayed(named.without, named.bench, (named.index,)).squared_error
+        )
         singles = [trial for trial in trials if trial.is_single]
         rivals: dict[str, Term] = {}
         for trial in sorted(singles, key=lambda single: single.squared_error):
@@ -368,26 +408,28 @@ class _Trial:
 
     @property
     def rank(self) -> tuple[int, bool, bool, bool]:
-        """Simpler is less: few effects, physics before a fault of an instrument, what channels show before a
-        schedule, and a change that is typical of the effect before another."""
+        """Simpler is less: few effects, physics before a fault of an instrument, what channels show
+        before a schedule, and a change that is typical of the effect before another."""
         has_a_fault = any(not form.hypothesis.physical for form in self.forms)
         is_atypical = any(not form.typical for form in self.forms)
         return len(self.forms), has_a_fault, not self.steady, is_atypical
 
 
 def _simplest_first(trials: Sequence[_Trial], base_error: float) -> list[_Trial]:
-    """Sets that predict better than the base: first those that predict about best, the simplest of them first, then
-    the others, best first.
+    """Sets that predict better than the base: first those that predict about best, the simplest of
+    them first, then the others, best first.
 
-    A schedule fits any intermittent cause at least as well as the cause itself: what channels show is preferred though
-    it explains less. Two effects of one load and one schedule differ by rounding only: the order of the catalogue
-    decides between them.
+    A schedule fits any intermittent cause at least as well as the cause itself: what channels show
+    is preferred though it explains less. Two effects of one load and one schedule differ by
+    rounding only: the order of the catalogue decides between them.
     """
 
     def error_then_place(trial: _Trial) -> tuple[float, tuple[int, ...]]:
         return round(trial.squared_error / base_error, _DIGITS), trial.indices
 
-    better = sorted((trial for trial in trials if trial.squared_error < base_error), key=error_then_place)
+    better = sorted(
+        (trial for trial in trials if trial.squared_error < base_error), key=error_then_place
+    )
     if not better:
         return []
     smallest_error = better[0].squared_error
@@ -395,28 +437,35 @@ def _simplest_first(trials: Sequence[_Trial], base_error: float) -> list[_Trial]
 
     def predicts_about_best(trial: _Trial) -> bool:
         if trial.steady and not steady_is_best:
-            return base_error - trial.squared_error >= thresholds.SIMPLER * (base_error - smallest_error)
+            return base_error - trial.squared_error >= thresholds.SIMPLER * (
+                base_error - smallest_error
+            )
         return trial.squared_error <= thresholds.NO_WORSE * smallest_error
 
-    about_best = sorted((trial for trial in better if predicts_about_best(trial)), key=lambda trial: trial.rank)
+    about_best = sorted(
+        (trial for trial in better if predicts_about_best(trial)), key=lambda trial: trial.rank
+    )
     worse = [trial for trial in better if not predicts_about_best(trial)]
     return [*about_best, *worse]
 
 
 def _outdone(trial: _Trial, refused: _Trial, base_error: float) -> bool:
-    """Whether a set that only placebos refuse explains more: what channels show is not barred by a schedule, nor steps
-    by a drift."""
+    """Whether a set that only placebos refuse explains more: what channels show is not barred by a
+    schedule, nor steps by a drift."""
     if trial.steady and not refused.steady:
         return False
     if trial.sudden and not refused.sudden:
         return False
-    return base_error - trial.squared_error < thresholds.RIVAL_SHARE * (base_error - refused.squared_error)
+    return base_error - trial.squared_error < thresholds.RIVAL_SHARE * (
+        base_error - refused.squared_error
+    )
 
 
 def _screened(bench: Bench) -> list[tuple[int, ...]]:
     """Hypotheses that promise most by their linear responses beside the base.
 
-    By BIC and by innovations: a slow cause that is not found makes the residual correlated, and steps stand out of it.
+    By BIC and by innovations: a slow cause that is not found makes the residual correlated, and
+    steps stand out of it.
     """
     by_bic = _promising(bench)
     by_innovations = sorted(by_bic, key=bench.innovations_bic, reverse=True)
@@ -451,7 +500,9 @@ def _promising(bench: Bench) -> list[int]:
     if not bench.candidates:
         return []
     independent = bench.independent(int(np.argmax(bench.shares)))  # the same for all
-    scores = np.array([bench.score(float(share), independent, index) for index, share in enumerate(bench.shares)])
+    scores = np.array(
+        [bench.score(float(share), independent, index) for index, share in enumerate(bench.shares)]
+    )
     return [index for index in _best_forms(bench, scores) if bench.shares[index] > 0.0]
 
 

@@ -1,6 +1,8 @@
-"""Where and when a mismatch occurs or an effect is at work: stretches of the recordings and a condition in words.
+"""Where and when a mismatch occurs or an effect is at work: stretches of the recordings and a
+condition in words.
 
-A condition on a channel is one split of its values, by least squares or by its overlap with the stretches.
+A condition on a channel is one split of its values, by least squares or by its overlap with the
+stretches.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,7 +25,8 @@ _DECIMALS = 6  # of a value: means of what is zero differ by rounding
 
 @dataclass(frozen=True)
 class Location:
-    """The located condition: in words, for which windows it holds, and where that is in each recording."""
+    """The located condition: in words, for which windows it holds, and where that is in each
+    recording."""
 
     condition: str
     inside: Mask  # (windows,)
@@ -37,13 +40,17 @@ class Location:
 
 
 def locate(dependence: Dependence, runs: Runs) -> Location:
-    """Find the split of a channel's values that separates the excess best, and describe it in words."""
+    """Find the split of a channel's values that separates the excess best, and describe it in
+    words."""
     channel = dependence.channel
     if channel.name == "time_s":
         return _locate_in_time(dependence, runs)
     recorded = dependence.bin >= 0
     # A trace of a window in each bin: an empty one does not divide by zero.
-    windows = np.bincount(dependence.bin[recorded], minlength=len(dependence.effect)).astype(np.float64) + 1e-9
+    windows = (
+        np.bincount(dependence.bin[recorded], minlength=len(dependence.effect)).astype(np.float64)
+        + 1e-9
+    )
     split, above = _best_split(dependence.effect, windows)
     # The mean of the two bin centres: the common edge may lie in the noise around a frequent value.
     limit = float(dependence.centre[split - 1 : split + 1].mean())
@@ -54,7 +61,10 @@ def locate(dependence: Dependence, runs: Runs) -> Location:
     bins = np.arange(len(windows))
     outside = bins < split if above else bins >= split
     level_of_rest = np.average(dependence.effect[outside], weights=windows[outside])
-    excess = np.where(recorded, dependence.effect[dependence.bin] - level_of_rest, 0.0) * dependence.weight
+    excess = (
+        np.where(recorded, dependence.effect[dependence.bin] - level_of_rest, 0.0)
+        * dependence.weight
+    )
     words = _words(channel, above, limit)
     share = _shares(excess, runs) * inside
     return Location(
@@ -73,10 +83,11 @@ def _beyond(values: Array, limit: float, above: bool) -> Mask:
 
 
 def _best_split(effect: Array, weight: Array) -> tuple[int, bool]:
-    """First bin above the split with the largest sum of squares between its sides, and whether the upper side is
-    chosen.
+    """First bin above the split with the largest sum of squares between its sides, and whether the
+    upper side is chosen.
 
-    The chosen side is the rarer one if the other is twice as large, or else the one where more is drawn than predicted.
+    The chosen side is the rarer one if the other is twice as large, or else the one where more is
+    drawn than predicted.
     """
     weights = np.cumsum(weight)
     sums = np.cumsum(weight * effect)
@@ -102,7 +113,9 @@ def _plain(value: float) -> str:
     >>> _plain(0.20417), _plain(412.0), _plain(-0.0)
     ('0.2', '410', '0')
     """
-    return np.format_float_positional(value + 0.0, precision=2, unique=False, fractional=False, trim="-")
+    return np.format_float_positional(
+        value + 0.0, precision=2, unique=False, fractional=False, trim="-"
+    )
 
 
 def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
@@ -125,7 +138,8 @@ def _locate_in_time(dependence: Dependence, runs: Runs) -> Location:
 
 
 def stretches(inside: Mask, runs: Runs, pause_s: float = 0.0) -> Iterator[tuple[int, slice]]:
-    """Run and windows of each stretch; a stretch continues over pauses that are shorter than this."""
+    """Run and windows of each stretch; a stretch continues over pauses that are shorter than
+    this."""
     for run in range(len(runs.signals)):
         windows = np.flatnonzero(inside & (runs.run == run))
         if not len(windows):
@@ -147,10 +161,15 @@ def _shares(excess: Array, runs: Runs) -> Array:
 
 
 def _cut(
-    inside: Mask, share: Array, runs: Runs, condition: str | None, pause_s: float = 0.0, to_edges: bool = False
+    inside: Mask,
+    share: Array,
+    runs: Runs,
+    condition: str | None,
+    pause_s: float = 0.0,
+    to_edges: bool = False,
 ) -> tuple[Place, ...]:
-    """Each stretch with its share of the excess, from the middle of its first window to that of its last or, if
-    `to_edges`, from edge to edge."""
+    """Each stretch with its share of the excess, from the middle of its first window to that of its
+    last or, if `to_edges`, from edge to edge."""
     start_s, end_s = runs.time_s, runs.time_s
     if to_edges:
         start_s = runs.time_s - runs.duration_s / 2.0
@@ -196,16 +215,21 @@ def _at_work(contribution: Array) -> Mask:
     return np.asarray(size > thresholds.AT_WORK * float(np.quantile(size, 0.99)))
 
 
-def places_of(contribution: Array, runs: Runs, condition: str | None, inside: Mask | None = None) -> tuple[Place, ...]:
+def places_of(
+    contribution: Array, runs: Runs, condition: str | None, inside: Mask | None = None
+) -> tuple[Place, ...]:
     """Stretches in which an effect was at work, each with its share of the effect's energy.
 
-    Without a condition in words, the words give the time of a stretch in its run; without `inside`, shape (windows,),
-    the effect is at work where its contribution, shape (windows,), exceeds `AT_WORK` of its 0.99 quantile.
+    Without a condition in words, the words give the time of a stretch in its run; without `inside`,
+    shape (windows,), the effect is at work where its contribution, shape (windows,), exceeds
+    `AT_WORK` of its 0.99 quantile.
     """
     if inside is None:
         inside = _at_work(contribution)
     share = _shares(contribution, runs)
-    return _cut(inside, share, runs, condition, pause_s=thresholds.SHORTEST_LEVEL * WINDOW_S, to_edges=True)
+    return _cut(
+        inside, share, runs, condition, pause_s=thresholds.SHORTEST_LEVEL * WINDOW_S, to_edges=True
+    )
 
 
 def places(term: Term, contribution: Array, runs: Runs) -> tuple[Place, ...]:
@@ -265,7 +289,8 @@ def total_share(contribution: Array, runs: Runs) -> float:
 
 
 def _condition_of(channel: ResidualChannel, contribution: Array, runs: Runs) -> str | None:
-    """The values of a channel at which an effect is at work, in words; None if they overlap too little."""
+    """The values of a channel at which an effect is at work, in words; None if they overlap too
+    little."""
     values = runs.context.get(channel.name)
     if values is None:
         return None

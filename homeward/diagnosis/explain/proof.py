@@ -1,15 +1,16 @@
 """Evidence for hypotheses: held-out error by cross-validation, BIC, and p-values by placebo tests.
 
-Each is fitted beside the refit. Levels of a schedule are searched anew in every fold, on its training windows. Where an
-effect changes in time, stretches of a few windows are held out, as the windows around them determine its level;
-elsewhere whole blocks are.
+Each is fitted beside the refit. Levels of a schedule are searched anew in every fold, on its
+training windows. Where an effect changes in time, stretches of a few windows are held out, as the
+windows around them determine its level; elsewhere whole blocks are.
 
-Hypotheses without a search are all tried on placebos, residuals whose blocks have random signs, which keeps
-autocorrelation and heteroscedasticity (wild cluster bootstrap: Cameron, Gelbach & Miller, 2008), and the largest score
-counts (Westfall & Young, 1993). A search is repeated on every placebo, until some score as high (Besag & Clifford,
-1991): also on random signs of blocks or, for repeated changes, on surrogates, Gaussian noise of the same spectrum
-(Theiler et al., 1992), which has no levels. The p-value comes from the exponential tail of their scores (Winkler
-et al., 2016), times the number of kinds of searches: those of one kind differ only in the load.
+Hypotheses without a search are all tried on placebos, residuals whose blocks have random signs,
+which keeps autocorrelation and heteroscedasticity (wild cluster bootstrap: Cameron, Gelbach &
+Miller, 2008), and the largest score counts (Westfall & Young, 1993). A search is repeated on every
+placebo, until some score as high (Besag & Clifford, 1991): also on random signs of blocks or, for
+repeated changes, on surrogates, Gaussian noise of the same spectrum (Theiler et al., 1992), which
+has no levels. The p-value comes from the exponential tail of their scores (Winkler et al., 2016),
+times the number of kinds of searches: those of one kind differ only in the load.
 """
 
 from __future__ import annotations
@@ -32,19 +33,23 @@ from homeward.logs.autocorrelation import independent_windows, innovations, nois
 from homeward.logs.channels import Array, Index, Mask
 
 DRAWS = 1999
-"""Residuals with random signs: the least p-value is then 0.0005, a twentieth of FALSE_ALARM_RATE."""
+"""Residuals with random signs: the least p-value is then 0.0005, a twentieth of
+FALSE_ALARM_RATE."""
 _SEARCHES = 39
 _LARGEST = 10  # a quarter of the scores, whose mean estimates the tail within a third
 _MORE = 4  # times as many searches where p is close to the limit; chosen
 _CLOSE = 10.0  # within this factor of the limit; chosen
-_AS_GOOD = 3  # placebos with as high a score that end a search; chosen: p is then 0.02 or more, above the limit
+# placebos with as high a score that end a search; chosen: p is then 0.02 or more, above the limit
+_AS_GOOD = 3
 _AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
-_WORTH_A_LOOK = 0.005  # log of the ratio of held-out errors above which windows are counted; chosen: 0.5 %
+# log of the ratio of held-out errors above which windows are counted; chosen: 0.5 %
+_WORTH_A_LOOK = 0.005
 
 
 @dataclass(frozen=True)
 class _Split:
-    """One fold: its columns, their products and those with the target, over training and held-out windows."""
+    """One fold: its columns, their products and those with the target, over training and held-out
+    windows."""
 
     held_out: Mask  # (windows,)
     design: Array  # (windows, columns), the target last
@@ -99,14 +104,17 @@ class Bench:
             term = self.candidates[searched[0]]
             if term.axis != axis or term.schedule is None or term.load is None:
                 continue
-            schedules = term.hypothesis.search(term.schedule.axis, term.load, self.target, self.runs, training, shares)
+            schedules = term.hypothesis.search(
+                term.schedule.axis, term.load, self.target, self.runs, training, shares
+            )
             for index in searched:
                 columns[index] = _as_searched(self.candidates[index], schedules, training)
         return self._split(held_out, columns)
 
     @cached_property
     def _searches(self) -> list[tuple[list[int], list[float]]]:
-        """Hypotheses that share a search, as effects of one load do, and its penalties, the largest first."""
+        """Hypotheses that share a search, as effects of one load do, and its penalties, the largest
+        first."""
         searched_by_load: dict[tuple[bool, str, bytes], list[int]] = {}
         for index, term in enumerate(self.candidates):
             if term.schedule is not None and term.load is not None:
@@ -146,7 +154,9 @@ class Bench:
 
     def _in_time(self, indices: tuple[int, ...]) -> bool:
         """Whether some size changes at estimated moments: then stretches are held out."""
-        return any(term.axis == "time" and term.schedule is not None for term in self._terms(indices))
+        return any(
+            term.axis == "time" and term.schedule is not None for term in self._terms(indices)
+        )
 
     def _splits(self, in_time: bool) -> tuple[_Split, ...]:
         return self._by_stretch if in_time else self._by_block
@@ -195,34 +205,39 @@ class Bench:
         return self._error_of((), self._in_time(indices))
 
     def score(self, share: float, independent: float, *indices: int) -> float:
-        """Reduction of BIC by these hypotheses beside the base, from held-out share and effective sample size."""
+        """Reduction of BIC by these hypotheses beside the base, from held-out share and effective
+        sample size."""
         misfit = -independent * np.log(max(1.0 - share, 1e-300))
         return float(misfit - self._freedom(indices) * np.log(independent))
 
     def held_out_bic(self, *indices: int) -> float:
         """The same, with the effective sample size of their residual."""
         share = self.share(*indices)
-        # Counting independent windows takes time: of what hardly explains anything the least number does.
+        # Counting independent windows takes time: of what hardly explains anything the least number
+        # does.
         worth_a_look = -np.log(max(1.0 - share, 1e-300)) > _WORTH_A_LOOK
         independent = self.independent(*indices) if worth_a_look else 2.0
         return self.score(share, independent, *indices)
 
     def innovations_bic(self, index: int) -> float:
-        """The same from the likelihoods of autoregressive residuals (intervention analysis: Box & Tiao, 1975): steps
-        stand out from their innovations, and a drift that levels follow does not."""
+        """The same from the likelihoods of autoregressive residuals (intervention analysis: Box &
+        Tiao, 1975): steps stand out from their innovations, and a drift that levels follow does
+        not."""
         windows = len(self.target)
         gained = self._innovation(()) - self._innovation((index,))
         return float(windows * gained - self._freedom((index,)) * np.log(windows))
 
     def is_in_steps(self, index: int) -> bool:
-        """Whether its size changes in steps that stand out from the innovations, unlike levels that follow a drift."""
+        """Whether its size changes in steps that stand out from the innovations, unlike levels that
+        follow a drift."""
         term = self.candidates[index]
         if term.axis != "time" or term.schedule is None:
             return False
         return self.innovations_bic(index) >= thresholds.STRONG_BIC
 
     def delta_bic(self, index: int) -> float:
-        """Evidence for one hypothesis: from the held-out share or, of one in steps, from the innovations if more."""
+        """Evidence for one hypothesis: from the held-out share or, of one in steps, from the
+        innovations if more."""
         by_share = self.held_out_bic(index)
         if self.is_in_steps(index):
             return max(by_share, self.innovations_bic(index))
@@ -242,10 +257,12 @@ class Bench:
         return cache(log_mean_square)
 
     def independent(self, *indices: int) -> float:
-        """Effective sample size, windows, by the autocorrelation time of the residual of these hypotheses.
+        """Effective sample size, windows, by the autocorrelation time of the residual of these
+        hypotheses.
 
-        The residual of a wrong model has the autocorrelation of what it lacks, and counts for less. But steps that are
-        clearly above the residual are identified by the windows around them, so that only short lags count.
+        The residual of a wrong model has the autocorrelation of what it lacks, and counts for less.
+        But steps that are clearly above the residual are identified by the windows around them, so
+        that only short lags count.
         """
         residual = self._residual(indices)
         schedules = [self.candidates[index].schedule for index in indices]
@@ -266,7 +283,8 @@ class Bench:
         return self._residual(()) if self.in_base else self.target
 
     def absorbed(self) -> dict[str, float]:
-        """Share of each effect that the refit absorbs (R^2 of its columns on the refit's): the least of its forms."""
+        """Share of each effect that the refit absorbs (R^2 of its columns on the refit's): the
+        least of its forms."""
         gram = self._whole.training_gram
         base = np.arange(self.model.jacobian.shape[1])
         # Groups that are held have columns of zeros.
@@ -281,7 +299,8 @@ class Bench:
         return shares
 
     def p_value(self, index: int, independent: float, rng: np.random.Generator) -> float:
-        """P-value: how often noise alone gives some hypothesis as high a score, a search repeated on every placebo."""
+        """P-value: how often noise alone gives some hypothesis as high a score, a search repeated
+        on every placebo."""
         term = self.candidates[index]
         if term.schedule is None:
             reached = self.score(self.share(index), independent, index)
@@ -311,13 +330,15 @@ class Bench:
         return p_value
 
     def _best_of_noise(self, independent: float, rng: np.random.Generator) -> Array:
-        """Score of the best hypothesis without a search, for residuals with random signs of blocks, shape (draws,)."""
+        """Score of the best hypothesis without a search, for residuals with random signs of blocks,
+        shape (draws,)."""
         splits = self._by_block
         design = splits[0].design[:, :-1]  # without the target
         moments = per_block(design * self._unexplained[:, None], self.block)
         signs = rng.choice([-1.0, 1.0], (DRAWS, len(moments)))
         fold_of_block = np.arange(len(moments)) % FOLDS
-        # Products of the columns with each draw, shape (draws, columns), over training and held-out blocks of a fold.
+        # Products of the columns with each draw, shape (draws, columns), over training and held-out
+        # blocks of a fold.
         training = []
         held_out = []
         for fold in range(FOLDS):
@@ -345,11 +366,14 @@ class Bench:
         for index, term in enumerate(self.candidates):
             if term.schedule is None and index not in self.in_base:
                 log_ratio = log_error_of_base - np.log(errors((index,)))
-                highest = np.maximum(highest, independent * log_ratio + self.score(0.0, independent, index))
+                highest = np.maximum(
+                    highest, independent * log_ratio + self.score(0.0, independent, index)
+                )
         return highest
 
     def _placebos(self, index: int, rng: np.random.Generator) -> Iterator[Array]:
-        """Targets under the null hypothesis, (windows,) each; blocks of one sign outlast the residual's correlation."""
+        """Targets under the null hypothesis, (windows,) each; blocks of one sign outlast the
+        residual's correlation."""
         block = cut_blocks(self.runs.run, self._residual((index,)))
         blocks = int(block.max()) + 1
         for _ in range(_MORE * _SEARCHES):
@@ -360,11 +384,13 @@ class Bench:
                 yield self._unexplained * signs[block]
 
     def _score_of_search(self, term: Term, target: Array) -> float:
-        """Score of the best schedule of an effect that a search in this target finds, each fold searched by itself."""
+        """Score of the best schedule of an effect that a search in this target finds, each fold
+        searched by itself."""
         schedules_of_effect = tuple(
             candidate
             for candidate in self.candidates
-            if candidate.schedule is not None and (candidate.effect, candidate.axis) == (term.effect, term.axis)
+            if candidate.schedule is not None
+            and (candidate.effect, candidate.axis) == (term.effect, term.axis)
         )
         # A copy has no cached splits, so that each fold is searched in this target.
         search = replace(self, candidates=schedules_of_effect, target=target, in_base=())
@@ -381,24 +407,32 @@ def _tail(scores: Array, reached: float) -> float:
     >>> round(_tail(np.arange(100.0), 87.0), 2)
     0.13
     """
-    # Beyond the score below the largest ones, their mean excess is that of an exponential distribution.
+    # Beyond the score below the largest ones, their mean excess is that of an exponential
+    # distribution.
     start, *largest = np.sort(scores)[-_LARGEST - 1 :]
     beyond = max(reached - start, 0.0) / max(float(np.mean(largest) - start), 1e-9)
-    return float(max(np.mean(scores >= reached), len(largest) / len(scores) * np.exp(-beyond), 1e-12))
+    return float(
+        max(np.mean(scores >= reached), len(largest) / len(scores) * np.exp(-beyond), 1e-12)
+    )
 
 
 def _as_searched(term: Term, schedules: Sequence[Schedule], training: Mask) -> Array:
-    """Columns of the same search in the training windows: by its penalty or, where that adds nothing, a larger one.
+    """Columns of the same search in the training windows: by its penalty or, where that adds
+    nothing, a larger one.
 
     Of the parts of a schedule that which agrees best there.
     """
     assert term.schedule is not None and term.load is not None
     columns = np.zeros_like(term.columns)
-    as_penalised = [schedule for schedule in schedules if schedule.found_by[0] >= term.schedule.share]
+    as_penalised = [
+        schedule for schedule in schedules if schedule.found_by[0] >= term.schedule.share
+    ]
     if not as_penalised:
         return columns
     level = term.schedule.level
-    parts = [schedule for schedule in as_penalised if schedule.found_by == as_penalised[-1].found_by]
+    parts = [
+        schedule for schedule in as_penalised if schedule.found_by == as_penalised[-1].found_by
+    ]
     closest = max(parts, key=lambda schedule: np.count_nonzero((schedule.level == level)[training]))
     at_work = closest.at_work()[:, : columns.shape[1]]
     columns[:, : at_work.shape[1]] = term.load[:, None] * at_work

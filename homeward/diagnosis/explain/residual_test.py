@@ -1,10 +1,11 @@
 """Test of whether the residuals of a refit depend on a channel, and on which values of it.
 
-Under the null hypothesis that nothing is missing, residuals have mean zero at all values of the channels, while they
-may be autocorrelated and heteroscedastic. Flipping the signs of whole blocks keeps both, and the refit is repeated on
-each draw (wild cluster bootstrap: Cameron, Gelbach & Miller, 2008). The smallest p-value over all channels is compared
-with its own bootstrap distribution (Westfall & Young, 1993), so that testing many channels does not raise the false
-alarm rate.
+Under the null hypothesis that nothing is missing, residuals have mean zero at all values of the
+channels, while they may be autocorrelated and heteroscedastic. Flipping the signs of whole blocks
+keeps both, and the refit is repeated on each draw (wild cluster bootstrap: Cameron, Gelbach &
+Miller, 2008). The smallest p-value over all channels is compared with its own bootstrap
+distribution (Westfall & Young, 1993), so that testing many channels does not raise the false alarm
+rate.
 """
 
 from collections.abc import Iterator, Sequence
@@ -58,7 +59,8 @@ TESTED = (
 )  # fmt: skip
 """What residuals are tested against, beside time; a channel that no run has is left out.
 
-Battery voltage is not among them: it sags with the load, so that any peak of power would correlate with it.
+Battery voltage is not among them: it sags with the load, so that any peak of power would correlate
+with it.
 """
 
 _TIME = ResidualChannel("time_s", "time in the run", "s", "after", "before")
@@ -91,7 +93,8 @@ class _TestStatistic(NamedTuple):
 
     sums: Array  # (blocks, sets)
     columns: Array  # (sets, groups): the same sums over the Jacobian
-    family: Index  # (sets,): of sets with one number, such as the cuts of one run, the largest counts
+    # (sets,): of sets with one number, such as the cuts of one run, the largest counts
+    family: Index
 
 
 class _Test(NamedTuple):
@@ -112,10 +115,12 @@ class Blocks:
 
 
 def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
-    """Cut blocks by the autocorrelation of the residual after every channel has explained what it can.
+    """Cut blocks by the autocorrelation of the residual after every channel has explained what it
+    can.
 
-    The plain residual would include the autocorrelation of the missing physics, which lasts as long as its cause. A
-    level that changes from run to run is autocorrelation in tests of channels, and the alternative in tests of time.
+    The plain residual would include the autocorrelation of the missing physics, which lasts as long
+    as its cause. A level that changes from run to run is autocorrelation in tests of channels, and
+    the alternative in tests of time.
     """
     residual = runs.observed - fit.predicted
     by_channels = [_indicators(number) for _, _, number in _binned(runs)]
@@ -128,23 +133,30 @@ def independent_blocks(fit: Fitted, runs: Runs) -> Blocks:
     return Blocks(channels=cut_blocks(runs.run, unexplained), time=cut_blocks(runs.run, steady))
 
 
-def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Generator) -> list[Dependence]:
-    """Test the residuals of a refit against time and every channel: found ones first, the largest gain first."""
+def dependences(
+    fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Generator
+) -> list[Dependence]:
+    """Test the residuals of a refit against time and every channel: found ones first, the largest
+    gain first."""
     residual = runs.observed - fit.predicted
-    # Two families of tests, each with half of the false alarm rate. A change in one run does not predict another:
-    # for time hold out stretches.
+    # Two families of tests, each with half of the false alarm rate. A change in one run does not
+    # predict another: for time hold out stretches.
     tests_of_channels = list(_by_channel(fit, runs, residual, block.channels))
     tests_of_time = list(_by_time(fit, runs, residual, block.time))
     tested = [
         *_tested(fit, runs, tests_of_channels, block.channels, fold, rng),
         *_tested(fit, runs, tests_of_time, block.time, block.time % FOLDS, rng),
     ]
-    gains_by_channel = [result.held_out_gain for result in tested if result.found and result.channel is not _TIME]
+    gains_by_channel = [
+        result.held_out_gain for result in tested if result.found and result.channel is not _TIME
+    ]
     largest_by_channel = max(gains_by_channel, default=0.0)
 
     def rank(result: Dependence) -> tuple[bool, bool, float]:
         # Every intermittent cause also depends on time, and a level per stretch is more flexible.
-        is_flexible = result.channel is _TIME and result.held_out_gain < thresholds.TWICE * largest_by_channel
+        is_flexible = (
+            result.channel is _TIME and result.held_out_gain < thresholds.TWICE * largest_by_channel
+        )
         return not result.found, is_flexible, -result.held_out_gain
 
     return sorted(tested, key=rank)
@@ -153,7 +165,8 @@ def dependences(fit: Fitted, runs: Runs, block: Blocks, fold: Index, rng: Genera
 def _tested(
     fit: Fitted, runs: Runs, tests: Sequence[_Test], block: Index, fold: Index, rng: Generator
 ) -> Iterator[Dependence]:
-    """One family of tests, with the share of the held-out squared error that a step per bin explains."""
+    """One family of tests, with the share of the held-out squared error that a step per bin
+    explains."""
     residual = runs.observed - fit.predicted
     total = max(float(residual @ residual), 1e-300)
     error_of_meter = meter_error(runs)
@@ -168,7 +181,9 @@ def _tested(
         gain = 0.0
         if has_folds and refit_residual.any():
             steps_residual = residual - _held_out_steps(design, residual, fold)
-            gain = 1.0 - float(steps_residual @ steps_residual) / float(refit_residual @ refit_residual)
+            gain = 1.0 - float(steps_residual @ steps_residual) / float(
+                refit_residual @ refit_residual
+            )
         error_of_instruments = max(error_of_meter, channel_error(fit, runs, test.channel.name))
         p_value = 1.0
         if gain * total > error_of_instruments:
@@ -180,7 +195,9 @@ def _tested(
             p_value=p_value,
             held_out_gain=gain,
             bin=test.bin,
-            centre=np.array([np.mean(test.values[test.bin == number]) for number in range(len(effect))]),
+            centre=np.array(
+                [np.mean(test.values[test.bin == number]) for number in range(len(effect))]
+            ),
             effect=effect,
             weight=test.weight,
         )
@@ -192,7 +209,8 @@ def _held_out_steps(design: Array, residual: Array, fold: Index) -> Array:
 
 
 def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
-    """Weights of an additive excess and, where the robot file has a load of the drive, of one proportional to it."""
+    """Weights of an additive excess and, where the robot file has a load of the drive, of one
+    proportional to it."""
     problem = fit.parameters
     weights = [(False, np.ones(len(runs.observed)))]
     ancillary_w = 0.0
@@ -206,7 +224,8 @@ def _weights(fit: Fitted, runs: Runs) -> list[tuple[bool, Array]]:
 
 
 def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
-    """Bins that cover enough blocks, and a trend over the channel's centred rank: most effects are monotone."""
+    """Bins that cover enough blocks, and a trend over the channel's centred rank: most effects are
+    monotone."""
     weights = _weights(fit, runs)
     for channel, values, number in _binned(runs):
         is_known = np.isfinite(values)
@@ -215,12 +234,24 @@ def _by_channel(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Itera
         for scaled, weight in weights:
             if scaled and not channel.scales:
                 continue
-            bins = _indicators(number, weight)[:, _covered(number, block, is_known & (weight != 0.0))]
+            bins = _indicators(number, weight)[
+                :, _covered(number, block, is_known & (weight != 0.0))
+            ]
             slope = (weight * rank)[:, None]
             # Only the part that the refit cannot absorb is tested.
             slope = slope - fit.jacobian @ _least_squares(fit.jacobian, slope)
-            statistics = (_statistic(bins, fit, residual, block), _statistic(slope, fit, residual, block))
-            yield _Test(channel=channel, scaled=scaled, weight=weight, values=values, bin=number, statistics=statistics)
+            statistics = (
+                _statistic(bins, fit, residual, block),
+                _statistic(slope, fit, residual, block),
+            )
+            yield _Test(
+                channel=channel,
+                scaled=scaled,
+                weight=weight,
+                values=values,
+                bin=number,
+                statistics=statistics,
+            )
 
 
 def _covered(number: Index, block: Index, inside: Mask) -> Mask:
@@ -231,7 +262,8 @@ def _covered(number: Index, block: Index, inside: Mask) -> Mask:
 
 
 def _statistic(columns: Array, fit: Fitted, residual: Array, block: Index) -> _TestStatistic:
-    """The residual weighted by each of some columns, shape (windows, columns), each a family of its own."""
+    """The residual weighted by each of some columns, shape (windows, columns), each a family of its
+    own."""
     return _TestStatistic(
         sums=per_block(columns * residual[:, None], block),
         columns=columns.T @ fit.jacobian,
@@ -240,7 +272,8 @@ def _statistic(columns: Array, fit: Fitted, residual: Array, block: Index) -> _T
 
 
 def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator[_Test]:
-    """Sums from the start of a run to each of its blocks, and from there to its end: a CUSUM test for a change."""
+    """Sums from the start of a run to each of its blocks, and from there to its end: a CUSUM test
+    for a change."""
     run_of_block = runs.run[np.unique(block, return_index=True)[1]]
     sets: list[Index] = []  # of blocks
     run_of_set: list[int] = []
@@ -253,7 +286,9 @@ def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator
                     sets.append(part)
                     run_of_set.append(run)
     all_blocks = np.arange(len(run_of_block))
-    in_set = np.array([np.isin(all_blocks, part) for part in sets], np.float64).reshape(-1, len(all_blocks))
+    in_set = np.array([np.isin(all_blocks, part) for part in sets], np.float64).reshape(
+        -1, len(all_blocks)
+    )
     for scaled, weight in _weights(fit, runs):
         statistic = _TestStatistic(
             sums=per_block((weight * residual)[:, None], block) * in_set.T,
@@ -273,12 +308,15 @@ def _by_time(fit: Fitted, runs: Runs, residual: Array, block: Index) -> Iterator
 def _stretches(statistic: _TestStatistic, in_set: Array, run: Index, block: Index) -> Index:
     """Stretch of each window: a run is cut in two where the CUSUM departs most, if by enough.
 
-    `in_set`, shape (sets, blocks), is 1 for the blocks of each set of the statistic and 0 for others.
+    `in_set`, shape (sets, blocks), is 1 for the blocks of each set of the statistic and 0 for
+    others.
     """
     departure = _studentised(statistic.sums.sum(axis=0)[None], statistic.sums)[0]
     cut = np.zeros(len(run), dtype=np.intp)
     for family in np.unique(statistic.family):
-        largest = max(np.flatnonzero(statistic.family == family), key=lambda index: departure[index])
+        largest = max(
+            np.flatnonzero(statistic.family == family), key=lambda index: departure[index]
+        )
         if departure[largest] >= thresholds.CLEAR**2:
             cut += (in_set[largest] > 0.0)[block]
     return np.asarray(np.unique(2 * run + cut, return_inverse=True)[1])
@@ -304,7 +342,8 @@ def _binned(runs: Runs) -> Iterator[tuple[ResidualChannel, Array, Index]]:
 
 
 def _edges(values: Array) -> Array:
-    """Edges between bins with about equally many values; a value that is common gets a bin of its own."""
+    """Edges between bins with about equally many values; a value that is common gets a bin of its
+    own."""
     distinct, counts = np.unique(values, return_counts=True)
     if len(distinct) <= _BINS:
         return (distinct[1:] + distinct[:-1]) / 2.0
@@ -339,8 +378,11 @@ def _studentised(draws: Array, sums: Array) -> Array:
     return np.asarray((draws / np.where(spread > 0.0, spread, np.inf)) ** 2)
 
 
-def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence[_Test], rng: Generator) -> Array:
-    """P-value of each candidate, corrected for all tests by the bootstrap distribution of the smallest."""
+def _family_p_values(
+    fit: Fitted, residual: Array, block: Index, tests: Sequence[_Test], rng: Generator
+) -> Array:
+    """P-value of each candidate, corrected for all tests by the bootstrap distribution of the
+    smallest."""
     signs = rng.choice([-1.0, 1.0], size=(_DRAWS, int(block.max()) + 1))
     signs[0] = 1.0  # the recorded residual
     bread = np.linalg.pinv(fit.jacobian.T @ fit.jacobian, rcond=1e-12)
@@ -358,7 +400,9 @@ def _family_p_values(fit: Fitted, residual: Array, block: Index, tests: Sequence
 def _p_values(signs: Array, refitted: Array, statistic: _TestStatistic) -> Array:
     """P-value of each draw in one test, shape (draws,), from the draws' own distribution."""
     squared = _studentised(signs @ statistic.sums - refitted @ statistic.columns.T, statistic.sums)
-    families = [squared[:, statistic.family == family].max(axis=1) for family in np.unique(statistic.family)]
+    families = [
+        squared[:, statistic.family == family].max(axis=1) for family in np.unique(statistic.family)
+    ]
     total = np.sum([np.zeros(len(signs)), *families], axis=0)
     # Draws whose total is at least as large, itself included; the factor forgives rounding.
     as_large = len(signs) - np.searchsorted(np.sort(total), total * (1.0 - 1e-9))

@@ -1,8 +1,9 @@
-"""All named effects together, beside what else would explain the residual: motion, the place, or another channel.
+"""All named effects together, beside what else would explain the residual: motion, the place, or
+another channel.
 
-A schedule of levels in time fits any intermittent cause. Where the robot's motion alone or the place predicts held-out
-stretches as well, the cause was recorded, and the effect is not named. Every number that a condition on all of them
-reads is computed here.
+A schedule of levels in time fits any intermittent cause. Where the robot's motion alone or the
+place predicts held-out stretches as well, the cause was recorded, and the effect is not named.
+Every number that a condition on all of them reads is computed here.
 """
 
 from __future__ import annotations
@@ -17,7 +18,13 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.formula import Empirical, propose
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.motion import explained, largest_by_motion, motion_gain, place_gain, trees_beat
+from homeward.diagnosis.explain.motion import (
+    explained,
+    largest_by_motion,
+    motion_gain,
+    place_gain,
+    trees_beat,
+)
 from homeward.diagnosis.explain.named import Named, Naming
 from homeward.diagnosis.explain.places import Location, locate
 from homeward.diagnosis.explain.residual_test import Dependence, dependences, independent_blocks
@@ -105,7 +112,8 @@ class Together:
 
     @cached_property
     def leaves_a_residual(self) -> bool:
-        """Whether a residual is left that noise does not explain and the channels of the first do not show."""
+        """Whether a residual is left that noise does not explain and the channels of the first do
+        not show."""
         strongest = self.residual.strongest
         if strongest.found and strongest.channel.name in self.first.term.hypothesis.channels:
             return False
@@ -118,7 +126,9 @@ class Together:
     def beats_trees(self) -> bool:
         """Whether trees on the motion do not predict unseen runs much better."""
         residual = self.residual
-        return not trees_beat(self.corrected, residual.fit, self.runs, residual.by_run, residual.rng)
+        return not trees_beat(
+            self.corrected, residual.fit, self.runs, residual.by_run, residual.rng
+        )
 
     @cached_property
     def _beside_channels(self) -> Refit | Corrected:
@@ -142,7 +152,9 @@ class Together:
     @cached_property
     def schedules_by_motion(self) -> float:
         """The same by motion: up to it no unrecorded cause is needed."""
-        return largest_by_motion(self._beside_channels, self.runs, self.residual.block, self.residual.rng)
+        return largest_by_motion(
+            self._beside_channels, self.runs, self.residual.block, self.residual.rng
+        )
 
     @cached_property
     def schedules_by_place(self) -> float:
@@ -153,7 +165,8 @@ class Together:
 
     @cached_property
     def remaining(self) -> RemainingDependence | None:
-        """The residual that they leave where, by the test of the refit's, it depends on a channel."""
+        """The residual that they leave where, by the test of the refit's, it depends on a
+        channel."""
         by_run = self.residual.by_run
         rng = self.residual.rng
         blocks = independent_blocks(self.corrected, self.runs)
@@ -193,7 +206,8 @@ def lacks_its_channel(hypothesis: Hypothesis, runs: Runs) -> bool:
 
 
 def only_unrecorded_channels(shown_by: list[str], runs: Runs) -> bool:
-    """Whether effects of channels that some run lacks would explain a dependence on all these channels."""
+    """Whether effects of channels that some run lacks would explain a dependence on all these
+    channels."""
     lacking = [effect for effect in CATALOGUE.values() if lacks_its_channel(effect, runs)]
     if not shown_by:
         return False

@@ -1,8 +1,9 @@
 """Uncertainty of a fit: joint covariance, combinations that alone are identifiable, range.
 
-An effect has parameters beside its size: the temperature below which a battery loses capacity, the share of a
-computer's power that any sensing draws. Each is tried over its whole range and the model fitted anew (profile
-likelihood). Where others fit as well, intervals span all of them, and only products or sums with them are identifiable.
+An effect has parameters beside its size: the temperature below which a battery loses capacity, the
+share of a computer's power that any sensing draws. Each is tried over its whole range and the model
+fitted anew (profile likelihood). Where others fit as well, intervals span all of them, and only
+products or sums with them are identifiable.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,13 +29,16 @@ from homeward.physics import Robot, d_max
 from homeward.physics.effects import Parameter
 
 _VALUES_TRIED = 9  # of a number over its range; chosen: steps of an eighth
-_LEAST_SIGNIFICANT = float(chi2.ppf(1.0 - thresholds.SIGNIFICANT, 1))  # of the likelihood-ratio statistic
-_SIGNS: Mapping[int, Combination] = {1: "product", -1: "ratio"}  # of the second logarithm in a combination
+# of the likelihood-ratio statistic
+_LEAST_SIGNIFICANT = float(chi2.ppf(1.0 - thresholds.SIGNIFICANT, 1))
+# of the second logarithm in a combination
+_SIGNS: Mapping[int, Combination] = {1: "product", -1: "ratio"}
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Everything that was fitted together: names, values in their units, and covariance, shape (numbers, numbers)."""
+    """Everything that was fitted together: names, values in their units, and covariance, shape
+    (numbers, numbers)."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -49,7 +53,8 @@ class Joint:
 
 
 def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
-    """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,), without held groups."""
+    """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,), without
+    held groups."""
     groups = model.groups
     problem = model.parameters
     fitted_groups = np.flatnonzero(~groups.held)
@@ -67,7 +72,9 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
         names += [unknown.name for unknown in model.model.unknowns]
         units += [unknown.unit for unknown in model.model.unknowns]
         values += model.values.tolist()
-    return Joint(names=tuple(names), units=tuple(units), values=np.array(values), covariance=in_units)
+    return Joint(
+        names=tuple(names), units=tuple(units), values=np.array(values), covariance=in_units
+    )
 
 
 def _products_with_groups(model: Corrected, fitted: Joint, runs: Runs) -> list[Product]:
@@ -75,13 +82,16 @@ def _products_with_groups(model: Corrected, fitted: Joint, runs: Runs) -> list[P
     products = []
     for group in np.flatnonzero(model.groups.held):
         for number, unknown in enumerate(model.model.unknowns):
-            if unknown.column is not None and _is_proportional(model, runs, int(group), unknown.term):
+            if unknown.column is not None and _is_proportional(
+                model, runs, int(group), unknown.term
+            ):
                 products.append(_product_with_group(model, fitted, int(group), number))
     return products
 
 
 def _is_proportional(model: Corrected, runs: Runs, group: int, term: int) -> bool:
-    """Whether what a term adds grows in proportion to a group, and looks like what the group does."""
+    """Whether what a term adds grows in proportion to a group, and looks like what the group
+    does."""
     larger = model.theta.copy()
     larger[group] *= 1.0 + SMALL_STEP
     predicted_larger = model.model.predict(runs, larger, model.values)
@@ -90,7 +100,9 @@ def _is_proportional(model: Corrected, runs: Runs, group: int, term: int) -> boo
     by_term = model.contribution[term]
     by_term_larger = predicted_larger - without_term
     # Relative growth of the term over that of the group: 1 where they are proportional.
-    growth = float((by_term_larger - by_term) @ by_term) / max(SMALL_STEP * float(by_term @ by_term), 1e-300)
+    growth = float((by_term_larger - by_term) @ by_term) / max(
+        SMALL_STEP * float(by_term @ by_term), 1e-300
+    )
     norms = float(np.linalg.norm(by_group) * np.linalg.norm(by_term))
     cosine = float(by_group @ by_term) / max(norms, 1e-300)
     return cosine > thresholds.NEARLY_ALL and growth > thresholds.NEARLY_ALL
@@ -120,29 +132,42 @@ def _powers(model: Corrected, fitted: Joint, runs: Runs) -> list[Product]:
     products = []
     for index, term in enumerate(model.model.terms):
         numbers = [groups + unknown for unknown in model.model.of(index)]
-        confounded = [pair for pair in combinations(numbers, 2) if abs(correlation[pair]) > thresholds.NEARLY_ALL]
+        confounded = [
+            pair
+            for pair in combinations(numbers, 2)
+            if abs(correlation[pair]) > thresholds.NEARLY_ALL
+        ]
         if not confounded or term.hypothesis.is_weather:
             continue
         mean_power = float(np.average(model.contribution[index], weights=runs.duration_s))
         slopes = np.array([model.beside[:, number - groups].mean() for number in numbers])
         error = float(np.sqrt(slopes @ fitted.covariance[np.ix_(numbers, numbers)] @ slopes))
         names = tuple(dict.fromkeys(fitted.names[number] for pair in confounded for number in pair))
-        products.append(_product(names, mean_power, thresholds.NORMAL_95 * error, runs.unit, "mean power"))
+        products.append(
+            _product(names, mean_power, thresholds.NORMAL_95 * error, runs.unit, "mean power")
+        )
     return products
 
 
 def _product(
-    names: tuple[str, ...], value: float, half_width: float, unit: str, combination: Combination = "product"
+    names: tuple[str, ...],
+    value: float,
+    half_width: float,
+    unit: str,
+    combination: Combination = "product",
 ) -> Product:
     return Product(names, Value(value, (value - half_width, value + half_width), unit), combination)
 
 
-def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, rng: Generator) -> Range | None:
-    """Range of a robot that continues to drive as recorded, m; None for motor current or without driving.
+def recorded_range(
+    robots: Sequence[Robot], predictions: Sequence[Array], runs: Runs, rng: Generator
+) -> Range | None:
+    """Range of a robot that continues to drive as recorded, m; None for motor current or without
+    driving.
 
-    Usable energy over energy per metre: as recorded, and as two robot files, the given one and corrected.toml, predict
-    for the same trips, shape (windows,) each. The interval is by bootstrap over runs or, of fewer than three,
-    over minutes of driving.
+    Usable energy over energy per metre: as recorded, and as two robot files, the given one and
+    corrected.toml, predict for the same trips, shape (windows,) each. The interval is by bootstrap
+    over runs or, of fewer than three, over minutes of driving.
     """
     path_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
     drawn_j = runs.observed * runs.duration_s
@@ -152,7 +177,9 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
     minute = np.cumsum(runs.duration_s) // 60.0
     piece = runs.run if len(runs.signals) >= thresholds.FEWEST_RUNS else minute
     number = np.unique(piece, return_inverse=True)[1]
-    sums_of_pieces = np.stack([np.bincount(number, drawn_j), np.bincount(number, path_m)]).astype(float)
+    sums_of_pieces = np.stack([np.bincount(number, drawn_j), np.bincount(number, path_m)]).astype(
+        float
+    )
 
     def range_m(energy_and_way: Array) -> Array:
         energy_j, way_m = energy_and_way
@@ -174,14 +201,16 @@ def recorded_range(robots: Sequence[Robot], predictions: Sequence[Array], runs: 
 
 @dataclass(frozen=True)
 class Open:
-    """Of the models that fit as well (profile likelihood), the one closest to the robot file, and the others."""
+    """Of the models that fit as well (profile likelihood), the one closest to the robot file, and
+    the others."""
 
     model: Corrected
     alternatives: tuple[Corrected, ...] = ()
 
     @property
     def spanning(self) -> Corrected:
-        """The model, with intervals of its effects' parameters that span those of all, up to the next value tried."""
+        """The model, with intervals of its effects' parameters that span those of all, up to the
+        next value tried."""
         if not self.alternatives:
             return self.model
         spans = self._spans()
@@ -189,7 +218,9 @@ class Open:
         for term in self.model.model.terms:
             of_shape = {name: spans[term.effect, name] for name in term.shape}
             terms.append(replace(term, spread={**term.spread, **of_shape}))
-        ci95 = tuple(spans[unknown.effect, unknown.parameter] for unknown in self.model.model.unknowns)
+        ci95 = tuple(
+            spans[unknown.effect, unknown.parameter] for unknown in self.model.model.unknowns
+        )
         return replace(self.model, model=replace(self.model.model, terms=tuple(terms)), ci95=ci95)
 
     def _spans(self) -> dict[tuple[str, str], tuple[float, float]]:
@@ -209,7 +240,8 @@ class Open:
         return spans
 
     def spanned(self, groups: Sequence[Estimate], runs: Runs, block: Index) -> tuple[Estimate, ...]:
-        """Estimates of the groups by the model; one that differs between models is confounded with the effects."""
+        """Estimates of the groups by the model; one that differs between models is confounded with
+        the effects."""
         by_alternatives = [estimates(model, runs, block) for model in self.alternatives]
         effects = tuple(dict.fromkeys(term.effect for term in self.model.model.terms))
         spanned = []
@@ -224,12 +256,16 @@ class Open:
     def products(self, runs: Runs, block: Index) -> tuple[Product, ...]:
         """Identifiable combinations of parameters that are not identifiable alone.
 
-        A held group and an effect proportional to it: their product. Two confounded parameters of one effect: their
-        mean power together. And combinations that are equal in all models while their parts are not: products of
-        numbers, and sums of mean powers. Windows of different `block`, shape (windows,), count as independent.
+        A held group and an effect proportional to it: their product. Two confounded parameters of
+        one effect: their mean power together. And combinations that are equal in all models while
+        their parts are not: products of numbers, and sums of mean powers. Windows of different
+        `block`, shape (windows,), count as independent.
         """
         fitted = joint(self.model, runs, block)
-        products = [*_products_with_groups(self.model, fitted, runs), *_powers(self.model, fitted, runs)]
+        products = [
+            *_products_with_groups(self.model, fitted, runs),
+            *_powers(self.model, fitted, runs),
+        ]
         if self.alternatives:
             products += self._equal_products(fitted, runs, block)
             products += self._equal_powers(fitted, runs)
@@ -279,7 +315,8 @@ def _combined_unit(first_unit: str, second_unit: str, combination: Combination) 
 
 
 def _to_the_next(parameter: Parameter, values: Sequence[float]) -> tuple[float, float]:
-    """Interval of a parameter that spans these values, up to the next that was tried on either side."""
+    """Interval of a parameter that spans these values, up to the next that was tried on either
+    side."""
     step = (parameter.high - parameter.low) / (_VALUES_TRIED - 1)
     return max(min(values) - step, parameter.low), min(max(values) + step, parameter.high)
 
@@ -290,7 +327,8 @@ def _is_within(ci95: tuple[float, float] | None, value: float | None) -> bool:
 
 
 def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
-    """Profile likelihood of the parameters of a model's effects; `fit` holds the groups that the model holds."""
+    """Profile likelihood of the parameters of a model's effects; `fit` holds the groups that the
+    model holds."""
 
     def squared_error(of_model: Corrected) -> float:
         return runs.squared_error(of_model.predicted)
@@ -300,7 +338,8 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
     for varied_terms in _varied_terms(fit, terms, runs):
         models.append(fit_model(fit, varied_terms, runs, block))
     likeliest = min(models, key=squared_error)
-    if likeliest is not model:  # a fit that starts there may improve further: the hypotheses search again
+    # a fit that starts there may improve further: the hypotheses search again
+    if likeliest is not model:
         started = [
             replace(varied, hypothesis=term.hypothesis)
             for varied, term in zip(likeliest.model.terms, terms, strict=True)
@@ -308,12 +347,14 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
         likeliest = min(likeliest, fit_model(fit, started, runs, block), key=squared_error)
     least = squared_error(likeliest)
     independent = independent_windows(runs.observed - likeliest.predicted, runs.run)
-    # Of Gaussian residuals the statistic is the logarithm of the ratio of squared errors, times independent windows.
+    # Of Gaussian residuals the statistic is the logarithm of the ratio of squared errors, times
+    # independent windows.
     as_likely = least * float(np.exp(_LEAST_SIGNIFICANT / independent))
     limit = max(as_likely, least + meter_error(runs))
     equivalent = [fitted for fitted in models if squared_error(fitted) <= limit]
     if len(equivalent) < 3:
-        return Open(likeliest)  # at most one neighbour is as likely: the parameters are identifiable
+        # at most one neighbour is as likely: the parameters are identifiable
+        return Open(likeliest)
 
     def from_the_file(of_model: Corrected) -> tuple[float, int]:
         changed = (of_model.theta - fit.parameters.start) / fit.parameters.scale
@@ -324,7 +365,8 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
 
 
 def _not_default(model: Corrected) -> int:
-    """Parameters of its effects that differ from their defaults, such as a limit where none is reached."""
+    """Parameters of its effects that differ from their defaults, such as a limit where none is
+    reached."""
     return sum(
         term.shape.get(parameter.name, parameter.default) != parameter.default
         for term in model.model.terms
@@ -344,7 +386,9 @@ def _varied_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[lis
                 continue
             for value in np.linspace(parameter.low, parameter.high, _VALUES_TRIED).tolist():
                 shape = {**term.shape, parameter.name: value}
-                columns = setting.response(hypothesis, TINY * hypothesis.entry.switch.high, shape)[:, None]
+                columns = setting.response(hypothesis, TINY * hypothesis.entry.switch.high, shape)[
+                    :, None
+                ]
                 if columns.any():
                     # The value stays where it is put: nothing is searched beside the size.
                     settled = replace(hypothesis, searched=())
@@ -375,8 +419,11 @@ def _mean_powers(model: Corrected, runs: Runs) -> dict[str, float]:
     return powers
 
 
-def _constant(models: Sequence[Mapping[str, float]], scale: float, sign: int = 1) -> list[tuple[str, str]]:
-    """Pairs of names whose values vary between models (relative to `scale`) while their sum or difference does not."""
+def _constant(
+    models: Sequence[Mapping[str, float]], scale: float, sign: int = 1
+) -> list[tuple[str, str]]:
+    """Pairs of names whose values vary between models (relative to `scale`) while their sum or
+    difference does not."""
     material = thresholds.MATERIAL_SHARE * scale
     varying = []
     for name in models[0]:

@@ -1,4 +1,5 @@
-"""Bounded least squares on a Gram matrix: once it is summed, a fit takes microseconds however long recordings are."""
+"""Bounded least squares on a Gram matrix: once it is summed, a fit takes microseconds however long
+recordings are."""
 
 from __future__ import annotations
 
@@ -10,7 +11,9 @@ from homeward.logs.channels import Array
 RIDGE = 1e-9  # of a column's norm; chosen: bounds the weights of collinear columns only
 
 
-def bounded(gram: Array, moment: Array, low: Array | float = -np.inf, high: Array | float = np.inf) -> Array:
+def bounded(
+    gram: Array, moment: Array, low: Array | float = -np.inf, high: Array | float = np.inf
+) -> Array:
     """Minimise x' gram x / 2 - moment' x within bounds: x, shape (columns,).
 
     Without bounds also for several moments at once, shape (columns, moments).
@@ -27,7 +30,8 @@ def bounded(gram: Array, moment: Array, low: Array | float = -np.inf, high: Arra
     scaled_moment = (moment.T / norm).T
     solution = (np.linalg.solve(scaled_gram, scaled_moment).T / norm).T
     if (solution < low).any() or (solution > high).any():
-        # The same problem as least squares on as many rows as columns, by a square root of the Gram matrix.
+        # The same problem as least squares on as many rows as columns, by a square root of the Gram
+        # matrix.
         eigenvalues, eigenvectors = np.linalg.eigh(scaled_gram)
         root = np.sqrt(np.maximum(eigenvalues, RIDGE))
         matrix = root[:, None] * eigenvectors.T

@@ -1,4 +1,5 @@
-"""Errors in variables: the prediction error that noise of the channels causes, and whether a residual exceeds it."""
+"""Errors in variables: the prediction error that noise of the channels causes, and whether a
+residual exceeds it."""
 
 import dataclasses
 from typing import NamedTuple
@@ -17,16 +18,21 @@ SMOOTHED = ("speed_mps", "yaw_rate_radps", "grade_rad")
 """Channels whose standard error is known, from smoothing."""
 
 # Channels whose errors may be confounded with an effect of the channel; of any other, its own.
-_SOURCES = {"accel_mps2": ("speed_mps",), "base_distance_m": SMOOTHED, "heading_rad": SMOOTHED, "time_s": SMOOTHED}
+_SOURCES = {
+    "accel_mps2": ("speed_mps",),
+    "base_distance_m": SMOOTHED,
+    "heading_rad": SMOOTHED,
+    "time_s": SMOOTHED,
+}
 
 
 def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
-    """Expected squared prediction error, summed over windows, from channel errors that are confounded with an effect of
-    `channel`.
+    """Expected squared prediction error, summed over windows, from channel errors that are
+    confounded with an effect of `channel`.
 
-    The error of a smoothed channel is correlated with its value, over the length of smoothing, and repeats where the
-    same ground is driven again. Where place predicts a slope better than its own noisy channel does, a hidden grade
-    would be confounded with that slope.
+    The error of a smoothed channel is correlated with its value, over the length of smoothing, and
+    repeats where the same ground is driven again. Where place predicts a slope better than its own
+    noisy channel does, a hidden grade would be confounded with that slope.
     """
     total = 0.0
     for name in _SOURCES.get(channel, (channel,)):
@@ -34,13 +40,14 @@ def channel_error(fit: Fitted, runs: Runs, channel: str = "time_s") -> float:
         if name in SMOOTHED and has_error:
             above = fit.parameters.predict(_shifted(runs, name, 1.0), fit.theta)
             below = fit.parameters.predict(_shifted(runs, name, -1.0), fit.theta)
-            total += float(np.sum((above - below) ** 2)) / 4.0  # a central difference over two errors
+            # a central difference over two errors
+            total += float(np.sum((above - below) ** 2)) / 4.0
     return total
 
 
 def _shifted(runs: Runs, name: str, sign: float) -> Runs:
-    """The runs with a channel shifted by its error, slopes by the largest of all runs: an elevation without a step
-    seems exact. At rest the speed is exact."""
+    """The runs with a channel shifted by its error, slopes by the largest of all runs: an elevation
+    without a step seems exact. At rest the speed is exact."""
     errors = [run.error.get(name, 0.0) for run in runs.signals]
     largest = max(errors)
     shifted = []
@@ -56,8 +63,8 @@ def _shifted(runs: Runs, name: str, sign: float) -> Runs:
 
 
 def tilt_error(fit: Fitted, runs: Runs) -> float:
-    """Rms error of the prediction from one standard error of the slope sensor's tilt, which acts as rolling resistance
-    does."""
+    """Rms error of the prediction from one standard error of the slope sensor's tilt, which acts as
+    rolling resistance does."""
     per_kg = fit.groups.jacobian[:, ROLLING] / fit.parameters.scale[ROLLING]
     rms_per_kg = float(np.sqrt(np.mean(per_kg**2)))
     # A small slope adds its angle to the coefficient of rolling resistance.
@@ -71,7 +78,8 @@ def meter_error(runs: Runs) -> float:
 
 
 def reliability(name: str, runs: Runs) -> float:
-    """Share of the variance of a channel over windows that is signal, 1 where it was not smoothed."""
+    """Share of the variance of a channel over windows that is signal, 1 where it was not
+    smoothed."""
     if name not in runs.context:
         return 1.0
     error_variance = float(np.mean([run.error.get(name, 0.0) ** 2 for run in runs.signals]))
@@ -97,7 +105,8 @@ _INFLUENCES = (
 
 
 def unrecorded(runs: Runs) -> list[Influence]:
-    """Dependencies of power that no channel measures in some run; current does not depend on the sensing rate."""
+    """Dependencies of power that no channel measures in some run; current does not depend on the
+    sensing rate."""
     missing = [influence for influence in _INFLUENCES if not any(map(runs.has, influence.channels))]
     if runs.unit == "A":
         return [influence for influence in missing if "sensing_hz" not in influence.channels]
@@ -105,7 +114,8 @@ def unrecorded(runs: Runs) -> list[Influence]:
 
 
 def is_autocorrelated(residual: Array, runs: Runs) -> bool:
-    """Whether a residual, (windows,), has a lag-one autocorrelation of `NEARLY_ALL` or more, unlike noise of power."""
+    """Whether a residual, (windows,), has a lag-one autocorrelation of `NEARLY_ALL` or more, unlike
+    noise of power."""
     same_run = runs.run[1:] == runs.run[:-1]
     products = residual[1:] * residual[:-1]
     lag_one = float(products[same_run].sum())
@@ -113,7 +123,8 @@ def is_autocorrelated(residual: Array, runs: Runs) -> bool:
 
 
 def unexplained(fit: Fitted, runs: Runs) -> bool:
-    """Whether a fit has a material, autocorrelated residual above the noise though all dependencies were recorded."""
+    """Whether a fit has a material, autocorrelated residual above the noise though all dependencies
+    were recorded."""
     if not is_material(fit, runs) or not is_autocorrelated(runs.observed - fit.predicted, runs):
         return False
     return not unrecorded(runs) and times_noise(fit, runs) > thresholds.TWICE
@@ -128,14 +139,18 @@ def is_material(fit: Fitted, runs: Runs) -> bool:
 
 def power_noise(runs: Runs) -> float:
     """Squared white noise of power, summed over windows."""
-    # The variance of a mean falls with its length: that of a second is the variance of a sample times its length.
-    of_a_second = np.array([white_noise(run.observed) ** 2 * median_step_s(run.time_s) for run in runs.signals])
+    # The variance of a mean falls with its length: that of a second is the variance of a sample
+    # times its length.
+    of_a_second = np.array(
+        [white_noise(run.observed) ** 2 * median_step_s(run.time_s) for run in runs.signals]
+    )
     of_window = of_a_second[runs.run] / runs.duration_s
     return float(of_window.sum())
 
 
 def times_noise(fit: Fitted, runs: Runs) -> float:
-    """Squared error of a fit over the largest that noise of power and of the other channels explains."""
+    """Squared error of a fit over the largest that noise of power and of the other channels
+    explains."""
     residual = runs.observed - fit.predicted
     largest = channel_error(fit, runs) + power_noise(runs)
     return float(residual @ residual) / max(largest, 1e-300)

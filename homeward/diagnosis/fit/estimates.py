@@ -25,7 +25,8 @@ _RESTS_ON = {"rolling": "speed_mps", "drag": "speed_mps", "mass": "grade_rad"}
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimate of a group, in its unit; `fitted` and `ci95` are None where it is not identifiable."""
+    """Estimate of a group, in its unit; `fitted` and `ci95` are None where it is not
+    identifiable."""
 
     group: Group
     assumed: float | None
@@ -37,11 +38,14 @@ class Estimate:
 
     def confounded(self, mixed_with: tuple[str, ...]) -> Estimate:
         """The same where it is confounded with others, so that it has no value."""
-        return dataclasses.replace(self, fitted=None, ci95=None, status="confounded", mixed_with=mixed_with, off=False)
+        return dataclasses.replace(
+            self, fitted=None, ci95=None, status="confounded", mixed_with=mixed_with, off=False
+        )
 
 
 def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
-    """Value and interval of each group, or why there is none; blocks, shape (windows,), count as independent."""
+    """Value and interval of each group, or why there is none; blocks, shape (windows,), count as
+    independent."""
     problem = model.groups.parameters
     is_excited = excited(model.groups, runs)
     errors = _errors(model, runs, block, is_excited)
@@ -59,7 +63,8 @@ def estimates(model: Fitted, runs: Runs, block: Index) -> list[Estimate]:
 
 
 def _errors(model: Fitted, runs: Runs, block: Index, is_excited: Mask) -> Array:
-    """Standard errors of theta, shape (groups,), with those of the instruments; infinite where it is not excited."""
+    """Standard errors of theta, shape (groups,), with those of the instruments; infinite where it
+    is not excited."""
     fit = model.groups
     columns = np.column_stack([fit.jacobian[:, is_excited], model.beside])
     of_columns = standard_errors(columns, runs.observed - fit.predicted, block)
@@ -73,8 +78,11 @@ def _errors(model: Fitted, runs: Runs, block: Index, is_excited: Mask) -> Array:
     return np.asarray(errors)
 
 
-def _estimate(fit: Refit, runs: Runs, number: int, is_excited: Mask, width: float, width_of_all: float) -> Estimate:
-    """Estimate of one group with an interval of this half width; `width_of_all` is that by which it counts as off."""
+def _estimate(
+    fit: Refit, runs: Runs, number: int, is_excited: Mask, width: float, width_of_all: float
+) -> Estimate:
+    """Estimate of one group with an interval of this half width; `width_of_all` is that by which it
+    counts as off."""
     problem = fit.parameters
     group = problem.groups[number]
     start = problem.start[number] * problem.to_group[number]
@@ -83,14 +91,20 @@ def _estimate(fit: Refit, runs: Runs, number: int, is_excited: Mask, width: floa
     assumed = start if in_file else None
     status, mixed_with = _status(fit, number, is_excited)
     if status == "fitted":
-        # A regression on a channel that is partly noise is attenuated, beyond what its interval says.
+        # A regression on a channel that is partly noise is attenuated, beyond what its interval
+        # says.
         channel = _RESTS_ON.get(group.name, "")
-        if width > max(abs(start), abs(fitted)) or reliability(channel, runs) < thresholds.NEARLY_ALL:
+        if (
+            width > max(abs(start), abs(fitted))
+            or reliability(channel, runs) < thresholds.NEARLY_ALL
+        ):
             status = "too uncertain"
         elif fit.at_bound[number]:
             status = "at bound"
     if status != "fitted":
-        return Estimate(group, assumed, fitted=None, ci95=None, status=status, mixed_with=mixed_with)
+        return Estimate(
+            group, assumed, fitted=None, ci95=None, status=status, mixed_with=mixed_with
+        )
     is_off = assumed is not None and abs(fitted - assumed) > width_of_all
     return Estimate(
         group=group,
@@ -103,7 +117,8 @@ def _estimate(fit: Refit, runs: Runs, number: int, is_excited: Mask, width: floa
 
 
 def _status(fit: Refit, number: int, excited: Mask) -> tuple[Status, tuple[str, ...]]:
-    """Whether a group can be fitted; a confounded one with those whose columns make up most of its own."""
+    """Whether a group can be fitted; a confounded one with those whose columns make up most of its
+    own."""
     if not excited[number]:
         return "not excited", ()
     column = fit.jacobian[:, number]
@@ -127,7 +142,8 @@ def standard_errors(jacobian: Array, residual: Array, block: Index) -> Array:
 
 
 def covariance(jacobian: Array, residual: Array, block: Index) -> Array:
-    """Covariance, (parameters, parameters), by the sandwich estimator clustered by block (Liang & Zeger, 1986)."""
+    """Covariance, (parameters, parameters), by the sandwich estimator clustered by block (Liang &
+    Zeger, 1986)."""
     windows, columns = jacobian.shape
     if columns == 0:
         return np.zeros((0, 0))

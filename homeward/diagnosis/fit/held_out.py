@@ -1,4 +1,5 @@
-"""How well each model (an arm of the comparison) predicts held-out recordings: cross-validation and its errors."""
+"""How well each model (an arm of the comparison) predicts held-out recordings: cross-validation and
+its errors."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -18,8 +19,9 @@ _MOST_FOR_TREES = 20_000  # windows; chosen: bounds the time, of more a sample i
 
 _TREES = 60
 _LEARNING_RATE = 0.2
-"""Trees of the boosting and its learning rate, with half of the usual leaves. On the five real sets of docs/results.md,
-150 at half the rate predict as well in 2.4 times the time, and a number by inner cross-validation 0 to 5 % worse."""
+"""Trees of the boosting and its learning rate, with half of the usual leaves. On the five real sets
+of docs/results.md, 150 at half the rate predict as well in 2.4 times the time, and a number by
+inner cross-validation 0 to 5 % worse."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class Gain:
 
 
 def held_out(predict: Callable[[Mask], Array], fold: Index) -> Array:
-    """Cross-validated prediction, (windows,); `predict` takes the mask of the training windows, in the other folds."""
+    """Cross-validated prediction, (windows,); `predict` takes the mask of the training windows, in
+    the other folds."""
     predicted = np.empty(len(fold))
     for number in np.unique(fold):
         test = fold == number
@@ -47,12 +50,15 @@ def black_box(
     channels: Collection[str] | None = None,
     beside: Sequence[Array] = (),
 ) -> Array:
-    """Prediction for all windows, (windows,), by boosted trees fitted to the training windows (a random sample of very
-    many).
+    """Prediction for all windows, (windows,), by boosted trees fitted to the training windows (a
+    random sample of very many).
 
-    Features are the channels (all by default), `nominal`, the prediction of a fit, and those `beside`, (windows,) each.
+    Features are the channels (all by default), `nominal`, the prediction of a fit, and those
+    `beside`, (windows,) each.
     """
-    recorded = [values for name, values in runs.context.items() if channels is None or name in channels]
+    recorded = [
+        values for name, values in runs.context.items() if channels is None or name in channels
+    ]
     rows = np.flatnonzero(training)
     if len(rows) < _FEWEST_FOR_TREES:
         return nominal
@@ -74,9 +80,11 @@ def black_box(
     return np.asarray(nominal + trees.predict(features))
 
 
-def gain(observed: Array, simpler: Array, larger: Array, block: Index, rng: np.random.Generator) -> Gain:
-    """Share by which a larger model lowers a simpler one's squared held-out error, its interval by bootstrap over
-    blocks.
+def gain(
+    observed: Array, simpler: Array, larger: Array, block: Index, rng: np.random.Generator
+) -> Gain:
+    """Share by which a larger model lowers a simpler one's squared held-out error, its interval by
+    bootstrap over blocks.
 
     All have shape (windows,); `simpler` and `larger` are the held-out predictions of the models.
     """
@@ -91,18 +99,25 @@ def gain(observed: Array, simpler: Array, larger: Array, block: Index, rng: np.r
     return Gain(float(share(totals)), ci95=bootstrap(sums, rng, share))
 
 
-def delta_bic(observed: Array, simpler: Array, larger: Array, run: Index, freedom: int = 1) -> float:
-    """Reduction of BIC by a model of `freedom` more parameters, from the held-out predictions of both, (windows,) each.
+def delta_bic(
+    observed: Array, simpler: Array, larger: Array, run: Index, freedom: int = 1
+) -> float:
+    """Reduction of BIC by a model of `freedom` more parameters, from the held-out predictions of
+    both, (windows,) each.
 
     The likelihood is Gaussian, with the effective sample size of the residual.
     """
     error_of_simpler = max(float(((observed - simpler) ** 2).sum()), 1e-300)
     error_of_larger = max(float(((observed - larger) ** 2).sum()), 1e-300)
     independent = independent_windows(observed - larger, run)
-    return float(independent * np.log(error_of_simpler / error_of_larger) - freedom * np.log(independent))
+    return float(
+        independent * np.log(error_of_simpler / error_of_larger) - freedom * np.log(independent)
+    )
 
 
-def bootstrap(sums: Array, rng: np.random.Generator, statistic: Callable[[Array], Array]) -> tuple[float, float]:
+def bootstrap(
+    sums: Array, rng: np.random.Generator, statistic: Callable[[Array], Array]
+) -> tuple[float, float]:
     """95 % interval of a statistic of sums over blocks, shape (sums, blocks), by block bootstrap.
 
     `statistic` takes the sums of each draw, shape (sums, draws).
@@ -117,8 +132,8 @@ def bootstrap(sums: Array, rng: np.random.Generator, statistic: Callable[[Array]
 def range_accuracy_pct(predicted: Array, runs: Runs, fold: Index) -> float | None:
     """Mean accuracy of the range that a model estimates for each held-out trip, per cent.
 
-    A model that predicts the energy of a trip 25 % too high estimates a range 20 % too short: 80 % accurate, the
-    definition of the paper for its 66 to 91 %.
+    A model that predicts the energy of a trip 25 % too high estimates a range 20 % too short: 80 %
+    accurate, the definition of the paper for its 66 to 91 %.
     """
     recorded_j = np.bincount(fold, runs.observed * runs.duration_s)
     predicted_j = np.bincount(fold, predicted * runs.duration_s)
@@ -131,7 +146,8 @@ def range_accuracy_pct(predicted: Array, runs: Runs, fold: Index) -> float | Non
 
 
 def score(predicted: Array, runs: Runs, block: Index, trip: Index, rng: np.random.Generator) -> Arm:
-    """Errors of a held-out prediction, (windows,), those of energy by trip; intervals by block bootstrap."""
+    """Errors of a held-out prediction, (windows,), those of energy by trip; intervals by block
+    bootstrap."""
     error = predicted - runs.observed
     squared = error**2
     deviation = runs.observed - runs.observed.mean()
@@ -139,7 +155,9 @@ def score(predicted: Array, runs: Runs, block: Index, trip: Index, rng: np.rando
     r2 = None
     if variation > 0.0:
         r2 = 1.0 - float(squared.sum()) / variation
-    error_and_windows = np.stack([np.bincount(block, squared), np.bincount(block).astype(np.float64)])
+    error_and_windows = np.stack(
+        [np.bincount(block, squared), np.bincount(block).astype(np.float64)]
+    )
     return Arm(
         rmse=float(np.sqrt(squared.mean())),
         r2=r2,
@@ -149,7 +167,8 @@ def score(predicted: Array, runs: Runs, block: Index, trip: Index, rng: np.rando
 
 
 def _energy_error_pct(error: Array, runs: Runs, trip: Index) -> float | None:
-    """Mean relative error of the energy of a trip, per cent; None of motor current and where no trip draws energy."""
+    """Mean relative error of the energy of a trip, per cent; None of motor current and where no
+    trip draws energy."""
     drawn_j = np.bincount(trip, runs.observed * runs.duration_s)
     missed_j = np.bincount(trip, error * runs.duration_s)
     draws = drawn_j > 0.0
@@ -159,9 +178,10 @@ def _energy_error_pct(error: Array, runs: Runs, trip: Index) -> float | None:
 
 
 def better(predicted: Array, reference: Array, observed: Array, block: Index) -> float:
-    """P-value of the hypothesis that a prediction is no better than a reference: z-test of paired squared errors,
-    summed over blocks."""
-    # Windows of one block are correlated, blocks are not: their sums give the variance of the total.
+    """P-value of the hypothesis that a prediction is no better than a reference: z-test of paired
+    squared errors, summed over blocks."""
+    # Windows of one block are correlated, blocks are not: their sums give the variance of the
+    # total.
     difference = np.bincount(block, (reference - observed) ** 2 - (predicted - observed) ** 2)
     spread = float(np.sqrt((difference**2).sum()))
     if spread > 0.0:

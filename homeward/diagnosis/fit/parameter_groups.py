@@ -1,8 +1,9 @@
 """The identifiable groups of parameters, five at most, with their bounds and predictions.
 
-From sampled speed, grade and power only five groups of the model are identifiable: the idle and the per-sample part of
-P_anc, C_rr m / Gamma, c / Gamma and m / Gamma; from motor current the last three over k, the thrust per ampere, and the
-current at rest. Losses are therefore held at the robot file's values and the rest is fitted.
+From sampled speed, grade and power only five groups of the model are identifiable: the idle and the
+per-sample part of P_anc, C_rr m / Gamma, c / Gamma and m / Gamma; from motor current the last three
+over k, the thrust per ampere, and the current at rest. Losses are therefore held at the robot
+file's values and the rest is fitted.
 """
 
 import dataclasses
@@ -27,7 +28,8 @@ _SAMPLE_PARTS = ("sensing_j_per_sample", "computer_j_per_sample")
 
 @dataclass(frozen=True)
 class Group:
-    """One identifiable group: its name, symbol and unit, and whether its column is computed from measured motion."""
+    """One identifiable group: its name, symbol and unit, and whether its column is computed from
+    measured motion."""
 
     name: str
     symbol: str
@@ -55,10 +57,12 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class Parameters:
-    """The fitted parameters of a problem: a vector theta, its conversion to a robot, and its physical bounds.
+    """The fitted parameters of a problem: a vector theta, its conversion to a robot, and its
+    physical bounds.
 
-    theta is (idle power W, energy per sample J, C_rr m kg, c N s^2/m^2, m kg) or, of motor current, (current at rest A,
-    C_rr m, c, m), with the losses (and the thrust per ampere) as assumed. Arrays have shape (groups,).
+    theta is (idle power W, energy per sample J, C_rr m kg, c N s^2/m^2, m kg) or, of motor current,
+    (current at rest A, C_rr m, c, m), with the losses (and the thrust per ampere) as assumed.
+    Arrays have shape (groups,).
     """
 
     nominal: Robot
@@ -96,8 +100,11 @@ class Parameters:
 
 
 def with_effects_of(robot: Robot, effects: Mapping[str, Mapping[str, float]]) -> Robot:
-    """The robot with these effects; where its file has no track width, that fitted with an effect."""
-    track_m = next((numbers["track_m"] for numbers in effects.values() if "track_m" in numbers), robot.track_m)
+    """The robot with these effects; where its file has no track width, that fitted with an
+    effect."""
+    track_m = next(
+        (numbers["track_m"] for numbers in effects.values() if "track_m" in numbers), robot.track_m
+    )
     added = dict(robot.effects)
     for effect, numbers in effects.items():
         added[effect] = {name: value for name, value in numbers.items() if name != "track_m"}
@@ -119,7 +126,8 @@ def _sample_j(robot: Robot) -> float:
 
 
 def _ancillary_changes(robot: Robot, idle_w: float, sample_j: float) -> dict[str, Any]:
-    """Fields of the robot's file, with their values, that another idle power and energy per sample change."""
+    """Fields of the robot's file, with their values, that another idle power and energy per sample
+    change."""
     file_idle_w = _idle_w(robot)
     file_sample_j = _sample_j(robot)
     if idle_w == file_idle_w and sample_j == file_sample_j:
@@ -177,7 +185,10 @@ def _rows_at_rest(runs: Runs, robot: Robot) -> list[_Row]:
     sample_j = _sample_j(robot)
     fastest_hz = max(float(np.max(runs.sensing_hz, initial=0.0)), robot.max_sensing_hz)
     largest_j = max(largest / fastest_hz, 2.0 * sample_j)
-    return [row_of_idle, _Row(start=sample_j, low=0.0, high=largest_j, scale=sample_j or largest_j / 10)]
+    return [
+        row_of_idle,
+        _Row(start=sample_j, low=0.0, high=largest_j, scale=sample_j or largest_j / 10),
+    ]
 
 
 def _rows_of_motion(runs: Runs, robot: Robot) -> list[_Row]:
@@ -195,9 +206,12 @@ def _rows_of_motion(runs: Runs, robot: Robot) -> list[_Row]:
 
 
 def _highest_unknown_drag(runs: Runs, robot: Robot) -> float:
-    """Drag, N s^2/m^2, that takes ten times the largest recorded power or current at the top speed."""
+    """Drag, N s^2/m^2, that takes ten times the largest recorded power or current at the top
+    speed."""
     top_speed_mps = max(float(np.max(np.abs(runs.context["speed_mps"]))), 1e-3)
-    n_per_unit = robot.traction_efficiency / top_speed_mps if runs.unit == "W" else thrust_n_per_a(robot)
+    n_per_unit = (
+        robot.traction_efficiency / top_speed_mps if runs.unit == "W" else thrust_n_per_a(robot)
+    )
     force_n = float(np.max(runs.observed)) * n_per_unit
     return 10.0 * force_n / top_speed_mps**2
 
@@ -209,9 +223,11 @@ def derivatives(
     predict: Callable[[Array], Array],
     held: Mask | None = None,
 ) -> list[Array]:
-    """Derivative of `predict` by each group in units of `scale`, (windows,) each, by a finite difference at theta.
+    """Derivative of `predict` by each group in units of `scale`, (windows,) each, by a finite
+    difference at theta.
 
-    `predicted`, shape (windows,), is its value at theta; groups that are `held`, shape (groups,), have none.
+    `predicted`, shape (windows,), is its value at theta; groups that are `held`, shape (groups,),
+    have none.
     """
     columns = []
     for index in range(len(theta)):

@@ -1,11 +1,13 @@
-"""A robot file made to predict: all numbers that a file may hold, fitted together and held near what is known of them.
+"""A robot file made to predict: all numbers that a file may hold, fitted together and held near
+what is known of them.
 
     x_j = c_j + s_j z_j within bounds;   min over z of  sum_i d_i (P_i - replay_i(x))^2 / S0 + lambda |z|^2 / n
 
-d_i is the length of a window, n the minutes recorded, S0 the same sum at a first fit: a minute counts as one
-independent observation of power. c_j and s_j are the mean and standard deviation of what is known of a number before
-any drive; lambda is what predicts drives best that a fit has not seen. Nothing is named here and nothing is proven: a
-number that the drives do not show stays where it was.
+d_i is the length of a window, n the minutes recorded, S0 the same sum at a first fit: a minute
+counts as one independent observation of power. c_j and s_j are the mean and standard deviation of
+what is known of a number before any drive; lambda is what predicts drives best that a fit has not
+seen. Nothing is named here and nothing is proven: a number that the drives do not show stays where
+it was.
 """
 
 from __future__ import annotations
@@ -57,17 +59,20 @@ SET_POINT = f"{heater.EFFECT.id}.{heater.EFFECT.parameters[1].name}"
 _SWITCHES = {effect.id: effect.switch for effect in EFFECTS}
 
 _MOST_LOST = 0.6
-"""Losses of the drive, a share: the largest that is tried. Chosen: a small brushed motor with a worm gear."""
+"""Losses of the drive, a share: the largest that is tried. Chosen: a small brushed motor with a
+worm gear."""
 _MOST_STEPS = 15  # of Gauss-Newton; chosen
 _MOST_HALVINGS = 6  # of a step that overshoots; chosen
 _PRECISE = 1e-7  # of the sum that is minimised, relative: a fit ends; chosen
 _SMALL_STEP = 1e-4  # of a scale, for a derivative by a finite difference; chosen
 _PENALTY_OF_FIRST_FIT = 1e-3
-"""Lambda of the first fit, whose error is what drives leave unexplained: hardly any prior. Chosen."""
+"""Lambda of the first fit, whose error is what drives leave unexplained: hardly any prior.
+Chosen."""
 _SMALLEST_SHARE = 1e-6
 """Least relative standard deviation of a measured number. Chosen: above rounding."""
 _PENALTIES = np.logspace(-1.0, 1.0, 7)
-"""Lambdas that are tried, about 1: prior and minutes then count as stated. Chosen: half a decade apart or less."""
+"""Lambdas that are tried, about 1: prior and minutes then count as stated. Chosen: half a decade
+apart or less."""
 _FEWEST_RUNS = 8
 """Drives below which their errors are too few to choose lambda by. Chosen."""
 _PENALTY_OF_FEW = 0.3
@@ -76,7 +81,8 @@ _PENALTY_OF_FEW = 0.3
 
 @dataclass(frozen=True)
 class Scales:
-    """Standard deviations of the priors; `times` of the file's value, `of_power` of the mean power or current."""
+    """Standard deviations of the priors; `times` of the file's value, `of_power` of the mean power
+    or current."""
 
     idle_of_power: float = 0.05
     """Electronics are the best known number of a file, as they are measured on a bench. Chosen."""
@@ -89,19 +95,22 @@ class Scales:
     losses: float = _MOST_LOST / 12.0**0.5
     """Anything between none and the most, as a uniform distribution."""
     inertia_times: float = 0.5
-    """Of the moved mass: rotating parts add 0.04 + 0.0025 N^2, N the gear ratio (Gillespie, Fundamentals of Vehicle
-    Dynamics, ch. 2), half of it at N = 14."""
+    """Of the moved mass: rotating parts add 0.04 + 0.0025 N^2, N the gear ratio (Gillespie,
+    Fundamentals of Vehicle Dynamics, ch. 2), half of it at N = 14."""
     regeneration: float = 0.5
     """A share between none, which is expected where no drive shows it, and all."""
     turning: float = 0.3
-    """Scrub over weight: rubber on hard ground rubs with 0.3 to 0.8, and a part of it is dragged sideways. Chosen."""
+    """Scrub over weight: rubber on hard ground rubs with 0.3 to 0.8, and a part of it is dragged
+    sideways. Chosen."""
     climate_of_power: float = 0.02
-    """Per kelvin of a heater or cooler: electric cars go 41 % less far at -7 C than at 24 C (AAA, 2019), which is 70 %
-    more energy over 31 K."""
+    """Per kelvin of a heater or cooler: electric cars go 41 % less far at -7 C than at 24 C (AAA,
+    2019), which is 70 % more energy over 31 K."""
     rolling_per_k: float = 0.0026
-    """From passenger cars (0.0086, UN GTR 15, Annex 4) to the tyres of lorries (0.006, ISO 28580)."""
+    """From passenger cars (0.0086, UN GTR 15, Annex 4) to the tyres of lorries (0.006, ISO
+    28580)."""
     set_point_k: float = 3.0
-    """Degree days count heating below 15 C to a base of 18 C, and cooling above 24 C to a base of 21 C (Eurostat)."""
+    """Degree days count heating below 15 C to a base of 18 C, and cooling above 24 C to a base of
+    21 C (Eurostat)."""
 
 
 SCALES = Scales()
@@ -114,8 +123,9 @@ _SET_POINTS_C = {heater.EFFECT: 18.0, cooler.EFFECT: 24.0}  # of degree days, as
 class Entry:
     """One number of a robot file: its name in `[uncertainty]`, unit, prior and bounds.
 
-    Forces are over the efficiency of the drive, as recordings show them: C_rr m / Gamma, c / Gamma, m / Gamma. Inertia
-    is the accelerated mass over Gamma, kg: only the product of mass and `mass_factor` is known.
+    Forces are over the efficiency of the drive, as recordings show them: C_rr m / Gamma, c / Gamma,
+    m / Gamma. Inertia is the accelerated mass over Gamma, kg: only the product of mass and
+    `mass_factor` is known.
     """
 
     name: str
@@ -177,11 +187,15 @@ def _groups(runs: Runs, robot: Robot, mean: float, scales: Scales) -> list[Entry
     return numbers
 
 
-def _measured(runs: Runs, robot: Robot, scales: Scales, values: Mapping[str, float]) -> dict[str, float]:
-    """Standard deviations of what a coast-down test and a scale measured at the wheels, by name of the group.
+def _measured(
+    runs: Runs, robot: Robot, scales: Scales, values: Mapping[str, float]
+) -> dict[str, float]:
+    """Standard deviations of what a coast-down test and a scale measured at the wheels, by name of
+    the group.
 
-    Recordings of power show the same over the drive's efficiency, which the test does not know: the drive's losses are
-    as uncertain as without it. Recordings of motor current show it over the thrust per ampere of the file.
+    Recordings of power show the same over the drive's efficiency, which the test does not know: the
+    drive's losses are as uncertain as without it. Recordings of motor current show it over the
+    thrust per ampere of the file.
     """
     if runs.unit == "A" and robot.traction_n_per_a == 0.0:
         return {}
@@ -205,7 +219,8 @@ def _measured_share(robot: Robot, name: str) -> float | None:
 
 
 def _in_file(robot: Robot, effect: Effect, parameter: Parameter, otherwise: float) -> float:
-    """Value of an effect's parameter in the robot's file, or another where the file does not have it."""
+    """Value of an effect's parameter in the robot's file, or another where the file does not have
+    it."""
     return robot.effects.get(effect.id, {}).get(parameter.name, otherwise)
 
 
@@ -216,7 +231,8 @@ def _entry(effect: Effect, parameter: Parameter, centre: float, scale: float) ->
 
 
 def _inertia_and_losses(runs: Runs, robot: Robot, scales: Scales) -> list[Entry]:
-    """Inertia and, of power, the share that the drive loses and the share that braking gives back."""
+    """Inertia and, of power, the share that the drive loses and the share that braking gives
+    back."""
     to_group = float(parameters(runs, robot).to_group[MASS])
     mass_kg = to_group * robot.mass_kg
     factor = inertia.EFFECT.switch
@@ -235,12 +251,15 @@ def _inertia_and_losses(runs: Runs, robot: Robot, scales: Scales) -> list[Entry]
         recovered = _in_file(robot, regeneration.EFFECT, share, 0.0)
         numbers.append(_entry(regeneration.EFFECT, share, recovered, scales.regeneration))
         losses = robot.motor_loss + robot.friction_loss
-        numbers.append(Entry(LOSSES, "1", losses, scales.losses, low=0.0, high=max(_MOST_LOST, losses)))
+        numbers.append(
+            Entry(LOSSES, "1", losses, scales.losses, low=0.0, high=max(_MOST_LOST, losses))
+        )
     return numbers
 
 
 def _effects_of_the_way(runs: Runs, robot: Robot, scales: Scales) -> list[Entry]:
-    """Turning and the temperature of the tyres, which most robots have, whether or not a drive proves them."""
+    """Turning and the temperature of the tyres, which most robots have, whether or not a drive
+    proves them."""
     numbers = []
     if runs.has("yaw_rate_radps") and robot.track_m > 0.0:
         scrub = turning.EFFECT.switch
@@ -288,7 +307,16 @@ def _named_effects(robot: Robot, named: Robot) -> list[Entry]:
         size = values.get(switch.name, 0.0)
         if size != 0.0 and values != robot.effects.get(effect):
             name = f"{effect}.{switch.name}"
-            numbers.append(Entry(name, switch.unit, centre=size, scale=abs(size), low=switch.low, high=switch.high))
+            numbers.append(
+                Entry(
+                    name,
+                    switch.unit,
+                    centre=size,
+                    scale=abs(size),
+                    low=switch.low,
+                    high=switch.high,
+                )
+            )
     return numbers
 
 
@@ -330,7 +358,9 @@ def _with_losses(robot: Robot, losses: float) -> Robot:
     share_of_motor = 1.0
     if file_losses != 0.0:
         share_of_motor = robot.motor_loss / file_losses
-    return dataclasses.replace(robot, motor_loss=share_of_motor * losses, friction_loss=(1.0 - share_of_motor) * losses)
+    return dataclasses.replace(
+        robot, motor_loss=share_of_motor * losses, friction_loss=(1.0 - share_of_motor) * losses
+    )
 
 
 @dataclass(frozen=True)
@@ -359,8 +389,8 @@ class Predictive:
     def covariance(self, runs: Runs, block: Index) -> Array:
         """Of the numbers in their units, by the windows and the prior, shape (entries, entries).
 
-        By the sandwich estimator, the windows clustered by `block`, (windows,), and the prior as one more observation
-        of each number.
+        By the sandwich estimator, the windows clustered by `block`, (windows,), and the prior as
+        one more observation of each number.
         """
         scale = np.array([entry.scale for entry in self.entries])
         residual = runs.observed - self.predicted
@@ -533,7 +563,10 @@ def _squared(fit: Predictive, runs: Runs) -> float:
 
 def _objective(fit: Predictive, runs: Runs) -> float:
     """The sum that is minimised: squared error over S0 and the penalty of z."""
-    z = [(value - entry.centre) / entry.scale for value, entry in zip(fit.values, fit.entries, strict=True)]
+    z = [
+        (value - entry.centre) / entry.scale
+        for value, entry in zip(fit.values, fit.entries, strict=True)
+    ]
     penalty = fit.penalty / _minutes(runs.duration_s) * float(np.sum(np.square(z)))
     return _squared(fit, runs) / fit.total + penalty
 
@@ -544,7 +577,8 @@ def _replayed(fit: Predictive, values: Array, replay: Replay) -> Array:
 
 
 def _derivatives(fit: Predictive, replay: Replay) -> Array:
-    """Derivative of the prediction per unit of z by finite differences, shape (windows, entries)."""
+    """Derivative of the prediction per unit of z by finite differences, shape (windows,
+    entries)."""
     columns = []
     for index, entry in enumerate(fit.entries):
         step = _SMALL_STEP * entry.scale

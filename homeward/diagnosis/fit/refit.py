@@ -1,7 +1,9 @@
-"""Which parameter values fit the recordings best? Least squares on the groups that recordings can identify.
+"""Which parameter values fit the recordings best? Least squares on the groups that recordings can
+identify.
 
-Window means are fitted without a robust loss, which would ignore the peaks, where the energy is. Intervals
-come from a sandwich estimator clustered by block, valid under autocorrelated and heteroscedastic residuals.
+Window means are fitted without a robust loss, which would ignore the peaks, where the energy is.
+Intervals come from a sandwich estimator clustered by block, valid under autocorrelated and
+heteroscedastic residuals.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from homeward.logs.channels import Array, Mask
 from homeward.physics import Robot
 
 _ITERATIONS = 12  # most Gauss-Newton steps: a fit ends where the error no longer falls; chosen
-_WEAK_PRIOR = 1e-5  # of a column's norm; chosen: keeps only what is unidentifiable at its assumed value
+# of a column's norm; chosen: keeps only what is unidentifiable at its assumed value
+_WEAK_PRIOR = 1e-5
 
 
 @dataclass(frozen=True)
@@ -48,25 +51,29 @@ class Refit:
 
     @property
     def at_bound(self) -> Mask:
-        """Groups at a physical bound, shape (groups,); a power or drag of zero is a regular value."""
+        """Groups at a physical bound, shape (groups,); a power or drag of zero is a regular
+        value."""
         margin = 1e-9 * self.parameters.scale
         at_high = self.theta >= self.parameters.high - margin
         at_low = (self.theta <= self.parameters.low + margin) & (self.parameters.low > 0.0)
         return np.asarray(at_high | at_low)
 
     def freedom(self) -> tuple[Array, Array]:
-        """Least and largest physical step from theta, in units of `scale`, each of shape (groups,)."""
+        """Least and largest physical step from theta, in units of `scale`, each of shape
+        (groups,)."""
         down = (self.parameters.low - self.theta) / self.parameters.scale
         up = (self.parameters.high - self.theta) / self.parameters.scale
         return down - 1e-12, up + 1e-12  # a solver needs some room between them
 
     def moved(self, step: Array) -> Array:
-        """Theta after a step in units of `scale`, within its bounds; groups that are held keep theirs to the digit."""
+        """Theta after a step in units of `scale`, within its bounds; groups that are held keep
+        theirs to the digit."""
         moved = self.theta + ~self.held * step * self.parameters.scale
         return np.clip(moved, self.parameters.low, self.parameters.high)
 
     def step(self, jacobian: Array, residual: Array) -> Array:
-        """Least-squares step of theta in units of `scale`, shape (groups,), within the bounds, for these windows."""
+        """Least-squares step of theta in units of `scale`, shape (groups,), within the bounds, for
+        these windows."""
         # QR reduces the problem to a few rows, whatever the length of the recording.
         triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
         largest_norm = max(float(np.linalg.norm(jacobian, axis=0).max(initial=0.0)), 1e-12)
@@ -79,7 +86,9 @@ class Refit:
     def fitted_to(self, chosen: Mask, observed: Array) -> Refit:
         """The same fitted to the chosen windows only, linearised at this fit."""
         step = self.step(self.jacobian[chosen], (observed - self.predicted)[chosen])
-        return dataclasses.replace(self, theta=self.moved(step), predicted=self.predicted + self.jacobian @ step)
+        return dataclasses.replace(
+            self, theta=self.moved(step), predicted=self.predicted + self.jacobian @ step
+        )
 
     def refitted(self, chosen: Mask, runs: Runs) -> Refit:
         """As `fitted_to`: without effects the model is almost linear."""
@@ -102,11 +111,14 @@ def holding(fit: Refit, runs: Runs, held: Mask) -> Refit:
 
 
 def _fit(problem: Parameters, runs: Runs, held: Mask) -> Refit:
-    """Gauss-Newton steps until the error no longer falls; groups that are held, shape (groups,), keep their values."""
+    """Gauss-Newton steps until the error no longer falls; groups that are held, shape (groups,),
+    keep their values."""
 
     def linearised(theta: Array) -> Refit:
         predicted = problem.predict(runs, theta)
-        columns = derivatives(problem, theta, predicted, lambda moved: problem.predict(runs, moved), held)
+        columns = derivatives(
+            problem, theta, predicted, lambda moved: problem.predict(runs, moved), held
+        )
         return Refit(problem, theta, predicted, jacobian=np.column_stack(columns), held=held)
 
     fit = linearised(np.clip(problem.start, problem.low, problem.high))

@@ -1,4 +1,5 @@
-"""What a robot file predicts for recorded runs: their motion replayed through the physics, averaged over windows."""
+"""What a robot file predicts for recorded runs: their motion replayed through the physics, averaged
+over windows."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -16,8 +17,10 @@ from homeward.physics.effects import payload
 from homeward.physics.log_replay import Recorded
 from homeward.physics.terminal_power import at_terminals
 
-_MOST_WINDOWS = 100_000  # beyond it the windows get longer; chosen: bounds time and memory, 14 hours of driving
-_MOST_LOADS = 5  # payload levels at which a run is replayed; chosen: power is piecewise linear in the load
+# beyond it the windows get longer; chosen: bounds time and memory, 14 hours of driving
+_MOST_WINDOWS = 100_000
+# payload levels at which a run is replayed; chosen: power is piecewise linear in the load
+_MOST_LOADS = 5
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,8 @@ class Runs:
 
 @dataclass(frozen=True)
 class WithEffects:
-    """Additions to the robot in a prediction: effects by id, conditions of the drive, errors of its instruments."""
+    """Additions to the robot in a prediction: effects by id, conditions of the drive, errors of its
+    instruments."""
 
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     headwind_mps: Sequence[Array] | None = None  # against the direction of travel, an array per run
@@ -77,7 +81,8 @@ class WithEffects:
 
 
 def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
-    """Average runs of one unit over windows of `WINDOW_S`, or longer so that each holds at least so many samples."""
+    """Average runs of one unit over windows of `WINDOW_S`, or longer so that each holds at least so
+    many samples."""
     total_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in signals)
     shortest_s = max(WINDOW_S, total_s / _MOST_WINDOWS)
     lengths_s = [max(shortest_s, samples * median_step_s(run.time_s)) for run in signals]
@@ -86,7 +91,9 @@ def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
 
     def means(values_of: Callable[[Signals], Array]) -> Array:
         """Window means of all runs."""
-        return np.concatenate([cut.means(values_of(run)) for run, cut in zip(signals, cuts, strict=True)])
+        return np.concatenate(
+            [cut.means(values_of(run)) for run, cut in zip(signals, cuts, strict=True)]
+        )
 
     def channel_means(name: str) -> Array:
         return means(lambda run: run.context.get(name, np.full(len(run.time_s), np.nan)))
@@ -129,7 +136,8 @@ def current_a(run: Signals, robot: Robot) -> Array:
 
 
 def _current_a(run: Signals, robot: Robot, force_n: Array) -> Array:
-    """Motor current at a wheel force, A, shape (samples,); beyond that at rest it vanishes with the motion."""
+    """Motor current at a wheel force, A, shape (samples,); beyond that at rest it vanishes with the
+    motion."""
     moving = np.minimum(wheels_mps(run, robot) / logs_thresholds.STANDSTILL_MPS, 1.0)
     return np.asarray(robot.rest_current_a + moving * force_n / thrust_n_per_a(robot))
 
@@ -137,9 +145,10 @@ def _current_a(run: Signals, robot: Robot, force_n: Array) -> Array:
 def predict(runs: Runs, robot: Robot, met: WithEffects | None = None) -> Array:
     """Battery power (W) or motor current (A) that the robot file predicts, shape (windows,).
 
-    Power that was recorded as voltage times current is that at the battery's terminals. Motor current is the thrust
-    over the thrust per ampere, plus the current at rest; a descent that the robot rolls down draws none, as in the
-    power of the drive. Effects are those of the robot: `met` gives only conditions and errors of instruments.
+    Power that was recorded as voltage times current is that at the battery's terminals. Motor
+    current is the thrust over the thrust per ampere, plus the current at rest; a descent that the
+    robot rolls down draws none, as in the power of the drive. Effects are those of the robot: `met`
+    gives only conditions and errors of instruments.
     """
     met = met or WithEffects()
     means = []
@@ -155,7 +164,8 @@ def predict(runs: Runs, robot: Robot, met: WithEffects | None = None) -> Array:
 
 
 def _conditions(runs: Runs, index: int, met: WithEffects) -> Recorded:
-    """What is replayed of a run, with the conditions of the drive and the true speed, where they are given."""
+    """What is replayed of a run, with the conditions of the drive and the true speed, where they
+    are given."""
     run = runs.signals[index]
     changed: dict[str, Any] = {}
     if met.speed_factors is not None:
@@ -173,9 +183,11 @@ def _conditions(runs: Runs, index: int, met: WithEffects) -> Recorded:
 
 
 def _loaded(robot: Robot, run: Signals, recorded: Recorded) -> tuple[Array, Array]:
-    """Power, W, and wheel force, N, of a robot with the run's recorded load beside that of its file, (samples,) each.
+    """Power, W, and wheel force, N, of a robot with the run's recorded load beside that of its
+    file, (samples,) each.
 
-    Interpolated between a few loads: both are piecewise linear in the load, with kinks where the drive draws nothing.
+    Interpolated between a few loads: both are piecewise linear in the load, with kinks where the
+    drive draws nothing.
     """
     if "payload_kg" not in run.context:
         model = recorded.replay(robot)
@@ -201,4 +213,6 @@ def _with_load(robot: Robot, load_kg: float) -> Robot:
     effect = payload.EFFECT.id
     switch = payload.EFFECT.switch.name
     file_kg = robot.effects.get(effect, {}).get(switch, 0.0)
-    return dataclasses.replace(robot, effects={**robot.effects, effect: {switch: file_kg + load_kg}})
+    return dataclasses.replace(
+        robot, effects={**robot.effects, effect: {switch: file_kg + load_kg}}
+    )

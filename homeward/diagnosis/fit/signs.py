@@ -1,4 +1,5 @@
-"""Signs of power and of slopes, judged over all runs: by the energy that a descent can give and that a climb takes."""
+"""Signs of power and of slopes, judged over all runs: by the energy that a descent can give and
+that a climb takes."""
 
 from __future__ import annotations
 
@@ -22,10 +23,11 @@ class Sign(NamedTuple):
 
 
 def signs_of_power(runs: Sequence[Signals], robot: Robot) -> dict[int, Sign]:
-    """Runs whose power is negative while they drive, by their number: driven downhill, or of the wrong sign.
+    """Runs whose power is negative while they drive, by their number: driven downhill, or of the
+    wrong sign.
 
-    A descent gives back no more than the height lost, so a run whose slopes are known shows it alone. Where they are
-    not, the runs decide together: an instrument has one sign in all of them.
+    A descent gives back no more than the height lost, so a run whose slopes are known shows it
+    alone. Where they are not, the runs decide together: an instrument has one sign in all of them.
     """
     drawn_j = np.array([_drawn_j(run) for run in runs])
     negative = np.flatnonzero(drawn_j < 0.0)
@@ -51,7 +53,8 @@ def signs_of_power(runs: Sequence[Signals], robot: Robot) -> dict[int, Sign]:
 
 
 def _drawn_j(run: Signals) -> float:
-    """Energy drawn while driving, less the energy recovered, J; of motor current, which has no sign, 0."""
+    """Energy drawn while driving, less the energy recovered, J; of motor current, which has no
+    sign, 0."""
     if run.unit != "W":
         return 0.0
     drives = run.speed_mps[:-1] != 0.0
@@ -60,7 +63,8 @@ def _drawn_j(run: Signals) -> float:
 
 
 def _descent_j(run: Signals, robot: Robot) -> float | None:
-    """Potential energy that a run's descents give, less that of its climbs, J; None where slopes are unknown."""
+    """Potential energy that a run's descents give, less that of its climbs, J; None where slopes
+    are unknown."""
     if "grade_rad" not in run.context:
         return None
     climb_mps = run.speed_mps * np.sin(run.grade_rad)
@@ -69,13 +73,16 @@ def _descent_j(run: Signals, robot: Robot) -> float | None:
 
 
 def wrong_slopes(signals: Sequence[Signals], robot: Robot) -> str | None:
-    """Whether the energy of climbs shows that slopes have the wrong sign, in all runs together; a phrase, or None."""
+    """Whether the energy of climbs shows that slopes have the wrong sign, in all runs together; a
+    phrase, or None."""
     sloped = [run for run in signals if "grade_rad" in run.context and run.unit == "W"]
     if not sloped:
         return None
     runs = average(sloped)
     pairs = list(zip(runs.signals, runs.windows, strict=True))
     speed_mps = np.concatenate([cut.means(np.abs(run.speed_mps)) for run, cut in pairs])
-    climb_mps = np.concatenate([cut.means(run.speed_mps * np.sin(run.grade_rad)) for run, cut in pairs])
+    climb_mps = np.concatenate(
+        [cut.means(run.speed_mps * np.sin(run.grade_rad)) for run, cut in pairs]
+    )
     weight_n = robot.mass_kg * GRAVITY_MPS2
     return turned_slopes(climb_mps, speed_mps, runs.observed, runs.run, weight_n, robot.name)

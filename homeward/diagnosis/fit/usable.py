@@ -34,7 +34,8 @@ class Finding:
 
 
 class _Run(NamedTuple):
-    """A usable run: on an even clock, without faults and with the errors of what was interpolated, and in one form."""
+    """A usable run: on an even clock, without faults and with the errors of what was interpolated,
+    and in one form."""
 
     recorded: Recording
     mended: Recording
@@ -51,11 +52,13 @@ class _Run(NamedTuple):
         return self._replace(signals=signals(self.mended, robot, late_s, self.error, sloped))
 
 
-def usable_runs(recordings: Sequence[Recording], robot: Robot) -> tuple[list[Signals], list[Finding]]:
+def usable_runs(
+    recordings: Sequence[Recording], robot: Robot
+) -> tuple[list[Signals], list[Finding]]:
     """Check each recording of a robot and bring the usable ones into one form.
 
-    Power is preferred: where some runs hold power and others only motor current, the latter are excluded. Top speed
-    and power by the robot file distinguish a wrong unit from a fast drive.
+    Power is preferred: where some runs hold power and others only motor current, the latter are
+    excluded. Top speed and power by the robot file distinguish a wrong unit from a fast drive.
     """
     findings: list[Finding] = []
     runs: list[_Run] = []
@@ -110,26 +113,37 @@ def _usable_run(recording: Recording, robot: Robot) -> tuple[_Run | None, list[F
 
 
 def _of_right_sign(runs: Sequence[_Run], robot: Robot) -> tuple[list[_Run], list[Finding]]:
-    """The runs without those whose power has the wrong sign, and what the signs of power come to."""
+    """The runs without those whose power has the wrong sign, and what the signs of power come
+    to."""
     signs = signs_of_power([run.signals for run in runs], robot)
-    findings = [Finding(runs[number].name, sign.text, sign.refused) for number, sign in signs.items()]
-    right = [run for number, run in enumerate(runs) if number not in signs or not signs[number].refused]
+    findings = [
+        Finding(runs[number].name, sign.text, sign.refused) for number, sign in signs.items()
+    ]
+    right = [
+        run for number, run in enumerate(runs) if number not in signs or not signs[number].refused
+    ]
     return right, findings
 
 
 def _of_one_unit(runs: Sequence[_Run]) -> tuple[list[_Run], list[Finding]]:
-    """The runs with power or, where none has, those with motor current; and findings about the excluded ones."""
+    """The runs with power or, where none has, those with motor current; and findings about the
+    excluded ones."""
     with_power = [run for run in runs if run.signals.unit == "W"]
     if not with_power:
         return list(runs), []
     text = "has motor current only, while other runs have power"
-    return with_power, [Finding(run.name, text, refused=True) for run in runs if run.signals.unit == "A"]
+    return with_power, [
+        Finding(run.name, text, refused=True) for run in runs if run.signals.unit == "A"
+    ]
 
 
 def _lacked(runs: Sequence[_Run]) -> list[Finding]:
-    """Channels that some runs have and others lack: there nothing was sensed, or the value is unknown."""
+    """Channels that some runs have and others lack: there nothing was sensed, or the value is
+    unknown."""
     recorded = {name for run in runs for name in run.mended.channels}
-    in_some = dict.fromkeys(name for run in runs for name in run.signals.context if name in recorded)
+    in_some = dict.fromkeys(
+        name for run in runs for name in run.signals.context if name in recorded
+    )
     findings = []
     for run in runs:
         lacks = [name for name in in_some if name not in run.signals.context]
@@ -142,8 +156,11 @@ def _lacked(runs: Sequence[_Run]) -> list[Finding]:
     return findings
 
 
-def _corrected(runs: Sequence[_Run], robot: Robot, sloped: bool) -> tuple[list[Signals], list[Finding]]:
-    """The runs corrected for a late or tilted slope and a drifting clock, seen from power; what was corrected."""
+def _corrected(
+    runs: Sequence[_Run], robot: Robot, sloped: bool
+) -> tuple[list[Signals], list[Finding]]:
+    """The runs corrected for a late or tilted slope and a drifting clock, seen from power; what was
+    corrected."""
     corrected = [run.signals for run in runs]
     findings = []
     name_of_all = runs[0].name  # what is said of all runs stands at the first
@@ -206,13 +223,17 @@ def _lacks(recording: Recording) -> str | None:
             f"motion or power is missing in {missing:.0%} of the samples; where they are logged in rows of their own, "
             "put both into each row (pandas.merge_asof does)"
         )
-    if len(recording) < thresholds.FEWEST_SAMPLES or recording.duration_s < thresholds.SHORTEST_RUN_S:
+    if (
+        len(recording) < thresholds.FEWEST_SAMPLES
+        or recording.duration_s < thresholds.SHORTEST_RUN_S
+    ):
         return f"is too short ({len(recording)} samples over {recording.duration_s:.3g} s)"
     return None
 
 
 def fault_of(run: Signals, robot: Robot) -> str | None:
-    """Why a run of a robot cannot be used, such as its length or unit, in a phrase; None where it can."""
+    """Why a run of a robot cannot be used, such as its length or unit, in a phrase; None where it
+    can."""
     fault = _fault_but_for_sign(run, robot)
     if fault is not None:
         return fault
@@ -269,17 +290,27 @@ def _remarks(recording: Recording, run: Signals) -> list[str]:
         remarks.append(f"{missing} samples without motion or power are left out")
     remarks += [f"missing values of {name} are interpolated" for name in run.filled]
     if "elevation_m" in recording.channels and "grade_rad" not in run.context:
-        remarks.append("slopes from elevation_m are no larger than their error: they are treated as unknown")
+        remarks.append(
+            "slopes from elevation_m are no larger than their error: they are treated as unknown"
+        )
     jumps = gaps(run.time_s)
     if len(jumps) > 0:
         longest_s = float(np.max(np.diff(run.time_s)[jumps]))
         median_s = median_step_s(run.time_s)
-        remarks.append(f"{len(jumps)} gaps, the longest {longest_s:.3g} s where the median step is {median_s:.3g} s")
+        remarks.append(
+            f"{len(jumps)} gaps, the longest {longest_s:.3g} s where the median step is {median_s:.3g} s"
+        )
     largest_mps = np.max(np.abs(run.speed_mps))
     if largest_mps <= logs_thresholds.STANDSTILL_MPS and not run.yaw_rate_radps.any():
-        remarks.append("the robot stands throughout: the parameters of its drive are not identifiable")
+        remarks.append(
+            "the robot stands throughout: the parameters of its drive are not identifiable"
+        )
     elif np.ptp(run.speed_mps) < thresholds.HARDLY_CHANGES * largest_mps:
-        remarks.append("the speed hardly changes: idle power, rolling resistance and drag are confounded")
+        remarks.append(
+            "the speed hardly changes: idle power, rolling resistance and drag are confounded"
+        )
     if run.unit == "A" and (run.observed > 0.0).all():
-        remarks.append("motor current without voltage: torque only, so power, energy and range are not known")
+        remarks.append(
+            "motor current without voltage: torque only, so power, energy and range are not known"
+        )
     return remarks

@@ -1,7 +1,8 @@
 """A recording with uneven stamps on an even clock.
 
-A phone or a bus hands over values in bursts: some stamps lie hundredths of a second apart, the next after a second. A
-rate of change from stamp to stamp is then noise over next to nothing, and a mean over samples is that of the bursts.
+A phone or a bus hands over values in bursts: some stamps lie hundredths of a second apart, the next
+after a second. A rate of change from stamp to stamp is then noise over next to nothing, and a mean
+over samples is that of the bursts.
 """
 
 import dataclasses
@@ -16,10 +17,11 @@ _ANGLES = ("heading_rad",)  # jump by a turn
 
 
 def on_even_clock(recording: Recording, shortest_s: float) -> tuple[Recording, str | None]:
-    """The recording on an even clock, and what was done in a phrase; as it is, and None, if its stamps are even.
+    """The recording on an even clock, and what was done in a phrase; as it is, and None, if its
+    stamps are even.
 
-    Each value is the mean, over one tick, of the straight lines between samples. The tick is the median step, and at
-    least `shortest_s`. Ticks in gaps are left out.
+    Each value is the mean, over one tick, of the straight lines between samples. The tick is the
+    median step, and at least `shortest_s`. Ticks in gaps are left out.
     """
     time_s = recording.channels["time_s"]
     if len(time_s) < thresholds.FEWEST_SAMPLES:
@@ -39,7 +41,8 @@ def on_even_clock(recording: Recording, shortest_s: float) -> tuple[Recording, s
         if name != "time_s":
             averaged[name] = _means(name, values, time_s, edges_s)[is_recorded]
     if "voltage_v" in recorded and "current_a" in recorded:
-        # The mean power is the mean of the product, not the product of the means: the current makes up for it.
+        # The mean power is the mean of the product, not the product of the means: the current makes
+        # up for it.
         product_w = recorded["voltage_v"] * recorded["current_a"]
         power_w = _means("power_w", product_w, time_s, edges_s)[is_recorded]
         voltage_v = averaged["voltage_v"]
@@ -49,7 +52,8 @@ def on_even_clock(recording: Recording, shortest_s: float) -> tuple[Recording, s
 
 
 def _means(name: str, values: Array, time_s: Array, edges_s: Array) -> Array:
-    """Mean of a channel between edges, shape (edges - 1,), NaN where most of it was not recorded."""
+    """Mean of a channel between edges, shape (edges - 1,), NaN where most of it was not
+    recorded."""
     finite = np.isfinite(values)
     if not finite.any():
         return np.full(len(edges_s) - 1, np.nan)
@@ -64,7 +68,8 @@ def _means(name: str, values: Array, time_s: Array, edges_s: Array) -> Array:
 
 
 def _integral(values: Array, time_s: Array, edges_s: Array) -> Array:
-    """Integral of the straight lines between samples from each edge to the next, shape (edges - 1,)."""
+    """Integral of the straight lines between samples from each edge to the next, shape (edges -
+    1,)."""
     steps_s = np.diff(time_s)
     trapezoids = (values[1:] + values[:-1]) / 2.0 * steps_s
     until_sample = np.concatenate(([0.0], np.cumsum(trapezoids)))

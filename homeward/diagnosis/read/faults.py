@@ -16,14 +16,16 @@ from homeward.logs.recordings import Recording
 from homeward.physics import Robot
 
 _DRAWN = ("power_w", "current_a", "motor_left_a", "motor_right_a")
-_SET = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps")  # may jump with their command
+# may jump with their command
+_SET = ("speed_mps", "wheel_left_mps", "wheel_right_mps", "yaw_rate_radps")
 _MOVED = (*_SET, "grade_rad", "elevation_m")
 _CHANNEL_OF = {"wheel_left_mps": "speed_mps", "wheel_right_mps": "speed_mps"}
 _JUMPY = (*_DRAWN, "voltage_v", "grade_rad", "elevation_m")
 
 
 def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[str, float]]:
-    """The recording without faulty readings, with a note for each kind of fault; power left out is NaN.
+    """The recording without faulty readings, with a note for each kind of fault; power left out is
+    NaN.
 
     Also the standard deviation of the error of each channel of which only some readings are fresh.
     """
@@ -37,7 +39,9 @@ def without_faults(recording: Recording, robot: Robot) -> tuple[Recording, dict[
     driven_m = np.diff(channels.get("distance_m", np.zeros(1)))
     resets = int((driven_m < -thresholds.RESET_M).sum())
     if resets:
-        notes.append(f"distance_m falls back {resets} times: the counter was reset, and is not used")
+        notes.append(
+            f"distance_m falls back {resets} times: the counter was reset, and is not used"
+        )
     return dataclasses.replace(recording, channels=channels, notes=tuple(notes)), error
 
 
@@ -67,15 +71,19 @@ def _without_spikes(channels: dict[str, Array], robot: Robot) -> list[str]:
     return notes
 
 
-def _without_silence_and_charging(channels: dict[str, Array], robot: Robot, duration_s: float) -> list[str]:
-    """Replace power by NaN where its meter is silent and where the robot is charged; a note for each."""
+def _without_silence_and_charging(
+    channels: dict[str, Array], robot: Robot, duration_s: float
+) -> list[str]:
+    """Replace power by NaN where its meter is silent and where the robot is charged; a note for
+    each."""
     drawn = channels.get("power_w", channels.get("current_a"))
     if drawn is None:
         return []
     speed_mps = np.abs(speed_of(channels))
     slowest_mps = thresholds.STANDSTILL_SHARE * robot.max_speed_mps
     drives = speed_mps > slowest_mps
-    stands = speed_mps < slowest_mps  # where the speed is unknown the robot neither drives nor stands
+    # where the speed is unknown the robot neither drives nor stands
+    stands = speed_mps < slowest_mps
     silent = _silent(drawn, drives)
     charging = _charging(np.where(silent, np.nan, drawn), stands, channels["time_s"])
     faulty = silent | charging
@@ -83,15 +91,22 @@ def _without_silence_and_charging(channels: dict[str, Array], robot: Robot, dura
         channels[name] = np.where(faulty, np.nan, channels[name])
     notes = []
     if silent.any():
-        notes.append(f"power reads exactly zero in {int(silent.sum())} samples of driving: they are left out")
+        notes.append(
+            f"power reads exactly zero in {int(silent.sum())} samples of driving: they are left out"
+        )
     if charging.any():
         seconds = float(charging.mean()) * duration_s
-        notes.append(f"power flows back for {seconds:.3g} s while the robot stands: charging is left out")
+        notes.append(
+            f"power flows back for {seconds:.3g} s while the robot stands: charging is left out"
+        )
     return notes
 
 
-def _with_fresh_readings(channels: dict[str, Array], duration_s: float) -> tuple[dict[str, float], list[str]]:
-    """Of channels that are held until the next reading, use the fresh ones: the errors of the others, and notes."""
+def _with_fresh_readings(
+    channels: dict[str, Array], duration_s: float
+) -> tuple[dict[str, float], list[str]]:
+    """Of channels that are held until the next reading, use the fresh ones: the errors of the
+    others, and notes."""
     error: dict[str, float] = {}
     notes = []
     time_s = channels["time_s"]
@@ -113,14 +128,15 @@ def _with_fresh_readings(channels: dict[str, Array], duration_s: float) -> tuple
         is_smooth = _is_smooth(readings)
         if name in _SET and not is_smooth:
             continue  # it follows a command that is held
-        # Between readings the channel is taken to walk at random: over time its mean squared error is a share of its
-        # mean squared step from reading to reading.
+        # Between readings the channel is taken to walk at random: over time its mean squared error
+        # is a share of its mean squared step from reading to reading.
         if is_smooth:
             share = 1.0 / 6.0  # a Brownian bridge
             channels[name] = np.interp(time_s, readings_s, readings)
             notes.append(f"{phrase}: values between are interpolated")
         else:
-            share = 1.0 / 4.0  # on average a quarter of the time between readings away from the nearest
+            # on average a quarter of the time between readings away from the nearest
+            share = 1.0 / 4.0
             middle_s = 0.5 * (readings_s[1:] + readings_s[:-1])
             channels[name] = readings[np.searchsorted(middle_s, time_s)]
             notes.append(f"{phrase}: the nearest reading counts")
@@ -152,7 +168,8 @@ def _spikes(values: Array) -> Mask:
 
 
 def _near_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> Mask:
-    """Samples near starts, where most starts have a spike of power, as it is a part of the load; none otherwise."""
+    """Samples near starts, where most starts have a spike of power, as it is a part of the load;
+    none otherwise."""
     time_s = channels["time_s"]
     speed = np.abs(np.nan_to_num(speed_of(channels)))
     slow = speed <= thresholds.STANDSTILL_SHARE * robot.max_speed_mps
@@ -173,7 +190,8 @@ def _near_starts(spikes: Mask, channels: Mapping[str, Array], robot: Robot) -> M
 
 
 def _silent(drawn: Array, drives: Mask) -> Mask:
-    """Samples of driving where a meter of battery power reads zero, as at its restart: the load is never zero."""
+    """Samples of driving where a meter of battery power reads zero, as at its restart: the load is
+    never zero."""
     zero = drawn == 0.0
     zero_next = np.append(zero[1:], False)
     zero_previous = np.insert(zero[:-1], 0, False)
@@ -216,7 +234,8 @@ def _fresh_samples(values: Array) -> Index | None:
     jitter = thresholds.JITTER * period if period > 2 else 0.0
     if float((off <= jitter).mean()) < thresholds.HELD:
         return None
-    # A fresh reading may equal the one before, as at rest: readings lie a period apart also where nothing changes.
+    # A fresh reading may equal the one before, as at rest: readings lie a period apart also where
+    # nothing changes.
     before_changes = np.arange(changes[0], -1, -period)[:0:-1]
     readings = [before_changes]
     for start, end, count in zip(changes[:-1], changes[1:], periods.astype(int), strict=True):

@@ -1,4 +1,5 @@
-"""Tilt of a slope sensor, estimated from ways that close or are driven both ways, where the mean slope is zero."""
+"""Tilt of a slope sensor, estimated from ways that close or are driven both ways, where the mean
+slope is zero."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,11 +12,14 @@ from homeward.diagnosis.read.signals import Signals, gaps
 from homeward.logs.channels import Array
 from homeward.logs.thresholds import MOST_CORRELATED
 
-_PLACES = 40  # cells along the way, compared out and home; chosen: 30 or 80 change no test of tests/diagnosis on tilt
+# cells along the way, compared out and home; chosen: 30 or 80 change no test of tests/diagnosis on
+# tilt
+_PLACES = 40
 
 
 def tilt(run: Signals) -> tuple[float, float] | None:
-    """Tilt of the slope sensor of a run and its standard error, rad; positive if it reads too much; None if unknown."""
+    """Tilt of the slope sensor of a run and its standard error, rad; positive if it reads too much;
+    None if unknown."""
     if "place_m" not in run.context or "grade_rad" not in run.context or len(gaps(run.time_s)):
         return None
     steps_m = run.speed_mps[:-1] * np.diff(run.time_s)
@@ -40,8 +44,8 @@ def tilt(run: Signals) -> tuple[float, float] | None:
 
 
 def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
-    """Mean of the slopes read out and home at the same distance from base, where they are anticorrelated, and its
-    standard error."""
+    """Mean of the slopes read out and home at the same distance from base, where they are
+    anticorrelated, and its standard error."""
     if not (run.speed_mps > 0.0).any() or not np.ptp(run.base_distance_m):
         return None
     out = _by_place(run, slope, direction=1.0)
@@ -64,15 +68,19 @@ def _both_ways(run: Signals, slope: Array) -> tuple[float, float] | None:
 
 
 def _by_place(run: Signals, slope: Array, direction: float) -> Array:
-    """Mean slope in each cell of the distance from base on one way, (places,); NaN where the robot did not drive."""
+    """Mean slope in each cell of the distance from base on one way, (places,); NaN where the robot
+    did not drive."""
     driven = (run.speed_mps > 0.0) & (run.direction == direction)
     base_m = run.base_distance_m
     ends_m = base_m.min(), base_m.max()
-    return np.asarray(binned_statistic(base_m[driven], slope[driven], "mean", _PLACES, ends_m).statistic)
+    return np.asarray(
+        binned_statistic(base_m[driven], slope[driven], "mean", _PLACES, ends_m).statistic
+    )
 
 
 def without_tilt(runs: Sequence[Signals]) -> tuple[list[Signals], float]:
-    """The runs without the tilt of the slope sensor, estimated from all together; the tilt, rad, 0 if not clear.
+    """The runs without the tilt of the slope sensor, estimated from all together; the tilt, rad, 0
+    if not clear.
 
     The runs hold its standard error, and where it is not clear also what it may be.
     """

@@ -1,7 +1,7 @@
 """Input of the diagnosis: the channels of a run in one form, and their means over short windows.
 
-Means over windows of about a second average out current ripple and small clock errors, and make the run time after the
-replay independent of the sampling rate.
+Means over windows of about a second average out current ripple and small clock errors, and make the
+run time after the replay independent of the sampling rate.
 """
 
 from __future__ import annotations
@@ -29,23 +29,34 @@ Unit = Literal["W", "A"]
 WINDOW_S = 0.5
 """Length of the averaging windows, s; longer for a recording with longer steps.
 
-Longer ones hide the accelerations of small fast robots, shorter ones show current ripple and clock errors.
+Longer ones hide the accelerations of small fast robots, shorter ones show current ripple and clock
+errors.
 """
 
 _REACH_S = 3.0  # at top speed, along which position is compared; chosen: long against its noise
 _ROOM_TEMPERATURE_C = 20.0  # where none was recorded
 _FILLED = ("grade_rad", "sensing_hz", "temperature_c", "base_distance_m")
-_STILL: Mapping[str, Any] = {"headwind_mps": 0.0, "roughness": None}  # not recorded: no wind, the file's roughness
+# not recorded: no wind, the file's roughness
+_STILL: Mapping[str, Any] = {"headwind_mps": 0.0, "roughness": None}
 _REPLAYED = ("speed_mps", "accel_mps2", "yaw_rate_radps", "direction", *_FILLED)
-_CONTEXT = ("sensing_hz", "temperature_c", "payload_kg", "soc", "base_distance_m", "heading_rad", "voltage_v")
+_CONTEXT = (
+    "sensing_hz",
+    "temperature_c",
+    "payload_kg",
+    "soc",
+    "base_distance_m",
+    "heading_rad",
+    "voltage_v",
+)
 
 
 @dataclass(frozen=True)
 class Signals:
     """One run, the input of the replay and the tests; arrays of shape (n,).
 
-    `observed` is battery power in W or, where only motor current was recorded, the sum of the currents' magnitudes
-    in A: torque draws current in either direction. `context` holds every further channel that a mismatch may depend on.
+    `observed` is battery power in W or, where only motor current was recorded, the sum of the
+    currents' magnitudes in A: torque draws current in either direction. `context` holds every
+    further channel that a mismatch may depend on.
     """
 
     name: str
@@ -63,11 +74,15 @@ class Signals:
     context: Mapping[str, Array]
     _: KW_ONLY
     filled: tuple[str, ...] = ()
-    odometer_scale: float = 0.0  # relative error of the recorded speed, by a recorded distance; corrected
-    at_terminals: bool = False  # whether `observed` is voltage times current, without internal battery losses
-    error: Mapping[str, float] = field(default_factory=dict)  # standard deviation of a channel's error over windows
+    # relative error of the recorded speed, by a recorded distance; corrected
+    odometer_scale: float = 0.0
+    # whether `observed` is voltage times current, without internal battery losses
+    at_terminals: bool = False
+    # standard deviation of a channel's error over windows
+    error: Mapping[str, float] = field(default_factory=dict)
     start_s: float = 0.0  # added to `time_s` for the time since 1970, where it is known
-    tilt_error_rad: float = 0.0  # standard error of the tilt of the slope sensor; 0 where no drive shows it
+    # standard error of the tilt of the slope sensor; 0 where no drive shows it
+    tilt_error_rad: float = 0.0
 
     @cached_property
     def conditions(self) -> Recorded:
@@ -84,7 +99,9 @@ class Signals:
         if selected.all():
             return self
         fields = vars(self).items()
-        arrays: dict[str, Any] = {name: values[selected] for name, values in fields if isinstance(values, np.ndarray)}
+        arrays: dict[str, Any] = {
+            name: values[selected] for name, values in fields if isinstance(values, np.ndarray)
+        }
         context = {name: values[selected] for name, values in self.context.items()}
         return replace(self, **arrays, context=context)
 
@@ -104,7 +121,8 @@ def signals(
         recording: The recording.
         robot: Its robot: the track turns a difference of wheel speeds into a turning rate.
         slope_late_s: Time by which grade or elevation is late.
-        known_error: Standard deviations over windows of errors of channels that their noise does not show.
+        known_error: Standard deviations over windows of errors of channels that their noise does
+            not show.
         sloped: Whether an elevation shows slopes (`slopes_known`).
     """
     has_motion = np.isfinite(speed_of(recording.channels))
@@ -155,13 +173,17 @@ def signals(
     )
     usable = np.isfinite(observed)
     if grade_rad is not None:
-        usable &= _within(time_s + slope_late_s, time_s)  # the slope of the last moments was not yet recorded
+        # the slope of the last moments was not yet recorded
+        usable &= _within(time_s + slope_late_s, time_s)
     return run.only(usable)
 
 
 def _fill(channels: dict[str, Array]) -> tuple[str, ...]:
-    """Interpolate missing values of the channels of `_FILLED`; the names of those that have some."""
-    incomplete = tuple(name for name in _FILLED if name in channels and np.isnan(channels[name]).any())
+    """Interpolate missing values of the channels of `_FILLED`; the names of those that have
+    some."""
+    incomplete = tuple(
+        name for name in _FILLED if name in channels and np.isnan(channels[name]).any()
+    )
     for name in incomplete:
         channels[name] = _interpolated(channels[name], channels["time_s"])
     return incomplete
@@ -172,8 +194,11 @@ def _within(moment_s: Array, time_s: Array) -> Mask:
     return np.asarray((moment_s >= time_s[0]) & (moment_s <= time_s[-1]))
 
 
-def _smooth_speed(recorded_mps: Array, time_s: Array, robot: Robot, error: dict[str, float]) -> Array:
-    """The speed without its noise and with rest detected; `error` receives the standard deviation of its error."""
+def _smooth_speed(
+    recorded_mps: Array, time_s: Array, robot: Robot, error: dict[str, float]
+) -> Array:
+    """The speed without its noise and with rest detected; `error` receives the standard deviation
+    of its error."""
     smooth_mps = _without_noise("speed_mps", recorded_mps, time_s, error)
     slowest_of_robot_mps = thresholds.STANDSTILL_SHARE * robot.max_speed_mps
     slowest_of_sensor_mps = thresholds.CLEAR * error.get("speed_mps", 0.0)
@@ -181,14 +206,16 @@ def _smooth_speed(recorded_mps: Array, time_s: Array, robot: Robot, error: dict[
 
 
 def _with_rest(recorded_mps: Array, speed_mps: Array, slowest_mps: float) -> Array:
-    """The speed with rest detected: below a threshold for a noisy sensor, at exact zeros for one that shows them.
+    """The speed with rest detected: below a threshold for a noisy sensor, at exact zeros for one
+    that shows them.
 
     Exact zeros keep the time of a start: a sample late may be a window late.
     """
     slow = np.abs(speed_mps) < slowest_mps
     if slow.all() or not slow.any() or np.median(np.abs(recorded_mps[slow])) > 0.0:
         return np.where(slow, 0.0, speed_mps)
-    # A slow sample that is no exact zero moves at the threshold, in the direction of the motion before and after.
+    # A slow sample that is no exact zero moves at the threshold, in the direction of the motion
+    # before and after.
     index = np.arange(len(speed_mps))
     forward = np.interp(index, index[~slow], speed_mps[~slow]) >= 0.0
     creeping_mps = np.where(forward, slowest_mps, -slowest_mps) * (recorded_mps != 0.0)
@@ -205,7 +232,8 @@ def _rate_of_change(values: Array, time_s: Array) -> Array:
 def _on_the_way(
     channels: Mapping[str, Array], speed_mps: Array, slope: Array | None, robot: Robot
 ) -> tuple[Array, Array | None]:
-    """Direction, 1 on the way out and -1 on the way home, and place on the way, m, of each sample, shape (n,) each.
+    """Direction, 1 on the way out and -1 on the way home, and place on the way, m, of each sample,
+    shape (n,) each.
 
     Where the distance from base is unknown, reverse counts as the way home, and there is no place.
     """
@@ -223,7 +251,8 @@ def _larger(by_reading: Mapping[str, float], error: Mapping[str, float]) -> dict
 
 
 def _clear_slope(grade_rad: Array | None, error: Mapping[str, float]) -> Array | None:
-    """The slope where it varies by more than its error, so that it shows which way the robot drives."""
+    """The slope where it varies by more than its error, so that it shows which way the robot
+    drives."""
     if grade_rad is None:
         return None
     is_clear = error.get("grade_rad", 0.0) ** 2 <= thresholds.UNCLEAR * float(np.var(grade_rad))
@@ -239,22 +268,31 @@ def speed_of(channels: Mapping[str, Array]) -> Array:
 
 def known(recording: Recording) -> Mask:
     """Samples with motion and power, shape (n,)."""
-    return np.isfinite(speed_of(recording.channels)) & np.isfinite(observed_of(recording.channels)[0])
+    return np.isfinite(speed_of(recording.channels)) & np.isfinite(
+        observed_of(recording.channels)[0]
+    )
 
 
 def _odometer_scale(channels: Mapping[str, Array], speed_mps: Array, time_s: Array) -> float:
-    """Relative error of the speed by a recorded distance; 0 unless all parts of the way agree that there is one."""
+    """Relative error of the speed by a recorded distance; 0 unless all parts of the way agree that
+    there is one."""
     if "distance_m" not in channels or len(time_s) < thresholds.FEWEST_BLOCKS:
         return 0.0
     counted_m = np.diff(channels["distance_m"])
     driven_m = np.abs(speed_mps[:-1]) * steps_s(time_s)
     moving = driven_m > 0.0
-    if not moving.any() or not np.isfinite(counted_m).all() or (counted_m < -thresholds.RESET_M).any():
+    if (
+        not moving.any()
+        or not np.isfinite(counted_m).all()
+        or (counted_m < -thresholds.RESET_M).any()
+    ):
         return 0.0
     counted_m = np.abs(counted_m[moving])  # a counter may count down
     driven_m = driven_m[moving]
     passed = np.cumsum(driven_m) / driven_m.sum()
-    part = np.minimum((passed * thresholds.FEWEST_BLOCKS).astype(np.intp), thresholds.FEWEST_BLOCKS - 1)
+    part = np.minimum(
+        (passed * thresholds.FEWEST_BLOCKS).astype(np.intp), thresholds.FEWEST_BLOCKS - 1
+    )
     counted_by_part_m = np.maximum(np.bincount(part, counted_m), 1e-9)
     error_by_part = np.bincount(part, driven_m) / counted_by_part_m - 1.0
     all_too_fast = (error_by_part > thresholds.SAME_ODOMETER).all()
@@ -265,7 +303,8 @@ def _odometer_scale(channels: Mapping[str, Array], speed_mps: Array, time_s: Arr
 
 
 def observed_of(channels: Mapping[str, Array]) -> tuple[Array, Unit]:
-    """Battery power in W or, from motor currents alone, the sum of their magnitudes in A, by a recording's channels."""
+    """Battery power in W or, from motor currents alone, the sum of their magnitudes in A, by a
+    recording's channels."""
     if "power_w" in channels:
         return channels["power_w"], "W"
     if "voltage_v" in channels and "current_a" in channels:
@@ -276,8 +315,8 @@ def observed_of(channels: Mapping[str, Array]) -> tuple[Array, Unit]:
 def _turning(
     channels: Mapping[str, Array], time_s: Array, robot: Robot, error: dict[str, float]
 ) -> tuple[dict[str, Array], Array]:
-    """Recorded turning by its channel, a rate in rad/s or, without a track, a difference of wheel speeds in m/s; and
-    the rate that is replayed, rad/s, 0 where it is unknown."""
+    """Recorded turning by its channel, a rate in rad/s or, without a track, a difference of wheel
+    speeds in m/s; and the rate that is replayed, rad/s, 0 where it is unknown."""
     unknown = np.zeros(len(time_s))
     if "yaw_rate_radps" in channels:
         rate_radps = channels["yaw_rate_radps"]
@@ -286,14 +325,18 @@ def _turning(
         if robot.track_m == 0.0:
             return {"wheel_difference_mps": difference_mps}, unknown
         rate_radps = difference_mps / robot.track_m
-    elif "heading_rad" in channels and len(time_s) > 1 and not np.isnan(channels["heading_rad"]).any():
+    elif (
+        "heading_rad" in channels
+        and len(time_s) > 1
+        and not np.isnan(channels["heading_rad"]).any()
+    ):
         rate_radps = np.gradient(np.unwrap(channels["heading_rad"]), time_s)
     else:
         return {}, unknown
     if np.isfinite(rate_radps).all():
         rate_radps = _without_noise("yaw_rate_radps", rate_radps, time_s, error)
-        # Zero where it does not significantly differ from that over a window: the power of turning rises steeply with
-        # the size of the rate, and noise about zero would count as a turn.
+        # Zero where it does not significantly differ from that over a window: the power of turning
+        # rises steeply with the size of the rate, and noise about zero would count as a turn.
         over_window_radps = uniform_filter1d(rate_radps, _window_samples(time_s))
         noise_radps = thresholds.CLEAR * error.get("yaw_rate_radps", 0.0)
         rate_radps = np.where(np.abs(over_window_radps) < noise_radps, 0.0, rate_radps)
@@ -308,14 +351,16 @@ def slope_of(
     late_s: float,
     error: dict[str, float] | None = None,
 ) -> Array | None:
-    """Slope angle along forward travel, rad, shape (n,), from grade or elevation; None without either.
+    """Slope angle along forward travel, rad, shape (n,), from grade or elevation; None without
+    either.
 
     Args:
         channels: Of a recording, shape (samples,) each, with its `time_s`.
         speed, time_s: Speed, negative in reverse, and its time, shape (n,).
         robot: The robot, for how far it drives in a window.
         late_s: Time by which the channel is late.
-        error: Receives the standard deviation of its error over windows; None for a faster, less exact result.
+        error: Receives the standard deviation of its error over windows; None for a faster, less
+            exact result.
     """
     name = "grade_rad" if "grade_rad" in channels else "elevation_m"
     if name not in channels or len(time_s) < 2:
@@ -329,7 +374,9 @@ def slope_of(
     rises_m = values[after_gap] - values[after_gap - 1]
     elevation_m = values - np.cumsum(np.bincount(after_gap, rises_m, len(values)))
     cell_m = robot.max_speed_mps * WINDOW_S
-    slope_and_error = slope_along(elevation_m, speed, steps_s(time_s), cell_m, kinks=error is not None)
+    slope_and_error = slope_along(
+        elevation_m, speed, steps_s(time_s), cell_m, kinks=error is not None
+    )
     if slope_and_error is None:
         return None
     slope_rad, error_rad = slope_and_error
@@ -339,10 +386,13 @@ def slope_of(
 
 
 def slopes_known(runs: Sequence[Signals]) -> bool:
-    """Whether the slopes from an elevation, in all runs together, are larger than their own error."""
+    """Whether the slopes from an elevation, in all runs together, are larger than their own
+    error."""
     sloping = [run for run in runs if "grade_rad" in run.context]
     squared = sum(float(run.grade_rad @ run.grade_rad) for run in sloping)
-    squared_error = sum(len(run.grade_rad) * run.error.get("grade_rad", 0.0) ** 2 for run in sloping)
+    squared_error = sum(
+        len(run.grade_rad) * run.error.get("grade_rad", 0.0) ** 2 for run in sloping
+    )
     return squared >= squared_error
 
 
@@ -352,7 +402,8 @@ def _window_samples(time_s: Array) -> int:
 
 
 def _without_noise(name: str, values: Array, time_s: Array, error: dict[str, float]) -> Array:
-    """The channel, smoothed where its noise is material in its window means or, of speed, in their changes."""
+    """The channel, smoothed where its noise is material in its window means or, of speed, in their
+    changes."""
     if len(values) < thresholds.FEWEST_SAMPLES or not np.ptp(values):
         return values
     size = _window_samples(time_s)
@@ -395,14 +446,16 @@ class Windows:
         return np.asarray(means[self.keep])
 
     def samples(self, means: Array, count: int) -> Array:
-        """For each of `count` samples the value of its window, or of the kept one before it; the reverse of `means`."""
+        """For each of `count` samples the value of its window, or of the kept one before it; the
+        reverse of `means`."""
         window = np.searchsorted(self.start, np.arange(count), side="right") - 1
         kept_until = np.cumsum(self.keep)  # kept windows up to each and with it
         return np.asarray(means[np.maximum(kept_until[window] - 1, 0)])
 
 
 def steps_s(time_s: Array) -> Array:
-    """Time between samples, s, shape (n - 1,); of a gap the median step, as its driving is unknown."""
+    """Time between samples, s, shape (n - 1,); of a gap the median step, as its driving is
+    unknown."""
     steps = np.diff(time_s)
     median_s = median_step_s(time_s)
     return np.where(steps > thresholds.GAP * median_s, median_s, steps)
@@ -423,7 +476,8 @@ def windows(time_s: Array, window_s: float) -> Windows:
     part_start = np.append(0, gaps(time_s) + 1)  # first samples of the parts between gaps
     part = np.searchsorted(part_start, np.arange(len(time_s)), side="right") - 1
     since_s = time_s - time_s[part_start][part]
-    number = np.floor(since_s / window_s + 1e-9)  # a sample on the edge begins a window in spite of rounding
+    # a sample on the edge begins a window in spite of rounding
+    number = np.floor(since_s / window_s + 1e-9)
     start = np.union1d(part_start, np.flatnonzero(np.diff(number, prepend=-1.0)))
     counts = np.diff(np.append(start, len(time_s)))
     return Windows(start, counts, keep=counts >= thresholds.HALF * np.median(counts))

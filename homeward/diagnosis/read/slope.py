@@ -1,7 +1,9 @@
-"""The slope along the way from a recorded elevation, smoothed over a distance set by the elevation's own noise.
+"""The slope along the way from a recorded elevation, smoothed over a distance set by the
+elevation's own noise.
 
-Elevation is smoothed over distance driven and not over time, so that standstill adds no slope. The stiffness of the
-spline follows from the noise; it may bend freely where the robot turns back on its way.
+Elevation is smoothed over distance driven and not over time, so that standstill adds no slope. The
+stiffness of the spline follows from the noise; it may bend freely where the robot turns back on its
+way.
 """
 
 from typing import NamedTuple
@@ -27,7 +29,8 @@ def slope_along(
         speed_mps: Speed, negative in reverse, shape (n,).
         steps_s: Time from each sample to the next, shape (n - 1,).
         cell_m: Samples within this distance count as taken at one place.
-        kinks: Whether the slope may change suddenly, as where the robot turns round; without, it is faster.
+        kinks: Whether the slope may change suddenly, as where the robot turns round; without, it is
+            faster.
     """
     onward_m = speed_mps[:-1] * steps_s  # negative in reverse
     path_m = np.concatenate(([0.0], np.cumsum(np.abs(onward_m))))
@@ -39,7 +42,8 @@ def slope_along(
     cell = np.minimum((path_m / cell_m).astype(np.intp), cells - 1)
     heights = _from_steps(elevation_m, path_m)
     if heights is None:
-        # Weighted by distance, not time: a stop would bias the mean of its cell to where in it the robot stands.
+        # Weighted by distance, not time: a stop would bias the mean of its cell to where in it the
+        # robot stands.
         heights = _Heights(elevation_m, np.append(np.abs(onward_m), 0.0), are_counts=False)
     if heights.are_level:
         return np.zeros(len(elevation_m)), 0.0
@@ -62,7 +66,8 @@ def slope_along(
 
 
 class _Heights(NamedTuple):
-    """Heights and weights of samples, shape (n,) each; a weight is a number of observations if `are_counts`."""
+    """Heights and weights of samples, shape (n,) each; a weight is a number of observations if
+    `are_counts`."""
 
     height_m: Array
     weight: Array
@@ -78,10 +83,13 @@ class _Heights(NamedTuple):
         return not np.ptp(self.height_m[self._known_weight > 0.0])
 
     def means(self, cell: Index, cells: int) -> tuple[Array, Array]:
-        """Mean height and number of observations of each cell, shape (cells,) each; `cell` has shape (n,)."""
+        """Mean height and number of observations of each cell, shape (cells,) each; `cell` has
+        shape (n,)."""
         weight = self._known_weight
         sums: Array = np.bincount(cell, weight, cells).astype(np.float64)
-        mean_m = np.bincount(cell, weight * np.nan_to_num(self.height_m), cells) / np.maximum(sums, 1e-12)
+        mean_m = np.bincount(cell, weight * np.nan_to_num(self.height_m), cells) / np.maximum(
+            sums, 1e-12
+        )
         if self.are_counts:
             return mean_m, sums
         # Effective number of observations of unequal weights (Kish, 1965).
@@ -89,10 +97,11 @@ class _Heights(NamedTuple):
 
 
 def _from_steps(elevation_m: Array, path_m: Array) -> _Heights | None:
-    """Heights and weights at the steps of a coarse elevation, in the middle between two levels; None if it is not
-    coarse.
+    """Heights and weights at the steps of a coarse elevation, in the middle between two levels;
+    None if it is not coarse.
 
-    Between two steps the height is known to a step only: the middle of a plateau gets a small weight.
+    Between two steps the height is known to a step only: the middle of a plateau gets a small
+    weight.
     """
     finite = np.flatnonzero(np.isfinite(elevation_m))
     moved = np.append(True, np.diff(path_m[finite]) > 0.0)

@@ -22,25 +22,30 @@ from homeward.physics import Robot
 
 @dataclass(frozen=True)
 class FileContent:
-    """The part of a fit that a robot file contains, and what these drives or their instruments add to it."""
+    """The part of a fit that a robot file contains, and what these drives or their instruments add
+    to it."""
 
     theta: Array  # (groups,)
     effects: Mapping[str, Mapping[str, float]]
     met: WithEffects  # ground of these drives, lag and scale of their instruments
     reading: Array | float = 0.0  # what instruments add, (windows,)
-    not_begun: Mapping[str, Mask] = field(default_factory=dict)  # windows before an effect began, (windows,)
-    given_effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # of the given file
+    # windows before an effect began, (windows,)
+    not_begun: Mapping[str, Mask] = field(default_factory=dict)
+    # of the given file
+    given_effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def is_expressible(term: Term) -> bool:
-    """Whether a robot file can express an effect: of one size, begun at some moment to stay, or uneven ground."""
+    """Whether a robot file can express an effect: of one size, begun at some moment to stay, or
+    uneven ground."""
     if not term.hypothesis.physical or term.hypothesis.is_weather or term.flexible:
         return False
     return term.axis == "steady" or term.of_rolling_kg is not None or _stays(term)
 
 
 def _stays(term: Term) -> bool:
-    """Whether an effect begins once and is then at work to the end, as in the robot's present state."""
+    """Whether an effect begins once and is then at work to the end, as in the robot's present
+    state."""
     schedule = term.schedule
     if schedule is None or term.axis != "time" or schedule.levels != 2:
         return False
@@ -50,7 +55,8 @@ def _stays(term: Term) -> bool:
 
 
 def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
-    """Separate what a robot file can express of a fit from what it cannot: times, places, and instruments."""
+    """Separate what a robot file can express of a fit from what it cannot: times, places, and
+    instruments."""
     if isinstance(model, Refit):
         return FileContent(model.theta, {}, WithEffects())
     theta = model.theta
@@ -66,7 +72,8 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
             gain_entry, typical_entry = term.hypothesis.entry.parameters
             given_gain = in_given_file.get(gain_entry.name, 0.0)
             given_typical = in_given_file.get(typical_entry.name, 0.0)
-            # It was fitted on top of the given file's typical roughness; a file holds that of the smoothest ground.
+            # It was fitted on top of the given file's typical roughness; a file holds that of the
+            # smoothest ground.
             theta = theta.copy()
             theta[ROLLING] *= smoothest * (1.0 + given_gain * given_typical)
             driven_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
@@ -74,27 +81,39 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
             effects[term.effect] = {gain_entry.name: gain, typical_entry.name: typical}
             met = replace(met, roughness=roughness)
         elif is_expressible(term):
-            effects[term.effect] = {**in_given_file, **_numbers(model, index), **term.hypothesis.reach(runs)}
+            effects[term.effect] = {
+                **in_given_file,
+                **_numbers(model, index),
+                **term.hypothesis.reach(runs),
+            }
             if _stays(term) and term.schedule is not None:
                 not_begun[term.effect] = term.schedule.level == 0
         elif term.misread:
             reading += term.columns @ model.sizes(index)
     return FileContent(
-        theta=theta, effects=effects, met=met, reading=reading, not_begun=not_begun, given_effects=given_effects
+        theta=theta,
+        effects=effects,
+        met=met,
+        reading=reading,
+        not_begun=not_begun,
+        given_effects=given_effects,
     )
 
 
 def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
-    """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of each, shape (windows,).
+    """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of
+    each, shape (windows,).
 
-    The ends of a smooth profile are quantiles: a hat function that covers few windows is poorly estimated. Ground that
-    is smoother than the largest gain of a file can say counts as the smoothest that it can.
+    The ends of a smooth profile are quantiles: a hat function that covers few windows is poorly
+    estimated. Ground that is smoother than the largest gain of a file can say counts as the
+    smoothest that it can.
     """
     term = model.model.terms[index]
     largest_gain = term.hypothesis.entry.switch.high
     assert term.at_work is not None
     rise = term.at_work @ model.sizes(index) * model.share(index)
-    over_fitted = 1.0 + np.maximum(rise, -1.0)  # C_rr of each window over the fitted one, (windows,)
+    # C_rr of each window over the fitted one, (windows,)
+    over_fitted = 1.0 + np.maximum(rise, -1.0)
     driven = np.abs(runs.context["speed_mps"]) > 0.0
     ends = _ENDS
     if term.schedule is not None:
@@ -112,19 +131,23 @@ _ENDS = (0.05, 0.95)  # quantiles; chosen: a twentieth of what was driven is lef
 
 
 def _numbers(model: Corrected, index: int) -> dict[str, float]:
-    """The numbers of an effect that a robot file has: those of its form, and over them the fitted ones."""
+    """The numbers of an effect that a robot file has: those of its form, and over them the fitted
+    ones."""
     term = model.model.terms[index]
     hypothesis = term.hypothesis
     allowed = {parameter.name for parameter in (*hypothesis.entry.parameters, *hypothesis.searched)}
     of_form = {name: value for name, value in term.shape.items() if name in allowed}
-    fitted = {name: value.value for name, value in model.parameters_of(index).items() if name in allowed}
+    fitted = {
+        name: value.value for name, value in model.parameters_of(index).items() if name in allowed
+    }
     return {**of_form, **fitted}
 
 
 def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
     """Robot with the fitted groups, with losses as assumed, and the effects.
 
-    Groups that the fit holds are unchanged, and so is ancillary power where motor current was recorded.
+    Groups that the fit holds are unchanged, and so is ancillary power where motor current was
+    recorded.
     """
     # Of power the ancillary groups are idle power and energy per sample, of current that at rest.
     *ancillary, rolling_kg, drag, mass_kg = content.theta.tolist()
@@ -152,14 +175,26 @@ def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
     With what no file contains: ground, errors of instruments, and the time before an effect began.
     """
     predicted = predict(runs, robot, content.met)
-    not_begun = np.array(list(content.not_begun.values()), np.bool_).reshape(-1, len(predicted))  # (effects, windows)
-    # One replay for each set of effects that are absent together; effects of the given file are as that has them.
+    # (effects, windows)
+    not_begun = np.array(list(content.not_begun.values()), np.bool_).reshape(-1, len(predicted))
+    # One replay for each set of effects that are absent together; effects of the given file are as
+    # that has them.
     for absent in np.unique(not_begun, axis=1).T:
         if absent.any():
-            absent_effects = {effect for effect, is_absent in zip(content.not_begun, absent, strict=True) if is_absent}
-            effects = {effect: numbers for effect, numbers in robot.effects.items() if effect not in absent_effects}
+            absent_effects = {
+                effect
+                for effect, is_absent in zip(content.not_begun, absent, strict=True)
+                if is_absent
+            }
+            effects = {
+                effect: numbers
+                for effect, numbers in robot.effects.items()
+                if effect not in absent_effects
+            }
             effects |= {
-                effect: numbers for effect, numbers in content.given_effects.items() if effect in absent_effects
+                effect: numbers
+                for effect, numbers in content.given_effects.items()
+                if effect in absent_effects
             }
             without_them = predict(runs, dataclasses.replace(robot, effects=effects), content.met)
             windows = (absent == not_begun.T).all(axis=1)
@@ -168,7 +203,8 @@ def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
 
 
 def _unless_equal(given: float, fitted: float) -> float:
-    """The fitted number, rounded; the given one where they hardly differ, so that no digit of it is lost."""
+    """The fitted number, rounded; the given one where they hardly differ, so that no digit of it is
+    lost."""
     if math.isclose(fitted, given):
         return given
     return rounded(fitted)
@@ -188,7 +224,8 @@ def _rounded_numbers(numbers: Mapping[str, float]) -> dict[str, float]:
 
 
 def rounded_robot(robot: Robot, changed: Robot) -> Robot:
-    """The changed robot, with the numbers that differ from `robot` rounded to the six digits of a robot file."""
+    """The changed robot, with the numbers that differ from `robot` rounded to the six digits of a
+    robot file."""
     values: dict[str, Any] = {"effects": _rounded_effects(changed.effects)}
     for quantity in dataclasses.fields(Robot):
         new = getattr(changed, quantity.name)
@@ -211,11 +248,13 @@ _FIELDS = {
     "c": ("drag_ns2_per_m2",),
     "m": ("mass_kg",),
 }
-"""Fields of a robot file by what is fitted, without the losses or the thrust per ampere that divide it."""
+"""Fields of a robot file by what is fitted, without the losses or the thrust per ampere that divide
+it."""
 
 
 def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber] = ()) -> dict[str, str]:
-    """Comment for each number of the robot file that was changed: how sure it is, what it was fitted as, what it was.
+    """Comment for each number of the robot file that was changed: how sure it is, what it was
+    fitted as, what it was.
 
     The number of an effect is named as `effect.number`.
     """
@@ -231,7 +270,9 @@ def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber] = ())
         old = getattr(robot, quantity.name)
         new = getattr(corrected, quantity.name)
         if isinstance(new, float) and new != old:
-            origin = origins.get(quantity.name, "from the recorded state of charge against the energy drawn")
+            origin = origins.get(
+                quantity.name, "from the recorded state of charge against the energy drawn"
+            )
             changed[quantity.name] = f"by diagnose.py, {origin}; it was {old:.6g}"
     for effect, effect_numbers in corrected.effects.items():
         for number_name in effect_numbers:

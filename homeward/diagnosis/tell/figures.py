@@ -1,4 +1,5 @@
-"""Plots of the report: recorded against simulated over time, and residuals against the channels that explain them.
+"""Plots of the report: recorded against simulated over time, and residuals against the channels
+that explain them.
 
 No string of a recording or robot file goes into a plot, which would interpret markup in it.
 """
@@ -37,7 +38,8 @@ _LINES: Mapping[str, Mapping[str, Any]] = {
     "refit": {"color": "#c92a2a", "width": 1.6},
     "corrected": {"color": "#0b7285", "width": 1.7},
 }
-# Colours of shaded stretches. Of more effects than colours the first are shaded; the tables of the page have all.
+# Colours of shaded stretches. Of more effects than colours the first are shaded; the tables of the
+# page have all.
 _AT_WORK = ("rgba(240, 140, 0, 0.20)", "rgba(112, 72, 232, 0.18)", "rgba(43, 138, 62, 0.18)")
 
 Stretch = tuple[float, float]
@@ -45,19 +47,28 @@ Stretch = tuple[float, float]
 
 
 def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[dict[str, Any]]]:
-    """Recorded against simulated before and after the correction, and the runs to choose from, the worst first.
+    """Recorded against simulated before and after the correction, and the runs to choose from, the
+    worst first.
 
-    Of a run: the number of its traces in `meta`, its name and length, where to begin, and the vertical axis.
+    Of a run: the number of its traces in `meta`, its name and length, where to begin, and the
+    vertical axis.
     """
     runs = evidence.runs
     predictions = evidence.predictions
     squared = (runs.observed - predictions["refit"]) ** 2
-    runs_worst_first = np.argsort(-np.bincount(runs.run, squared), kind="stable")[:MOST_RUNS].tolist()
+    runs_worst_first = np.argsort(-np.bincount(runs.run, squared), kind="stable")[
+        :MOST_RUNS
+    ].tolist()
     panels = [""]
     if "corrected" in predictions:
         panels = ["before: robot file and refit", "after: corrected"]
     figure = make_subplots(
-        len(panels), 1, shared_xaxes=True, shared_yaxes="all", vertical_spacing=0.07, subplot_titles=panels
+        len(panels),
+        1,
+        shared_xaxes=True,
+        shared_yaxes="all",
+        vertical_spacing=0.07,
+        subplot_titles=panels,
     )
     choices: list[dict[str, Any]] = []
     for number_shown, run in enumerate(runs_worst_first):
@@ -65,7 +76,11 @@ def time_figure(analysis: Analysis, evidence: Evidence) -> tuple[Markup, list[di
         since_start_s = time_s - time_s[0]
         lines = _lines_of_run(evidence, run)
         limits = _limits(np.concatenate(list(lines.values())))
-        choice = {"number": number_shown, "name": runs.names[run], "length_s": round(float(since_start_s[-1]), 1)}
+        choice = {
+            "number": number_shown,
+            "name": runs.names[run],
+            "length_s": round(float(since_start_s[-1]), 1),
+        }
         choice["start_s"], choice["end_s"] = _worst_stretch(since_start_s, squared[runs.run == run])
         choice["low"], choice["high"] = limits
         choices.append(choice)
@@ -97,11 +112,13 @@ def _add_lines(
     row: int,
     number_shown: int,
 ) -> None:
-    """Draw the lines of one run into a panel: the recorded one in both, the corrected one in the second only."""
+    """Draw the lines of one run into a panel: the recorded one in both, the corrected one in the
+    second only."""
     for name, values in lines.items():
         own_row = 2 if name == "corrected" else 1
         if name == "recorded" or row == own_row:
-            # The page shows the traces of the run that is chosen, which it knows by `meta`; at first the worst run.
+            # The page shows the traces of the run that is chosen, which it knows by `meta`; at
+            # first the worst run.
             figure.add_scatter(
                 x=time_s,
                 y=values,
@@ -117,8 +134,11 @@ def _add_lines(
             )
 
 
-def _limits(values: NDArray[np.floating], beyond: float = 0.0, margin: float = 0.04) -> tuple[float, float]:
-    """Range of the vertical axis: all values but this share at either end, and zero, with a margin."""
+def _limits(
+    values: NDArray[np.floating], beyond: float = 0.0, margin: float = 0.04
+) -> tuple[float, float]:
+    """Range of the vertical axis: all values but this share at either end, and zero, with a
+    margin."""
     low, high = np.quantile(values, [beyond, 1.0 - beyond]).tolist()
     low = min(low, 0.0)
     high = max(high, 0.0)
@@ -139,7 +159,11 @@ def _worst_stretch(time_s: Array, squared: Array) -> tuple[float, float]:
 
 
 def _add_places(
-    figure: go.Figure, places: Mapping[str, Sequence[Stretch]], limits: tuple[float, float], row: int, number_shown: int
+    figure: go.Figure,
+    places: Mapping[str, Sequence[Stretch]],
+    limits: tuple[float, float],
+    row: int,
+    number_shown: int,
 ) -> None:
     """Shade stretches of one run, labelled by effect or condition."""
     low, high = limits
@@ -165,7 +189,8 @@ def _add_places(
 
 
 def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[Stretch]]:
-    """Where in a run each named effect is at work, or else where the mismatch was located; since its start."""
+    """Where in a run each named effect is at work, or else where the mismatch was located; since
+    its start."""
     runs = evidence.runs
     location = evidence.location
     origin_s = float(runs.time_s[runs.run == run][0])
@@ -188,7 +213,11 @@ def _places(analysis: Analysis, evidence: Evidence, run: int) -> dict[str, list[
 
 
 def _places_in_run(places: Sequence[Place], recording: str, origin_s: float) -> list[Stretch]:
-    return [_since(origin_s, place.start_s, place.end_s) for place in places if place.recording == recording]
+    return [
+        _since(origin_s, place.start_s, place.end_s)
+        for place in places
+        if place.recording == recording
+    ]
 
 
 def _since(origin_s: float, start_s: float, end_s: float) -> Stretch:
@@ -203,13 +232,15 @@ def _thinned(values: Array) -> NDArray[np.float32]:
 
 
 def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
-    """Residuals against the channel that shows each named effect, or that explains most where none was named.
+    """Residuals against the channel that shows each named effect, or that explains most where none
+    was named.
 
-    Of a channel: the dependence, the names of the effects that it shows, the figures before (the refit) and, where
-    effects were named, after (corrected), and their means as rows of a table: the middle of a range of the channel, and
-    mean and half its 95 % interval of each residual.
+    Of a channel: the dependence, the names of the effects that it shows, the figures before (the
+    refit) and, where effects were named, after (corrected), and their means as rows of a table: the
+    middle of a range of the channel, and mean and half its 95 % interval of each residual.
     """
-    effects_shown: dict[int, list[str]] = {}  # names of effects by the index of the dependence that shows them
+    # names of effects by the index of the dependence that shows them
+    effects_shown: dict[int, list[str]] = {}
     for effect in analysis.diagnosis.missing_physics:
         index_shown = _dependence_on(effect.effect, evidence)
         if index_shown is not None:
@@ -224,7 +255,9 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
         dependence = evidence.dependences[index]
         bins = {arm: _bins(residual, dependence, evidence) for arm, residual in residuals.items()}
         figures = {
-            arm: _condition_figure(arm, residuals, bins[arm], dependence, evidence, figure_name=f"{index}-{arm}")
+            arm: _condition_figure(
+                arm, residuals, bins[arm], dependence, evidence, figure_name=f"{index}-{arm}"
+            )
             for arm in arms
         }
         shown.append(
@@ -240,7 +273,8 @@ def conditions(analysis: Analysis, evidence: Evidence) -> list[dict[str, Any]]:
 
 
 def _rows(bins: Sequence[pd.DataFrame]) -> list[tuple[float, list[tuple[float, float]]]]:
-    """For each bin the middle of its range, and mean and half the 95 % interval of each residual."""
+    """For each bin the middle of its range, and mean and half the 95 % interval of each
+    residual."""
     rows = []
     for row, centre in enumerate(bins[0]["centre"].tolist()):
         means = [float(of_arm["mean"].iloc[row]) for of_arm in bins]
@@ -271,7 +305,8 @@ def _condition_figure(
     evidence: Evidence,
     figure_name: str,
 ) -> Markup:
-    """Residual of one arm against a channel: windows as dots, means over ranges of the channel with their intervals.
+    """Residual of one arm against a channel: windows as dots, means over ranges of the channel with
+    their intervals.
 
     The residuals of all arms give the range of the axis, so that the figures can be compared.
     """
@@ -296,7 +331,9 @@ def _condition_figure(
     figure.update_xaxes(title_text=label)
     figure.update_yaxes(title_text=f"recorded minus simulated, {runs.unit}", range=limits)
     extremes = [bins.iloc[bins["mean"].argmin()], bins.iloc[bins["mean"].argmax()]]
-    span = " to ".join(f"{number(extreme['mean'])} at {number(extreme['centre'])}" for extreme in extremes)
+    span = " to ".join(
+        f"{number(extreme['mean'])} at {number(extreme['centre'])}" for extreme in extremes
+    )
     says = f"recorded minus simulated, {runs.unit}, against {label}: means from {span}. The table below has all means."
     return embedded(figure, figure_name, says)
 
@@ -314,8 +351,11 @@ def _add_dots(figure: go.Figure, values: Array, residual: Array, has_channel: Ma
     )
 
 
-def _add_means(figure: go.Figure, values: Array, bins: pd.DataFrame, dependence: Dependence, colour: str) -> None:
-    """Means with their 95 % intervals, joined by a line; over time each is a level over its stretch."""
+def _add_means(
+    figure: go.Figure, values: Array, bins: pd.DataFrame, dependence: Dependence, colour: str
+) -> None:
+    """Means with their 95 % intervals, joined by a line; over time each is a level over its
+    stretch."""
     in_time = dependence.channel.name == "time_s"
     line = {"color": colour, "width": 2.5}
     half_intervals = _rounded(thresholds.NORMAL_95 * bins["error"])
@@ -339,22 +379,29 @@ def _add_means(figure: go.Figure, values: Array, bins: pd.DataFrame, dependence:
 
 
 def _bins(residual: Array, dependence: Dependence, evidence: Evidence) -> pd.DataFrame:
-    """For each bin the mean of a channel, in order, and that of the residual with its error clustered by block."""
+    """For each bin the mean of a channel, in order, and that of the residual with its error
+    clustered by block."""
     has_channel = dependence.bin >= 0
     values = _values(dependence, evidence.runs)[has_channel]
     bin_of_window = dependence.bin[has_channel]
-    bins = pd.DataFrame({"centre": values, "mean": residual[has_channel]}).groupby(bin_of_window).mean()
+    bins = (
+        pd.DataFrame({"centre": values, "mean": residual[has_channel]})
+        .groupby(bin_of_window)
+        .mean()
+    )
     mean_of_window = bins["mean"].to_numpy()[np.searchsorted(bins.index, bin_of_window)]
     deviation = pd.Series(residual[has_channel] - mean_of_window)
     # Deviations within a block may be correlated: they count as one, by their sum.
     squares = deviation.groupby([bin_of_window, evidence.block[has_channel]]).sum() ** 2
-    bins["error"] = np.sqrt(squares.groupby(level=0).sum()) / deviation.groupby(bin_of_window).size()
+    bins["error"] = (
+        np.sqrt(squares.groupby(level=0).sum()) / deviation.groupby(bin_of_window).size()
+    )
     return bins.sort_values("centre")
 
 
 def _values(dependence: Dependence, runs: Runs) -> Array:
-    """Values of the channel, shape (windows,); of time, runs end to end; of others, without sign where only size
-    matters."""
+    """Values of the channel, shape (windows,); of time, runs end to end; of others, without sign
+    where only size matters."""
     channel = dependence.channel
     if channel.name == "time_s":
         steps_s = np.diff(runs.time_s, prepend=0.0)

@@ -1,8 +1,9 @@
-"""Choice of corrected.toml: a fit made to predict, the named effects, fitted parameters only, or the given file.
+"""Choice of corrected.toml: a fit made to predict, the named effects, fitted parameters only, or
+the given file.
 
-The file itself is validated: each fold's fit is written as a robot file, by the code that writes corrected.toml, and
-replayed on the held-out windows. A file cannot contain schedules (except of an effect that begins once and stays),
-weather, and faults of instruments.
+The file itself is validated: each fold's fit is written as a robot file, by the code that writes
+corrected.toml, and replayed on the held-out windows. A file cannot contain schedules (except of an
+effect that begins once and stays), weather, and faults of instruments.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,7 +45,8 @@ class FileChoice:
     """The robot of corrected.toml, the predictions of its file, and its content and why."""
 
     robot: Robot
-    held_out: Array | None  # each fold by the file of the others, (windows,); None if not predictable
+    # each fold by the file of the others, (windows,); None if not predictable
+    held_out: Array | None
     replayed: Array | None  # by the file itself, (windows,)
     file: CorrectedFile
     joint: Joint | None = None  # of the fit made to predict; that of the evidence otherwise
@@ -56,11 +58,15 @@ class FileChoice:
         return self.held_out
 
 
-def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index) -> tuple[Refit, Corrected | None]:
-    """The fits with each group that is not identifiable held at the robot file's value, where the data allow that.
+def determined(
+    fit: Refit, corrected: Corrected | None, runs: Runs, block: Index
+) -> tuple[Refit, Corrected | None]:
+    """The fits with each group that is not identifiable held at the robot file's value, where the
+    data allow that.
 
-    One group after the other is held, first that whose assumed value raises the error least: of two confounded groups,
-    the other is then identifiable. Windows of different `block`, shape (windows,), count as independent.
+    One group after the other is held, first that whose assumed value raises the error least: of two
+    confounded groups, the other is then identifiable. Windows of different `block`, shape
+    (windows,), count as independent.
     """
     no_groups = np.zeros(len(fit.held), np.bool_)
     plain = _determined(lambda groups: holding(fit, runs, groups), no_groups, runs, block)
@@ -77,16 +83,19 @@ def determined(fit: Refit, corrected: Corrected | None, runs: Runs, block: Index
 def expressible(
     plain: Refit, corrected: Corrected | None, named: Sequence[Named], runs: Runs, block: Index
 ) -> Corrected | None:
-    """The fit of all that a robot file can express, beside faults of instruments; None if it is nothing of the `named`.
+    """The fit of all that a robot file can express, beside faults of instruments; None if it is
+    nothing of the `named`.
 
-    The groups and effects that are kept absorb what they can of schedules, weather and flexible forms; so do they of
-    effects that are confounded with a fault of the meter.
+    The groups and effects that are kept absorb what they can of schedules, weather and flexible
+    forms; so do they of effects that are confounded with a fault of the meter.
     """
     if corrected is None:
         return None
     terms = corrected.model.terms
     forms = [term.plain or term for term in terms]
-    forms_in_file = [form for form, effect in zip(forms, named, strict=True) if not _excluded(effect, form)]
+    forms_in_file = [
+        form for form, effect in zip(forms, named, strict=True) if not _excluded(effect, form)
+    ]
     if not forms_in_file:
         return None
     # Terms hold arrays, which have no single truth value: compare which objects they are.
@@ -94,7 +103,8 @@ def expressible(
         return corrected
     held_groups = corrected.groups.held
     if any(term.flexible for term in terms):
-        held_groups = held_groups & plain.held  # a flexible form spans groups that its form in a file does not
+        # a flexible form spans groups that its form in a file does not
+        held_groups = held_groups & plain.held
 
     def model_holding(groups: Mask) -> Corrected:
         return fit_model(holding(plain, runs, groups), forms_in_file, runs, block)
@@ -103,7 +113,8 @@ def expressible(
 
 
 def _excluded(named: Named, form: Term) -> str:
-    """Why a robot file does not contain a named effect; empty where it does, and for a fault of an instrument."""
+    """Why a robot file does not contain a named effect; empty where it does, and for a fault of an
+    instrument."""
     hypothesis = form.hypothesis
     explanations = (named.term, *named.rivals)
     may_be_misread = any(term.misread for term in explanations)
@@ -117,16 +128,22 @@ def _excluded(named: Named, form: Term) -> str:
     return ""
 
 
-def _determined(fit_holding: Callable[[Mask], Model], held_groups: Mask, runs: Runs, block: Index) -> Model:
-    """The model after holding one group after the other; `held_groups`, (groups,), are held from the start."""
+def _determined(
+    fit_holding: Callable[[Mask], Model], held_groups: Mask, runs: Runs, block: Index
+) -> Model:
+    """The model after holding one group after the other; `held_groups`, (groups,), are held from
+    the start."""
     model = fit_holding(held_groups)
     numbers = np.arange(len(held_groups))
     while True:
         candidates = _groups_to_hold(model, held_groups, runs, block)
         if not candidates.any():
             return model
-        # Of confounded groups, holding one makes the others identifiable: hold that which raises the error least.
-        holding_one_more = [held_groups | (numbers == number) for number in np.flatnonzero(candidates)]
+        # Of confounded groups, holding one makes the others identifiable: hold that which raises
+        # the error least.
+        holding_one_more = [
+            held_groups | (numbers == number) for number in np.flatnonzero(candidates)
+        ]
         fits = [fit_holding(groups) for groups in holding_one_more]
         errors = [runs.squared_error(fit.predicted) for fit in fits]
         smallest = int(np.argmin(errors))
@@ -151,13 +168,16 @@ def _groups_to_hold(model: Refit | Corrected, held_groups: Mask, runs: Runs, blo
     return np.asarray((is_open | correlated) & ~held_groups)
 
 
-def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
+def choose_file(
+    robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator
+) -> FileChoice:
     """Choose the robot of corrected.toml, from `robot` as its file has it.
 
-    Nothing is changed where the verdict is no mismatch. Otherwise it is the candidate that predicts held-out drives
-    best, in power and energy together: the given file, its parameters fitted, or with the named effects. If that
-    leaves more of their energy unexplained than the instruments do, it is the fit made to predict. None may predict
-    worse than the given file. Effects of the battery are added. `rng` draws a bootstrap.
+    Nothing is changed where the verdict is no mismatch. Otherwise it is the candidate that predicts
+    held-out drives best, in power and energy together: the given file, its parameters fitted, or
+    with the named effects. If that leaves more of their energy unexplained than the instruments do,
+    it is the fit made to predict. None may predict worse than the given file. Effects of the
+    battery are added. `rng` draws a bootstrap.
     """
     choice = _chosen(robot, verdict, evidence, rng)
     changed = choice.robot
@@ -167,13 +187,17 @@ def choose_file(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.rand
     for numbers in of_battery:
         changed = with_effects_of(changed, numbers)
     if of_battery:
-        file = replace(file, why=f"{file.why}; it also holds what voltage or charge show of the battery")
+        file = replace(
+            file, why=f"{file.why}; it also holds what voltage or charge show of the battery"
+        )
     if capacity is not None and capacity.written and verdict != "unknown_physics":
         changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
     return replace(choice, robot=changed, file=file)
 
 
-def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator) -> FileChoice:
+def _chosen(
+    robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.Generator
+) -> FileChoice:
     """The choice by held-out drives, without effects of the battery; see `choose_file`."""
     runs = evidence.runs
     trip = evidence.trip
@@ -183,7 +207,9 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
     if nominal is None:
         why = "the robot file gives no thrust per ampere (traction_n_per_a), so that its prediction cannot be tested"
         return _unchanged(robot, None, why)
-    reasons = [_excluded(effect, effect.term.plain or effect.term) for effect in evidence.naming.named]
+    reasons = [
+        _excluded(effect, effect.term.plain or effect.term) for effect in evidence.naming.named
+    ]
     if verdict == "unknown_physics":
         reasons.append("its parameters absorb a part of the unknown physics and are no measurement")
     unchanged = _unchanged(robot, nominal)
@@ -205,8 +231,11 @@ def _chosen(robot: Robot, verdict: Verdict, evidence: Evidence, rng: np.random.G
 
 
 def _unchanged(robot: Robot, nominal: Array | None, why: str = "") -> FileChoice:
-    """The given file, with its prediction, (windows,): it is fitted to nothing, so that all of it is held out."""
-    return FileChoice(robot=robot, held_out=nominal, replayed=nominal, file=CorrectedFile("nominal", why))
+    """The given file, with its prediction, (windows,): it is fitted to nothing, so that all of it
+    is held out."""
+    return FileChoice(
+        robot=robot, held_out=nominal, replayed=nominal, file=CorrectedFile("nominal", why)
+    )
 
 
 def _percent(share: float) -> str:
@@ -214,9 +243,12 @@ def _percent(share: float) -> str:
 
 
 def _ranked(robot: Robot, unchanged: FileChoice, evidence: Evidence) -> list[FileChoice]:
-    """The candidates, the smallest held-out error first; before them the fit made to predict, where one is needed."""
+    """The candidates, the smallest held-out error first; before them the fit made to predict, where
+    one is needed."""
     runs = evidence.runs
-    model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block)
+    model = expressible(
+        evidence.plain, evidence.corrected, evidence.naming.named, runs, evidence.block
+    )
     candidates = [unchanged, _candidate(robot, evidence.plain, "refit", evidence)]
     if model is not None:
         candidates.append(_candidate(robot, model, "corrected", evidence))
@@ -242,7 +274,8 @@ _WORDS = {
 
 
 def error_parts(predicted: Array, runs: Runs, trip: Index) -> tuple[float, float]:
-    """Error of a held-out prediction, (windows,): of power, over its rms, and of a trip's energy, each at most a half.
+    """Error of a held-out prediction, (windows,): of power, over its rms, and of a trip's energy,
+    each at most a half.
 
     A trip of next to no energy would otherwise decide alone.
     """
@@ -291,15 +324,20 @@ def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> Fi
     fitted = _joint_of(fit, evidence)
     return FileChoice(
         robot=rounded_robot(robot, fit.changed),
-        held_out=held_out(lambda windows: replay_of_file(fit.fitted_to(windows, runs)), evidence.fold),
+        held_out=held_out(
+            lambda windows: replay_of_file(fit.fitted_to(windows, runs)), evidence.fold
+        ),
         replayed=replay_of_file(fit),
-        file=CorrectedFile("predictive", _of_tyres(robot, fit), _numbers_within_bounds(fit, fitted, evidence)),
+        file=CorrectedFile(
+            "predictive", _of_tyres(robot, fit), _numbers_within_bounds(fit, fitted, evidence)
+        ),
         joint=fitted,
     )
 
 
 def _of_tyres(robot: Robot, fit: Predictive) -> str:
-    """What the fit takes from other vehicles, in words: how tyres roll in the cold if the robot's file does not say."""
+    """What the fit takes from other vehicles, in words: how tyres roll in the cold if the robot's
+    file does not say."""
     if ROLLING_PER_K not in fit.numbers or air_temperature.EFFECT.id in robot.effects:
         return ""
     per_k = _percent(fit.numbers[ROLLING_PER_K])
@@ -307,7 +345,8 @@ def _of_tyres(robot: Robot, fit: Predictive) -> str:
 
 
 def _factors_in_file(fit: Predictive) -> Array:
-    """From the fitted numbers to those of the file, shape (entries,): it has the accelerated mass over the mass."""
+    """From the fitted numbers to those of the file, shape (entries,): it has the accelerated mass
+    over the mass."""
     over_mass = 1.0 / fit.numbers["mass"]
     return np.array([over_mass if entry.name == INERTIA else 1.0 for entry in fit.entries])
 
@@ -322,8 +361,11 @@ def _joint_of(fit: Predictive, evidence: Evidence) -> Joint:
     return Joint(tuple(names), tuple(units), factors * fit.values, covariance)
 
 
-def _numbers_within_bounds(fit: Predictive, fitted: Joint, evidence: Evidence) -> tuple[FileNumber, ...]:
-    """The numbers of the fit made to predict, their intervals cut at the bounds of what was fitted."""
+def _numbers_within_bounds(
+    fit: Predictive, fitted: Joint, evidence: Evidence
+) -> tuple[FileNumber, ...]:
+    """The numbers of the fit made to predict, their intervals cut at the bounds of what was
+    fitted."""
     numbers = []
     factors = _factors_in_file(fit).tolist()
     for number, entry, factor in zip(_numbers(evidence, fitted), fit.entries, factors, strict=True):
@@ -336,27 +378,37 @@ def _numbers_within_bounds(fit: Predictive, fitted: Joint, evidence: Evidence) -
 
 
 def _numbers(evidence: Evidence, fitted: Joint) -> tuple[FileNumber, ...]:
-    """The fitted numbers with their intervals; proven are those of named effects and of parameters that are off.
+    """The fitted numbers with their intervals; proven are those of named effects and of parameters
+    that are off.
 
     An effect that may be a fault of the meter is not proven to be one of the robot.
     """
     groups_off = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
     effects_in_file = {
-        named.term.effect for named in evidence.naming.named if not _excluded(named, named.term.plain or named.term)
+        named.term.effect
+        for named in evidence.naming.named
+        if not _excluded(named, named.term.plain or named.term)
     }
     values = fitted.values.tolist()
     standard_errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     half_intervals = (thresholds.NORMAL_95 * standard_errors).tolist()
     numbers = []
-    for name, unit, value, half in zip(fitted.names, fitted.units, values, half_intervals, strict=True):
+    for name, unit, value, half in zip(
+        fitted.names, fitted.units, values, half_intervals, strict=True
+    ):
         effect, _, _ = name.partition(" ")
         proven = name in groups_off or effect in effects_in_file
-        numbers.append(FileNumber(name, value, ci95=(value - half, value + half), unit=unit, proven=proven))
+        numbers.append(
+            FileNumber(name, value, ci95=(value - half, value + half), unit=unit, proven=proven)
+        )
     return tuple(numbers)
 
 
-def worse_than(reference: Array, candidate: Array, runs: Runs, trip: Index, rng: np.random.Generator) -> str:
-    """Why to prefer the held-out prediction `reference` to `candidate`, shape (windows,) each; empty if not.
+def worse_than(
+    reference: Array, candidate: Array, runs: Runs, trip: Index, rng: np.random.Generator
+) -> str:
+    """Why to prefer the held-out prediction `reference` to `candidate`, shape (windows,) each;
+    empty if not.
 
     The interval of the trips' errors is by bootstrap; `trip` numbers the trips, shape (windows,).
     """
@@ -367,7 +419,9 @@ def worse_than(reference: Array, candidate: Array, runs: Runs, trip: Index, rng:
     off_of_reference = np.abs(np.bincount(trip, (reference - runs.observed) * runs.duration_s))
     off_of_candidate = np.abs(np.bincount(trip, (candidate - runs.observed) * runs.duration_s))
     # Paired by trip; worse is what the whole interval of the rise says.
-    rise_low, _ = bootstrap((off_of_candidate - off_of_reference)[None], rng, lambda drawn: drawn[0])
+    rise_low, _ = bootstrap(
+        (off_of_candidate - off_of_reference)[None], rng, lambda drawn: drawn[0]
+    )
     if rise_low <= 0.0:
         return ""
     consumed = "energy" if runs.unit == "W" else "charge"

@@ -1,4 +1,5 @@
-"""What made a verdict, beside the recordings: version, seed, thresholds, and effects of one's own."""
+"""What made a verdict, beside the recordings: version, seed, thresholds, and effects of one's
+own."""
 
 from __future__ import annotations
 
@@ -14,7 +15,12 @@ from homeward.logs import thresholds as logs_thresholds
 from homeward.own_effects import own_file
 from homeward.physics import thresholds as physics_thresholds
 
-_MODULES = {"shared": shared, "physics": physics_thresholds, "logs": logs_thresholds, "diagnosis": thresholds}
+_MODULES = {
+    "shared": shared,
+    "physics": physics_thresholds,
+    "logs": logs_thresholds,
+    "diagnosis": thresholds,
+}
 
 
 def made_by(seed: int) -> MadeBy:

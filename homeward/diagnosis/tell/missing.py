@@ -1,4 +1,5 @@
-"""Missing physics for the result: each effect with its parameters, its places and the evidence for it."""
+"""Missing physics for the result: each effect with its parameters, its places and the evidence for
+it."""
 
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
@@ -11,8 +12,12 @@ from homeward.diagnosis.tell.next_drive import to_tell_apart
 
 def missing_physics(evidence: Evidence) -> tuple[MissingPhysics, ...]:
     """The named effects, then those that other channels than power show."""
-    named = [_named_effect(index, effect, evidence) for index, effect in enumerate(evidence.naming.named)]
-    shown_by_channels = [_channel_effect(effect, evidence.runs) for effect in evidence.channel_effects]
+    named = [
+        _named_effect(index, effect, evidence) for index, effect in enumerate(evidence.naming.named)
+    ]
+    shown_by_channels = [
+        _channel_effect(effect, evidence.runs) for effect in evidence.channel_effects
+    ]
     return (*named, *shown_by_channels)
 
 
@@ -30,7 +35,9 @@ def _named_effect(index: int, named: Named, evidence: Evidence) -> MissingPhysic
         where=places(named.term, corrected.contribution[index], evidence.runs),
         evidence=Proof(named.delta_bic, named.held_out_gain, named.p_value),
         confused_with=tuple(rival.effect for rival in named.rivals),
-        to_tell_apart=to_tell_apart(evidence.fitted, evidence.runs, evidence.residual, named.term, named.rivals),
+        to_tell_apart=to_tell_apart(
+            evidence.fitted, evidence.runs, evidence.residual, named.term, named.rivals
+        ),
         conditions=named.checks,
     )
 
@@ -48,7 +55,9 @@ def _channel_effect(effect: ChannelEffect, runs: Runs) -> MissingPhysics:
         equation=hypothesis.entry.equation,
         source=hypothesis.entry.source,
         parameters=dict(effect.parameters),
-        where=places_of(effect.contribution, runs, condition=None, inside=effect.contribution != 0.0),
+        where=places_of(
+            effect.contribution, runs, condition=None, inside=effect.contribution != 0.0
+        ),
         evidence=effect.proof,
         confused_with=effect.rivals,
         to_tell_apart=advice,
@@ -56,7 +65,8 @@ def _channel_effect(effect: ChannelEffect, runs: Runs) -> MissingPhysics:
 
 
 def not_named(evidence: Evidence) -> tuple[NotNamed, ...]:
-    """Effects that were tried and not named, with their conditions: of each the try that met most."""
+    """Effects that were tried and not named, with their conditions: of each the try that met
+    most."""
     named = {effect.term.effect for effect in evidence.naming.named}
     furthest: dict[str, NotNamed] = {}
     for refused in evidence.naming.refused:

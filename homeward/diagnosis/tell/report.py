@@ -1,4 +1,5 @@
-"""Files of the output folder: diagnosis.json, corrected.toml, a self-contained report.html, time series."""
+"""Files of the output folder: diagnosis.json, corrected.toml, a self-contained report.html, time
+series."""
 
 import dataclasses
 import hashlib
@@ -32,8 +33,8 @@ _FORMS = {"steady": "steady", "time": "in time", "place": "by place"}
 
 
 def write_outputs(analysis: Analysis, folder: str | Path) -> list[Path]:
-    """Write diagnosis.json, corrected.toml, report.html and, of usable runs, series.parquet and series.mcap, each whole
-    or not at all; no series.mcap where `rosbags` is not installed.
+    """Write diagnosis.json, corrected.toml, report.html and, of usable runs, series.parquet and
+    series.mcap, each whole or not at all; no series.mcap where `rosbags` is not installed.
 
     Raises:
         OSError: The folder cannot be written to.
@@ -58,13 +59,17 @@ def corrected_toml(analysis: Analysis) -> str:
     file = analysis.diagnosis.file
     numbers = () if file is None else file.numbers
     changed = comments(analysis.robot, analysis.corrected, numbers)
-    head = [f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."]
+    head = [
+        f"# Written by diagnose.py for the robot file {analysis.robot.name!r}: {analysis.diagnosis.verdict}."
+    ]
     if not changed:
         head.append("# Nothing was changed.")
     if evidence is not None:
         open_estimates = [estimate for estimate in evidence.estimates if estimate.fitted is None]
         if open_estimates:
-            open_groups = [f"{estimate.group.symbol} ({why_open(estimate)})" for estimate in open_estimates]
+            open_groups = [
+                f"{estimate.group.symbol} ({why_open(estimate)})" for estimate in open_estimates
+            ]
             head.append(f"# Not identifiable from these recordings: {', '.join(open_groups)}.")
         if evidence.held:
             head.append(f"# Held as assumed: {', '.join(evidence.held)}.")
@@ -73,7 +78,8 @@ def corrected_toml(analysis: Analysis) -> str:
 
 
 def report_html(analysis: Analysis) -> str:
-    """The report as one page that needs no network; all text from recordings and robot files is escaped."""
+    """The report as one page that needs no network; all text from recordings and robot files is
+    escaped."""
     diagnosis = analysis.diagnosis
     evidence = analysis.evidence
     paths = [recording.path for recording in diagnosis.recordings]
@@ -122,12 +128,16 @@ def _by_text(analysis: Analysis) -> dict[tuple[bool, str], list[str]]:
 
 
 def _where(analysis: Analysis) -> list[tuple[str, tuple[Place, ...], float | None]]:
-    """Of each effect, or else of the mismatch: its name, its places, and its share of all that was recorded."""
+    """Of each effect, or else of the mismatch: its name, its places, and its share of all that was
+    recorded."""
     diagnosis = analysis.diagnosis
     evidence = analysis.evidence
     if diagnosis.missing_physics and evidence is not None:
         effects = zip(diagnosis.missing_physics, evidence.contributions, strict=True)
-        return [(effect.name, effect.where, total_share(added, evidence.runs)) for effect, added in effects]
+        return [
+            (effect.name, effect.where, total_share(added, evidence.runs))
+            for effect, added in effects
+        ]
     if diagnosis.where:
         return [("The mismatch", diagnosis.where, None)]
     return []
@@ -146,7 +156,8 @@ class RankRow:
 
 
 def ranking(naming: Naming) -> list[RankRow]:
-    """The named effects, each scored beside those named before it, then every other hypothesis scored alone."""
+    """The named effects, each scored beside those named before it, then every other hypothesis
+    scored alone."""
     rows: list[RankRow] = []
     rivalry: dict[tuple[str, str], str] = {}  # note on a rival, by effect and axis
     for index, named in enumerate(naming.named):
@@ -195,8 +206,11 @@ def _note(named: Named, named_before: Sequence[Named]) -> str:
     return f"{how}: {gain}, placebos p ≤ {named.p_value:.2g}"
 
 
-def _can_show(analysis: Analysis, evidence: Evidence) -> tuple[list[tuple[str, float]], dict[str, list[str]]]:
-    """Effects with the share that the refit would absorb, least first; by reason those not identifiable."""
+def _can_show(
+    analysis: Analysis, evidence: Evidence
+) -> tuple[list[tuple[str, float]], dict[str, list[str]]]:
+    """Effects with the share that the refit would absorb, least first; by reason those not
+    identifiable."""
     visible: list[tuple[str, float]] = []
     invisible: dict[str, list[str]] = {}
     for effect, share in analysis.diagnosis.what_this_log_can_show.items():

@@ -26,16 +26,20 @@ FittedTo = Literal["nothing", "others", "all"]
 _IDS = {group.symbol: group.name for groups in GROUPS.values() for group in groups}
 _COVERED = 0.95  # below the upper end of a 90 % interval
 
-_NAMES_OF_EFFECTS = [f"{effect.id} {parameter.name}" for effect in EFFECTS for parameter in effect.parameters]
+_NAMES_OF_EFFECTS = [
+    f"{effect.id} {parameter.name}" for effect in EFFECTS for parameter in effect.parameters
+]
 _NAMES_BESIDE_GROUPS = {LOSSES, *_NAMES_OF_EFFECTS}
-"""Numbers beside the groups that a file may hold, as a fit names them: losses of the drive, and those of effects."""
+"""Numbers beside the groups that a file may hold, as a fit names them: losses of the drive, and
+those of effects."""
 
 
 def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
-    """Uncertainty of the robot in corrected.toml; of motor currents, that of their charge, which is no energy.
+    """Uncertainty of the robot in corrected.toml; of motor currents, that of their charge, which is
+    no energy.
 
-    The unexplained part is the residual of the file on windows that it was not fitted to. With one run, the spread
-    between runs is unknown and left out.
+    The unexplained part is the residual of the file on windows that it was not fitted to. With one
+    run, the spread between runs is unknown and left out.
     """
     evidence = analysis.evidence
     file = analysis.diagnosis.file
@@ -73,14 +77,18 @@ def uncertainty_of(analysis: Analysis) -> Uncertainty | None:
 
 
 def _mean_speed_mps(analysis: Analysis, runs: Runs) -> float:
-    """Mean speed of the robot or, of motor currents, of its wheels, which also draw charge on the spot."""
+    """Mean speed of the robot or, of motor currents, of its wheels, which also draw charge on the
+    spot."""
     if runs.unit == "A":
-        return float(np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals])))
+        return float(
+            np.mean(np.concatenate([wheels_mps(run, analysis.robot) for run in runs.signals]))
+        )
     return float(np.average(np.abs(runs.context["speed_mps"]), weights=runs.duration_s))
 
 
 def within_runs(residual: Array, run: Index) -> tuple[float, float]:
-    """Standard deviation of a file's residual about each run's mean, and its autocorrelation time, windows.
+    """Standard deviation of a file's residual about each run's mean, and its autocorrelation time,
+    windows.
 
     The spread of the means is not included: that is `between_runs`.
 
@@ -93,12 +101,16 @@ def within_runs(residual: Array, run: Index) -> tuple[float, float]:
     return float(np.sqrt(np.mean(deviation**2))), correlation_windows(deviation, run)
 
 
-def between_runs(residual: Array, predicted: Array, run: Index, fitted_to: FittedTo) -> float | None:
-    """Standard deviation between runs, a share, that gives a prediction interval of one more run its nominal coverage.
+def between_runs(
+    residual: Array, predicted: Array, run: Index, fitted_to: FittedTo
+) -> float | None:
+    """Standard deviation between runs, a share, that gives a prediction interval of one more run
+    its nominal coverage.
 
-    It is the error of the energy of runs over its prediction by the file, widened by Student's t for their number. The
-    error of a run predicted from the others includes the file's own; where the file was fitted to all runs, that is
-    added (Whitmore, The American Statistician 40, 1986). The unexplained variance within runs is subtracted.
+    It is the error of the energy of runs over its prediction by the file, widened by Student's t
+    for their number. The error of a run predicted from the others includes the file's own; where
+    the file was fitted to all runs, that is added (Whitmore, The American Statistician 40, 1986).
+    The unexplained variance within runs is subtracted.
 
     Args:
         residual: Residual of the file in each window, W or A, shape (windows,).
@@ -128,8 +140,11 @@ def between_runs(residual: Array, predicted: Array, run: Index, fitted_to: Fitte
     return rounded(float(np.sqrt(variance_between / np.mean(mean_predicted**2))))
 
 
-def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
-    """Names and relative covariance of the fitted numbers in the file, and of the battery's capacity."""
+def _fitted(
+    evidence: Evidence, holds: str
+) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
+    """Names and relative covariance of the fitted numbers in the file, and of the battery's
+    capacity."""
     joint = evidence.joint
     if holds == "nominal":
         names_in_file = set()
@@ -139,7 +154,9 @@ def _fitted(evidence: Evidence, holds: str) -> tuple[tuple[str, ...], tuple[tupl
         names_in_file = {*_IDS, *_NAMES_BESIDE_GROUPS}  # levels of a schedule are in no file
     in_file = np.array([name in names_in_file for name in joint.names], np.bool_)
     numbers = np.flatnonzero(in_file & (joint.values != 0.0))
-    names = [_IDS.get(joint.names[number], joint.names[number].replace(" ", ".")) for number in numbers]
+    names = [
+        _IDS.get(joint.names[number], joint.names[number].replace(" ", ".")) for number in numbers
+    ]
     values = joint.values[numbers]
     relative = joint.covariance[np.ix_(numbers, numbers)] / np.outer(values, values)
     capacity = evidence.capacity
@@ -160,7 +177,9 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
     signals = evidence.runs.signals
     errors: dict[str, float] = {}
     at_rest_w = [run.observed[run.speed_mps == 0.0] for run in signals]
-    noises_w = [white_noise(power_w) for power_w in at_rest_w if len(power_w) >= thresholds.FEWEST_SAMPLES]
+    noises_w = [
+        white_noise(power_w) for power_w in at_rest_w if len(power_w) >= thresholds.FEWEST_SAMPLES
+    ]
     if noises_w:
         errors["power_noise"] = _at_most_allowed(float(np.median(noises_w)) / mean_w)
         errors["reading_s"] = float(np.median([median_step_s(run.time_s) for run in signals]))
@@ -173,9 +192,11 @@ def _instruments(evidence: Evidence, mean_w: float) -> tuple[tuple[str, float], 
 
 
 def _errors_of_charge(charges: Sequence[Array]) -> dict[str, float]:
-    """Step or noise of a state of charge, from its readings in each run, shape (samples,); nothing if it never changes.
+    """Step or noise of a state of charge, from its readings in each run, shape (samples,); nothing
+    if it never changes.
 
-    A reading that stays the same from most samples to the next is a coarse one: it has steps, and its noise is hidden.
+    A reading that stays the same from most samples to the next is a coarse one: it has steps, and
+    its noise is hidden.
     """
     steps = np.concatenate([np.empty(0), *(np.abs(np.diff(charge)) for charge in charges)])
     if not steps.any():

@@ -17,7 +17,8 @@ _WIDE = 70  # columns that the table of all figures takes
 
 
 def show(analysis: Analysis, console: Console) -> None:
-    """Print the verdict, how well each model predicts, what is missing and what to do next; lines wrap at the width."""
+    """Print the verdict, how well each model predicts, what is missing and what to do next; lines
+    wrap at the width."""
     diagnosis = analysis.diagnosis
     console.print(diagnosis.verdict, style="bold", highlight=False)
     say(console, diagnosis.summary)
@@ -41,7 +42,10 @@ def show(analysis: Analysis, console: Console) -> None:
         _show_range(diagnosis.range, console)
     if diagnosis.next_experiment:
         console.print()
-        say(console, f"Next experiment: {diagnosis.next_experiment} How to drive and record it: {GUIDE}.")
+        say(
+            console,
+            f"Next experiment: {diagnosis.next_experiment} How to drive and record it: {GUIDE}.",
+        )
 
 
 def _show_arms(fit: Fit, accuracy_pct: Mapping[str, float | None], console: Console) -> None:
@@ -55,7 +59,8 @@ def _show_arms(fit: Fit, accuracy_pct: Mapping[str, float | None], console: Cons
 
 
 def _arms(fit: Fit, accuracy_pct: Mapping[str, float | None], with_intervals: bool) -> Table:
-    """A row for each arm, of power with errors of energy and range; a narrow terminal has no room for intervals."""
+    """A row for each arm, of power with errors of energy and range; a narrow terminal has no room
+    for intervals."""
     gap = 2 if with_intervals else 1  # columns of the terminal
     table = Table(box=None, padding=(0, gap, 0, 0), header_style="dim")
     table.add_column("model", no_wrap=True)
@@ -93,17 +98,24 @@ def _show_effect(effect: MissingPhysics, console: Console) -> None:
 
 
 def _show_group(group: FittedGroup, console: Console) -> None:
-    """Print the fitted and the assumed value of a parameter that is off, and what explains as much."""
+    """Print the fitted and the assumed value of a parameter that is off, and what explains as
+    much."""
     fitted = f"{number(group.fitted)} {group.unit} (95 %: {interval(group.ci95)})"
     confounded = ""
     if group.confused_with:
         confounded = f"; or as much is lost by {' or '.join(group.confused_with)}"
-    say(console, f"{group.group}: {fitted}, not {number(group.assumed)} as assumed{confounded}", indent=2)
+    say(
+        console,
+        f"{group.group}: {fitted}, not {number(group.assumed)} as assumed{confounded}",
+        indent=2,
+    )
 
 
 def _show_range(reach: Range, console: Console) -> None:
     """Print the range by both files beside the recorded one, and d_max by both."""
-    by_files = f"{number(reach.file_m)} m by corrected.toml, {number(reach.nominal_m)} m by the robot file"
+    by_files = (
+        f"{number(reach.file_m)} m by corrected.toml, {number(reach.nominal_m)} m by the robot file"
+    )
     recorded = f"recorded {number(reach.recorded_m)} m (95 %: {interval(reach.ci95)})"
     d_max = f"{number(reach.d_max_file_m)} m instead of {number(reach.d_max_nominal_m)} m"
     as_recorded = f"Range on one charge, driven as recorded: {by_files}; {recorded}."
@@ -122,7 +134,8 @@ def plain(text: str) -> str:
 
 
 def say(console: Console, text: str, indent: int = 0) -> None:
-    """Print text that may hold names given by others: no markup, no control characters, only encodable ones."""
+    """Print text that may hold names given by others: no markup, no control characters, only
+    encodable ones."""
     printable = "".join(character if character.isprintable() else "?" for character in plain(text))
     encodable = printable.encode(console.encoding, "replace").decode(console.encoding)
     console.print(Padding(Text(encodable), (0, 0, 0, indent), expand=False))

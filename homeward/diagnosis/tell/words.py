@@ -10,7 +10,14 @@ from homeward.diagnosis.explain.places import condition, largest, total_share
 from homeward.diagnosis.fit.channel_errors import Influence, is_autocorrelated, unrecorded
 from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, Gauge, MissingPhysics, Verdict
+from homeward.diagnosis.result import (
+    CorrectedFile,
+    Fit,
+    FittedGroup,
+    Gauge,
+    MissingPhysics,
+    Verdict,
+)
 from homeward.layout.notation import templates
 
 _MOST_REASONS = 3  # why runs cannot be used, in one sentence; chosen: it can still be read
@@ -32,7 +39,9 @@ ARMS: Mapping[str, str] = {
 def nothing_usable(findings: Sequence[Finding]) -> str:
     """Why no run can be used."""
     refused = [finding for finding in findings if finding.refused]
-    reasons = "; ".join(f"{PurePath(finding.recording).name} {finding.text}" for finding in refused[:_MOST_REASONS])
+    reasons = "; ".join(
+        f"{PurePath(finding.recording).name} {finding.text}" for finding in refused[:_MOST_REASONS]
+    )
     if len(refused) > _MOST_REASONS:
         reasons = f"{reasons}; and {len(refused) - _MOST_REASONS} more"
     return _ended(f"None of the recordings can be used: {reasons}")
@@ -53,7 +62,8 @@ def summary(
     file: CorrectedFile,
     gauge: Gauge | None = None,
 ) -> str:
-    """The verdict in one or two sentences, the content of corrected.toml, and how many runs were excluded."""
+    """The verdict in one or two sentences, the content of corrected.toml, and how many runs were
+    excluded."""
     template = templates("homeward.diagnosis.tell", autoescape=False).get_template("summary.txt")
     text = template.render(
         verdict=verdict,
@@ -78,7 +88,8 @@ def summary(
 
 
 def _of_gauge(gauge: Gauge | None) -> list[str]:
-    """Why a gauge is not believed, and what is asked about its battery, as sentences; nothing of a plain counter."""
+    """Why a gauge is not believed, and what is asked about its battery, as sentences; nothing of a
+    plain counter."""
     sentences = []
     if gauge is not None and gauge.follows != "charge" and gauge.says:
         sentences.append(gauge.says)
@@ -88,7 +99,8 @@ def _of_gauge(gauge: Gauge | None) -> list[str]:
 
 
 def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
-    """Unrecorded dependencies of power, where the best model has a large autocorrelated residual; else none."""
+    """Unrecorded dependencies of power, where the best model has a large autocorrelated residual;
+    else none."""
     runs = evidence.runs
     arm = "corrected" if "corrected" in fit.arms else "refit"
     r2 = fit.arms[arm].r2
@@ -96,13 +108,16 @@ def _unrecorded(evidence: Evidence, fit: Fit) -> list[Influence]:
         return []
     if evidence.naming.unrecorded:
         return unrecorded(runs)
-    if r2 <= thresholds.NEARLY_ALL and is_autocorrelated(runs.observed - evidence.predictions[arm], runs):
+    if r2 <= thresholds.NEARLY_ALL and is_autocorrelated(
+        runs.observed - evidence.predictions[arm], runs
+    ):
         return unrecorded(runs)
     return []
 
 
 def _excess(evidence: Evidence) -> float | None:
-    """Mean residual of the effects, or held-out error of the refit over that elsewhere, under the located condition."""
+    """Mean residual of the effects, or held-out error of the refit over that elsewhere, under the
+    located condition."""
     if evidence.remaining is not None:
         location = evidence.remaining.location
         return float(location.excess[location.inside].mean())

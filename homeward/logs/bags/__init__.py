@@ -1,8 +1,10 @@
-"""Logs of messages as recordings: bags of ROS 1 and ROS 2, read by `rosbags` without ROS, and logs of autopilots.
+"""Logs of messages as recordings: bags of ROS 1 and ROS 2, read by `rosbags` without ROS, and logs
+of autopilots.
 
-A bag is opened (`container`, damaged ones by `salvage`), its messages decoded (`messages`), the topics that a mapping
-names (`topics`) turned into channels (`samples`, `grade`) on one clock (`clock`). `flight` opens the logs of PX4 and
-ArduPilot, whose messages are topics too. `assemble` puts them together.
+A bag is opened (`container`, damaged ones by `salvage`), its messages decoded (`messages`), the
+topics that a mapping names (`topics`) turned into channels (`samples`, `grade`) on one clock
+(`clock`). `flight` opens the logs of PX4 and ArduPilot, whose messages are topics too. `assemble`
+puts them together.
 """
 
 import hashlib
@@ -16,7 +18,11 @@ FLIGHT_SUFFIXES = (".ulg", ".bin")
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a log of messages: a file by its ending, a folder by its files."""
-    return path.suffix in SUFFIXES or is_flight_log(path) or (path.is_dir() and bool(storage_files(path)))
+    return (
+        path.suffix in SUFFIXES
+        or is_flight_log(path)
+        or (path.is_dir() and bool(storage_files(path)))
+    )
 
 
 def is_flight_log(path: Path) -> bool:
@@ -28,7 +34,11 @@ def storage_files(path: Path) -> list[Path]:
     """The files of a bag that hold messages, in order."""
     if not path.is_dir():
         return [path]
-    return sorted(file for file in path.iterdir() if file.name.removesuffix(".zstd").endswith((".mcap", ".db3")))
+    return sorted(
+        file
+        for file in path.iterdir()
+        if file.name.removesuffix(".zstd").endswith((".mcap", ".db3"))
+    )
 
 
 def sha256(path: Path) -> str:

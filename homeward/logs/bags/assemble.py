@@ -1,4 +1,5 @@
-"""From a bag or flight log to a table of channels: the topic of each channel, on one clock, with notes on decisions."""
+"""From a bag or flight log to a table of channels: the topic of each channel, on one clock, with
+notes on decisions."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -49,9 +50,11 @@ class Series:
     values: Array
 
 
-def read_bag(path: Path, mapping: str | Path | None = None) -> tuple[pd.DataFrame, list[str], float]:
-    """Read a log as a table of the schema's channels, with the time in s from its start; notes of one line each; and
-    the start, s since 1970, or 0 if the log does not have it.
+def read_bag(
+    path: Path, mapping: str | Path | None = None
+) -> tuple[pd.DataFrame, list[str], float]:
+    """Read a log as a table of the schema's channels, with the time in s from its start; notes of
+    one line each; and the start, s since 1970, or 0 if the log does not have it.
 
     Without a mapping (see `load_topics`) the shipped one that covers most of the log is used.
 
@@ -69,10 +72,14 @@ class _Reading:
     def __init__(self, bag: Bag | FlightLog, topics: Topics) -> None:
         self.bag = bag
         self.topics = topics
-        self.void: dict[str, list[str]] = {}  # channels of a topic that are zero or missing throughout
+        # channels of a topic that are zero or missing throughout
+        self.void: dict[str, list[str]] = {}
         # Batteries that are added, by the name and type of the entry of the mapping.
         self.added: dict[tuple[str, str], tuple[str, ...]] = {}
-        offered = {name: topics.candidates(name, bag.connections) for name in (*CHANNELS, ORIENTATION, ACCELERATION)}
+        offered = {
+            name: topics.candidates(name, bag.connections)
+            for name in (*CHANNELS, ORIENTATION, ACCELERATION)
+        }
         pairs: list[Candidate] = [pair for candidates in offered.values() for pair in candidates]
         self.samples, self.unread = self._read(pairs)  # unread: why topics could not be read
         if not self.samples:
@@ -84,7 +91,9 @@ class _Reading:
             for topic, connection in candidates:
                 self.candidates[name] += self._read_from(topic, connection)
         on_receipt = {connection.topic for topic, connection in pairs if topic.on_receipt}
-        without_header = {name for name in self.samples if name in on_receipt or without_part(name) in on_receipt}
+        without_header = {
+            name for name in self.samples if name in on_receipt or without_part(name) in on_receipt
+        }
         self.times, self.start_ns, self.notes = times_s(self.samples, without_header)
         for topic, connection in self.candidates["current_a"]:
             self._leave_out_with_voltage(topic, connection.topic)
@@ -109,9 +118,14 @@ class _Reading:
                 f"power ({series[power[0]].topic}) and motion ({series[motion[0]].topic}) were not "
                 'recorded at the same time; check the clocks, or set stamp = "receive" in a topic mapping'
             )
-        columns = {name: clock.on_clock(channel.time_s, channel.values, ticks) for name, channel in series.items()}
+        columns = {
+            name: clock.on_clock(channel.time_s, channel.values, ticks)
+            for name, channel in series.items()
+        }
         self._leave_out_impossible(columns)
-        sources = f"power from {_topics_of(power, series)}, motion from {_topics_of(motion, series)}"
+        sources = (
+            f"power from {_topics_of(power, series)}, motion from {_topics_of(motion, series)}"
+        )
         mapped = f"topic mapping {self.topics.name}: {sources}, on the clock of the slower"
         notes = [*self.bag.notes, mapped, *self.notes, *self._why()]
         start_s = self.start_ns * 1e-9 + float(ticks[0])
@@ -157,11 +171,19 @@ class _Reading:
         """A topic that was read, or each of the batteries that it reports."""
         if connection.topic in self.samples:
             return [(topic, connection)]
-        parts = (name for name in self.samples if without_part(name) == connection.topic and topic.takes(name))
-        return [(topic, Part(name, connection.msgtype, len(self.samples[name].received_ns))) for name in parts]
+        parts = (
+            name
+            for name in self.samples
+            if without_part(name) == connection.topic and topic.takes(name)
+        )
+        return [
+            (topic, Part(name, connection.msgtype, len(self.samples[name].received_ns)))
+            for name in parts
+        ]
 
     def _choose_batteries(self) -> None:
-        """Decide, for each entry of the mapping, between several batteries that report what is drawn from them."""
+        """Decide, for each entry of the mapping, between several batteries that report what is
+        drawn from them."""
         entries: dict[int, Topic] = {}
         names_of_entry: dict[int, dict[str, None]] = {}  # topics in order, each once
         for channel in ("power_w", "current_a"):
@@ -180,7 +202,8 @@ class _Reading:
             self._keep_batteries(topic, choice.names)
 
     def _keep_batteries(self, entry: Topic, names: Collection[str]) -> None:
-        """Of the topics of an entry keep those of some names as candidates for the channels of a battery."""
+        """Of the topics of an entry keep those of some names as candidates for the channels of a
+        battery."""
         for channel in batteries.OF_BATTERY:
             self.candidates[channel] = [
                 (topic, connection)
@@ -189,7 +212,8 @@ class _Reading:
             ]
 
     def _leave_out_with_voltage(self, topic: Topic, name: str) -> None:
-        """Leave out the readings of a battery in messages whose voltage is unknown: its driver has none yet."""
+        """Leave out the readings of a battery in messages whose voltage is unknown: its driver has
+        none yet."""
         if "voltage_v" not in topic.sources:
             return
         values = self.samples[name].values
@@ -199,7 +223,9 @@ class _Reading:
         for channel in batteries.OF_BATTERY & topic.sources.keys():
             for path, _ in topic.sources[channel].terms:
                 values[path] = np.where(silent, np.nan, values[path])
-        self.notes.append(f"{int(silent.sum())} of {len(silent)} messages of {name} have an unknown voltage: left out")
+        self.notes.append(
+            f"{int(silent.sum())} of {len(silent)} messages of {name} have an unknown voltage: left out"
+        )
 
     def _battery(self, topic: Topic, name: str) -> batteries.Battery | None:
         """What a battery reports; None if it reports nothing that is drawn."""
@@ -224,7 +250,9 @@ class _Reading:
             time_s, values = clock.in_order(self.times[connection.topic], values)
             repeated = count - len(values)
             if repeated > thresholds.STRAY_SHARE * count:
-                notes.append(f"{repeated} of {count} values of {name} have the time of another: the first is used")
+                notes.append(
+                    f"{repeated} of {count} values of {name} have the time of another: the first is used"
+                )
             # Before they are averaged, which would spread a wrong reading over those beside it.
             notes += leave_out_spikes({"time_s": time_s, name: values})
             time_s, values = clock.in_order(time_s, values)
@@ -238,14 +266,17 @@ class _Reading:
         return None
 
     def _over_packs(self, name: str, topic: Topic, connection: Offer) -> Series:
-        """A channel of several packs in parallel: what they draw is added, of the rest the mean is taken."""
+        """A channel of several packs in parallel: what they draw is added, of the rest the mean is
+        taken."""
         names = self.added[topic.pattern, topic.kind]
         packs = [
-            clock.in_order(self.times[pack], topic.sources[name].apply(self.samples[pack].values)) for pack in names
+            clock.in_order(self.times[pack], topic.sources[name].apply(self.samples[pack].values))
+            for pack in names
         ]
         packs = [(time_s, values) for time_s, values in packs if len(time_s) >= 2]
         ticks = clock.slower(*(time_s for time_s, _ in packs))
-        by_pack = np.array([clock.on_clock(time_s, values, ticks) for time_s, values in packs])  # (packs, ticks)
+        # (packs, ticks)
+        by_pack = np.array([clock.on_clock(time_s, values, ticks) for time_s, values in packs])
         over_packs = by_pack.sum(axis=0) if name in batteries.ADDED else by_pack.mean(axis=0)
         return Series(" + ".join(names), connection.msgtype, *clock.in_order(ticks, over_packs))
 
@@ -264,16 +295,24 @@ class _Reading:
 
     def _why(self) -> list[str]:
         """Why topics that the mapping names gave no values."""
-        empty = (f"{topic} gives {' and '.join(names)} as 0 or not at all" for topic, names in self.void.items())
+        empty = (
+            f"{topic} gives {' and '.join(names)} as 0 or not at all"
+            for topic, names in self.void.items()
+        )
         return [*self.unread, *empty]
 
     def _discharge(self, current: Series, speed: Series) -> Series:
-        """Make the battery's current positive when discharging, whatever the sign convention of its driver.
+        """Make the battery's current positive when discharging, whatever the sign convention of its
+        driver.
 
-        `sensor_msgs/BatteryState` says "Negative when discharging", and mappings change the sign; some drivers publish
-        it positive. A robot that drives does not charge, so that the median while it drives determines the sign.
+        `sensor_msgs/BatteryState` says "Negative when discharging", and mappings change the sign;
+        some drivers publish it positive. A robot that drives does not charge, so that the median
+        while it drives determines the sign.
         """
-        moves = np.abs(np.interp(current.time_s, speed.time_s, speed.values)) > thresholds.STANDSTILL_MPS
+        moves = (
+            np.abs(np.interp(current.time_s, speed.time_s, speed.values))
+            > thresholds.STANDSTILL_MPS
+        )
         while_driving = current.values[moves] if moves.any() else current.values
         if current.kind != BATTERY or np.median(while_driving) >= 0.0:
             return current
@@ -285,8 +324,12 @@ class _Reading:
 
     def _grade(self, speed: Series) -> dict[str, Series]:
         """The grade by the first method of `homeward.logs.bags.grade` that the bag allows."""
-        by_orientation = [(ORIENTATION, topic, connection) for topic, connection in self.candidates[ORIENTATION]]
-        by_acceleration = [(ACCELERATION, topic, connection) for topic, connection in self.candidates[ACCELERATION]]
+        by_orientation = [
+            (ORIENTATION, topic, connection) for topic, connection in self.candidates[ORIENTATION]
+        ]
+        by_acceleration = [
+            (ACCELERATION, topic, connection) for topic, connection in self.candidates[ACCELERATION]
+        ]
         of_imu = [option for option in by_orientation if option[2].msgtype == IMU]
         of_odometry = [option for option in by_orientation if option[2].msgtype != IMU]
         for method, topic, connection in (*of_imu, *by_acceleration, *of_odometry):
@@ -303,13 +346,21 @@ class _Reading:
                 time_s, forward = clock.in_order(self.times[name], values[f"{path}.x"])
                 grade_rad = grade.from_acceleration(time_s, forward, speed.time_s, speed.values)
             if grade_rad is not None:
-                self.notes.append(f"grade from the {method} of {name}; a tilted mount would add a constant")
-                return {"grade_rad": Series(name, connection.msgtype, *clock.in_order(time_s, grade_rad))}
+                self.notes.append(
+                    f"grade from the {method} of {name}; a tilted mount would add a constant"
+                )
+                return {
+                    "grade_rad": Series(
+                        name, connection.msgtype, *clock.in_order(time_s, grade_rad)
+                    )
+                }
         return {}
 
     def _heading(self) -> dict[str, Series]:
         """The heading by odometry, else by an IMU."""
-        odometry_before_imu = sorted(self.candidates[ORIENTATION], key=lambda pair: pair[1].msgtype == IMU)
+        odometry_before_imu = sorted(
+            self.candidates[ORIENTATION], key=lambda pair: pair[1].msgtype == IMU
+        )
         for topic, connection in odometry_before_imu:
             time_s, quaternion = self._quaternion(connection.topic, topic.vectors[ORIENTATION])
             heading_rad = grade.heading(quaternion)
@@ -322,7 +373,9 @@ class _Reading:
         """Times and orientation x, y, z, w of a topic, in the order of time."""
         order = np.argsort(self.times[name], kind="stable")
         values = self.samples[name].values
-        return self.times[name][order], np.stack([values[f"{path}.{axis}"][order] for axis in "xyzw"])
+        return self.times[name][order], np.stack(
+            [values[f"{path}.{axis}"][order] for axis in "xyzw"]
+        )
 
     def _leave_out_impossible(self, columns: dict[str, Array]) -> None:
         """Leave out channels that are not needed and have values out of their limits."""
@@ -341,17 +394,22 @@ class _Reading:
                 self.notes.append(f"{name} is left out: missing, or {beyond}")
             elif impossible.any():
                 columns[name] = np.where(impossible, np.nan, columns[name])
-                self.notes.append(f"{int(impossible.sum())} values of {name} are {beyond} and left out")
+                self.notes.append(
+                    f"{int(impossible.sum())} values of {name} are {beyond} and left out"
+                )
 
 
 def _stray_left_out(name: str, values: Array) -> list[str]:
-    """Set few impossible values to NaN, in place, before they are averaged with others; many are another unit."""
+    """Set few impossible values to NaN, in place, before they are averaged with others; many are
+    another unit."""
     channel = CHANNELS[name]
     impossible = channel.impossible(values)
     if not 0.0 < impossible.mean() <= thresholds.STRAY_SHARE:
         return []
     values[impossible] = np.nan
-    return [f"{int(impossible.sum())} values of {name} are outside {channel.low:g} to {channel.high:g} and left out"]
+    return [
+        f"{int(impossible.sum())} values of {name} are outside {channel.low:g} to {channel.high:g} and left out"
+    ]
 
 
 def _speed(series: dict[str, Series]) -> Series:

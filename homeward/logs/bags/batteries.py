@@ -1,10 +1,12 @@
-"""Several batteries in one log: which is the whole, which are its parts; for bags, logs of autopilots and live input.
+"""Several batteries in one log: which is the whole, which are its parts; for bags, logs of
+autopilots and live input.
 
-A robot reports more than one battery by several topics, by messages of one topic with another location or serial
-number, or by instances of a message of an autopilot. The rules, in this order:
+A robot reports more than one battery by several topics, by messages of one topic with another
+location or serial number, or by instances of a message of an autopilot. The rules, in this order:
 
 1. A battery whose current is the sum of the others is the whole.
-2. Names that differ by a number or a side, at one voltage, are packs in parallel: their currents are added.
+2. Names that differ by a number or a side, at one voltage, are packs in parallel: their currents
+   are added.
 3. Equal readings are one battery that is reported twice.
 4. Otherwise nobody but the user knows.
 """
@@ -32,7 +34,8 @@ _PLACES = re.compile(r"\d+|left|right|front|rear|back|middle|center", re.IGNOREC
 
 @dataclass(frozen=True)
 class Battery:
-    """What a battery reports: its name, and its readings of voltage, V, and of current, A, or power, W."""
+    """What a battery reports: its name, and its readings of voltage, V, and of current, A, or
+    power, W."""
 
     name: str
     voltage_v: Array
@@ -74,10 +77,14 @@ def choose(batteries: Sequence[Battery], several: str = "") -> Choice:
         return Choice(names[:1], f"batteries {listed}: {names[0]} is used, as the mapping says")
     total = _sum_of_others(batteries)
     if total is not None:
-        return Choice((total.name,), f"batteries {listed}: {total.name} is the sum of the others, and used")
+        return Choice(
+            (total.name,), f"batteries {listed}: {total.name} is the sum of the others, and used"
+        )
     names_without_place = {_PLACES.sub("", name) for name in names}
     if len(names_without_place) == 1 and _one_voltage(batteries):
-        return Choice(names, f"batteries {listed}: added, as packs in parallel by their names and voltage")
+        return Choice(
+            names, f"batteries {listed}: added, as packs in parallel by their names and voltage"
+        )
     if all(_equal(batteries[0], battery) for battery in batteries[1:]):
         return Choice(names[:1], f"batteries {listed}: readings are equal, so {names[0]} is used")
     raise RecordingError(
@@ -113,5 +120,7 @@ def _equal(battery: Battery, repeated: Battery) -> bool:
     quantiles = np.nanquantile(battery.drawn, shares)
     quantiles_repeated = np.nanquantile(repeated.drawn, shares)
     largest = np.abs(quantiles).max()
-    same_current = bool(np.abs(quantiles - quantiles_repeated).max() <= thresholds.SAME_READING * largest)
+    same_current = bool(
+        np.abs(quantiles - quantiles_repeated).max() <= thresholds.SAME_READING * largest
+    )
     return same_current and _one_voltage([battery, repeated])

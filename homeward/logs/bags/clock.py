@@ -1,8 +1,8 @@
 """One clock for topics that come at different rates.
 
-The clock is that of the slower of power and motion, whose samples are used unchanged. Faster topics are averaged around
-each tick, halfway to its neighbours; slower ones, such as a state of charge, are interpolated linearly. Nothing is
-interpolated across a gap: there the value is missing.
+The clock is that of the slower of power and motion, whose samples are used unchanged. Faster topics
+are averaged around each tick, halfway to its neighbours; slower ones, such as a state of charge,
+are interpolated linearly. Nothing is interpolated across a gap: there the value is missing.
 """
 
 import numpy as np
@@ -33,7 +33,8 @@ def slower(*times: Array) -> Array:
 
 
 def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
-    """A channel at the ticks of a clock: its mean from halfway to the tick before to halfway to the one after.
+    """A channel at the ticks of a clock: its mean from halfway to the tick before to halfway to the
+    one after.
 
     Args:
         time_s, values: Its samples as `in_order` gives them, linear in between, shape (n,).
@@ -43,9 +44,12 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
         return np.full(len(clock_s), np.nan)
     tick_s = median_step_s(clock_s)
     nearest = np.minimum(np.searchsorted(time_s, clock_s), len(time_s) - 1)
-    if np.array_equal(time_s[nearest], clock_s) and tick_s < thresholds.THINNED_STEPS * median_step_s(time_s):
+    if np.array_equal(
+        time_s[nearest], clock_s
+    ) and tick_s < thresholds.THINNED_STEPS * median_step_s(time_s):
         return values[nearest]  # the channel that the clock is of
-    # Half the width of the mean around each tick, (ticks,): symmetric, and as far as the channel goes.
+    # Half the width of the mean around each tick, (ticks,): symmetric, and as far as the channel
+    # goes.
     half_s = np.minimum(0.5 * np.diff(clock_s), 0.5 * tick_s)
     half_s = np.minimum(np.append(half_s, half_s[-1:]), np.append(half_s[:1], half_s))
     half_s = np.minimum(half_s, np.minimum(clock_s - time_s[0], time_s[-1] - clock_s))
@@ -56,7 +60,9 @@ def on_clock(time_s: Array, values: Array, clock_s: Array) -> Array:
     integral = make_interp_spline(time_s, values, k=1).antiderivative()
     has_width = half_s > 0.0
     means = np.interp(clock_s, time_s, values)
-    means[has_width] = (integral(end_s[has_width]) - integral(start_s[has_width])) / (2.0 * half_s[has_width])
+    means[has_width] = (integral(end_s[has_width]) - integral(start_s[has_width])) / (
+        2.0 * half_s[has_width]
+    )
     # How many gaps lie before each sample: two with the same number have none between them.
     steps_s = np.diff(time_s)
     is_gap = steps_s > thresholds.GAP_STEPS * max(median_step_s(time_s), tick_s)

@@ -1,7 +1,7 @@
 """Opening bags: ROS 1 files, ROS 2 folders and files (sqlite3, MCAP), whole or damaged.
 
-Whatever `rosbags` unpacks counts against the allowance of the bag (`homeward.logs.limits`), as do the messages that it
-gives.
+Whatever `rosbags` unpacks counts against the allowance of the bag (`homeward.logs.limits`), as do
+the messages that it gives.
 """
 
 import contextlib
@@ -25,20 +25,26 @@ from homeward.logs.columns import RecordingError
 from homeward.logs.limits import Allowance, TooLarge
 
 _MOST_METADATA_BYTES = 4_000_000
-"""Most bytes of a metadata.yaml. Chosen: it has 1 kB for each topic, and reading it takes a second."""
+"""Most bytes of a metadata.yaml. Chosen: it has 1 kB for each topic, and reading it takes a
+second."""
 
 _OTHER_SCHEMAS = ("jsonschema", "protobuf", "flatbuffer", "ros1msg", "self-described")
 """Encodings of schemas in MCAP files that are none of ROS 2 (mcap.dev/spec/registry)."""
 
-_allowance: ContextVar[Allowance | None] = ContextVar("allowance of the bag that is read", default=None)
+_allowance: ContextVar[Allowance | None] = ContextVar(
+    "allowance of the bag that is read", default=None
+)
 
 
 def _limited(compression: str, unpack: Any) -> Callable[..., bytes]:
-    """An unpacker of `rosbags` within the allowance of the bag that is read; without one it is as it was."""
+    """An unpacker of `rosbags` within the allowance of the bag that is read; without one it is as
+    it was."""
 
     def within(data: bytes, *size: int) -> bytes:
         allowance = _allowance.get()
-        content: bytes = unpack(data, *size) if allowance is None else allowance.unpack(compression, data)
+        content: bytes = (
+            unpack(data, *size) if allowance is None else allowance.unpack(compression, data)
+        )
         return content
 
     return within
@@ -86,17 +92,24 @@ class Bag(contextlib.ExitStack):
             self.close()
             raise
 
-    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Messages of some topics with the time of receipt, ns; a damaged file ends at the damage, with a note."""
+    def messages(
+        self, connections: Collection[Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Messages of some topics with the time of receipt, ns; a damaged file ends at the damage,
+        with a note."""
         for reader in self._readers:
-            in_reader = [connection for connection in connections if connection in reader.connections]
+            in_reader = [
+                connection for connection in connections if connection in reader.connections
+            ]
             if not in_reader:
                 continue
             earliest_ns = 2**63  # later than any time of receipt
             latest_ns = 0
             try:
                 for connection, received_ns, packed in _in_order_of_file(reader, in_reader):
-                    data = self._allowance.unpack("zstd", packed) if self._packed_messages else packed
+                    data = (
+                        self._allowance.unpack("zstd", packed) if self._packed_messages else packed
+                    )
                     self._allowance.take(len(data))
                     if isinstance(received_ns, int):  # as above
                         earliest_ns = min(earliest_ns, received_ns)
@@ -104,7 +117,8 @@ class Bag(contextlib.ExitStack):
                     yield connection, received_ns, data
             except TooLarge:
                 raise
-            except Exception as error:  # a damaged record raises anything, from struct.error to zlib's
+            # a damaged record raises anything, from struct.error to zlib's
+            except Exception as error:
                 read_s = max(latest_ns - earliest_ns, 0) * 1e-9
                 self.notes.append(
                     f"{reader.path.name} is damaged ({_first_line(error)}): its first {read_s:.1f} s could be read"
@@ -120,14 +134,18 @@ class Bag(contextlib.ExitStack):
             if folder is not None:
                 return [self._reader(file) for file in storage_files(self.path)]
         elif self.path.is_dir():
-            self.notes.append("has no metadata.yaml: the recorder was stopped before it ended the bag")
+            self.notes.append(
+                "has no metadata.yaml: the recorder was stopped before it ended the bag"
+            )
         readers = [self._reader(file) for file in storage_files(self.path)]
         if self.notes and any(isinstance(reader, DamagedBag) for reader in readers):
-            self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]  # the files give better ones
+            # the files give better ones
+            self.notes = self.notes[-1:] if len(readers) == 1 else self.notes[1:]
         return readers
 
     def _folder_reader(self) -> Any | None:
-        """Reader of a folder by its metadata; None, with a note, where it cannot be read as a whole."""
+        """Reader of a folder by its metadata; None, with a note, where it cannot be read as a
+        whole."""
         reader: Any = Reader2(self.path)
         try:
             self._refuse_large_folder()
@@ -135,7 +153,9 @@ class Bag(contextlib.ExitStack):
         except RecordingError:
             raise
         except Exception as error:  # as in `_reader`
-            self.notes.append(f"cannot be read as a whole ({_first_line(error)}), so its files are read one by one")
+            self.notes.append(
+                f"cannot be read as a whole ({_first_line(error)}), so its files are read one by one"
+            )
             return None
         self.callback(reader.close)
         return reader
@@ -146,11 +166,14 @@ class Bag(contextlib.ExitStack):
         stored = {file.name.removesuffix(".zstd") for file in storage_files(self.path)}
         if stored <= listed:
             return True
-        self.notes.append(f"metadata.yaml lists {len(listed)} of {len(stored)} files: all are read, one by one")
+        self.notes.append(
+            f"metadata.yaml lists {len(listed)} of {len(stored)} files: all are read, one by one"
+        )
         return False
 
     def _unpack_messages_here(self, folder: Any) -> None:
-        """Let messages that are packed one by one be unpacked by this class, which has limits, and files be scanned."""
+        """Let messages that are packed one by one be unpacked by this class, which has limits, and
+        files be scanned."""
         if folder.storage.metadata.compression_mode == "message":
             self._packed_messages = True
             folder.storage.metadata = folder.storage.metadata._replace(compression_mode=None)
@@ -177,10 +200,13 @@ class Bag(contextlib.ExitStack):
         return reader
 
     def _refuse_large_folder(self) -> None:
-        """Refuse what `rosbags` would read as a whole, or unpack to a folder among temporary files."""
+        """Refuse what `rosbags` would read as a whole, or unpack to a folder among temporary
+        files."""
         size = (self.path / "metadata.yaml").stat().st_size
         if size > _MOST_METADATA_BYTES:
-            raise TooLarge(f"has a metadata.yaml of {size / 1e6:.3g} MB; remove it, and the files are read one by one")
+            raise TooLarge(
+                f"has a metadata.yaml of {size / 1e6:.3g} MB; remove it, and the files are read one by one"
+            )
         for file in storage_files(self.path):
             if file.suffix == ".zstd":
                 self._allowance.unpack_file(file)
@@ -209,29 +235,37 @@ class _Few(list[Connection]):
 
 def _refuse_many(topics: int) -> None:
     if topics > limits.MOST_TOPICS:
-        raise TooLarge(f"has more than {limits.MOST_TOPICS} topics, which no robot has; record it again")
+        raise TooLarge(
+            f"has more than {limits.MOST_TOPICS} topics, which no robot has; record it again"
+        )
 
 
 def _refuse_many_topics(database: Path) -> None:
     """Count the topics of a database before they are read, as each takes some time."""
     if database.suffix != ".db3":
         return
-    with contextlib.closing(sqlite3.connect(f"{database.absolute().as_uri()}?immutable=1", uri=True)) as connection:
+    with contextlib.closing(
+        sqlite3.connect(f"{database.absolute().as_uri()}?immutable=1", uri=True)
+    ) as connection:
         query = "SELECT count(*) FROM (SELECT 1 FROM topics LIMIT ?)"
         (count,) = connection.execute(query, [limits.MOST_TOPICS + 1]).fetchone()
     _refuse_many(count)
 
 
 def _scan(storage: Any) -> None:
-    """Let an MCAP file be read in its order, a chunk at a time; by its index all that overlap would be unpacked."""
+    """Let an MCAP file be read in its order, a chunk at a time; by its index all that overlap would
+    be unpacked."""
     if isinstance(storage, McapReader):
         storage.messages = storage.messages_scan  # type: ignore[method-assign]
 
 
-def _in_order_of_file(reader: Any, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+def _in_order_of_file(
+    reader: Any, connections: Collection[Connection]
+) -> Iterator[tuple[Connection, int, bytes]]:
     """Messages of some connections, of a ROS 1 bag chunk by chunk.
 
-    In the order of time, chunks that overlap are unpacked again for each change from one to the other.
+    In the order of time, chunks that overlap are unpacked again for each change from one to the
+    other.
     """
     if isinstance(reader, Reader1):
         entries = (entry for connection in connections for entry in reader.indexes[connection.id])
@@ -251,12 +285,15 @@ def _why_remains(file: Path, error: Exception, remains: DamagedBag) -> str:
     count = sum(connection.msgcount for connection in remains.connections)
     what_to_do = f"{count} messages could be read"
     if file.suffix == ".db3":
-        what_to_do = f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
+        what_to_do = (
+            f'rebuild it with sqlite3 {file.name} ".recover" | sqlite3 whole.db3 and read whole.db3'
+        )
     return f"{file.name} is cut off or damaged ({_first_line(error)}): {what_to_do}"
 
 
 def _not_damaged(error: Exception) -> str | None:
-    """What a whole MCAP file has that `rosbags` does not open; the topics of ROS 2 in it are read without its index."""
+    """What a whole MCAP file has that `rosbags` does not open; the topics of ROS 2 in it are read
+    without its index."""
     if isinstance(error, KeyError) and error.args and error.args[0] in _OTHER_SCHEMAS:
         return f"has topics with schemas in {error.args[0]}"
     return None

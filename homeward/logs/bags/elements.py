@@ -1,4 +1,5 @@
-"""Several batteries in one message: paths with [*] for each element of a list, as `packs[*].current`."""
+"""Several batteries in one message: paths with [*] for each element of a list, as
+`packs[*].current`."""
 
 from __future__ import annotations
 
@@ -18,22 +19,27 @@ Getters = dict[str, Callable[[Any], float]]
 
 
 class Element(NamedTuple):
-    """Numbers of a message by path, and the name of the battery that they are of, as far as the message says so."""
+    """Numbers of a message by path, and the name of the battery that they are of, as far as the
+    message says so."""
 
     part: str
     values: dict[str, float]
 
 
 def elements_reader(paths: Collection[str]) -> Callable[[Any, str], list[Element]]:
-    """Reader of a message, with its type: one element, or one for each battery of a list that a path names with [*].
+    """Reader of a message, with its type: one element, or one for each battery of a list that a
+    path names with [*].
 
     Raises:
-        WrongField: A path is not understood or, on reading, the message has no such field or too long a list.
+        WrongField: A path is not understood or, on reading, the message has no such field or too
+            long a list.
     """
     of_message = _getters([path for path in paths if EVERY not in path])
     listed = [path for path in paths if EVERY in path]
     if not listed:
-        return lambda message, kind: [Element(part_of(message, kind), _numbers(of_message, message))]
+        return lambda message, kind: [
+            Element(part_of(message, kind), _numbers(of_message, message))
+        ]
     of_places: list[Getters] = []  # of each place in the lists, made once the first message has it
 
     def read(message: Any, kind: str) -> list[Element]:
@@ -41,7 +47,9 @@ def elements_reader(paths: Collection[str]) -> Callable[[Any, str], list[Element
         longest = max((_list_at(message, path) for path in listed), key=len)
         count = len(longest)
         if count > MOST_PARTS:
-            raise WrongField(f"{listed[0]!r} has {count} elements, more than the {MOST_PARTS} batteries of any robot")
+            raise WrongField(
+                f"{listed[0]!r} has {count} elements, more than the {MOST_PARTS} batteries of any robot"
+            )
         while len(of_places) < count:
             of_places.append(_getters(listed, len(of_places)))
         elements = []
@@ -62,7 +70,8 @@ def _numbers(getters: Getters, message: Any) -> dict[str, float]:
 
 
 def _names(batteries: Sequence[Any]) -> list[str]:
-    """Names of the batteries in a list: what they say of themselves, or their places where that is not unique."""
+    """Names of the batteries in a list: what they say of themselves, or their places where that is
+    not unique."""
     names = [_said_by(battery) for battery in batteries]
     if len({*names}) < len(names) or "" in names:
         return [str(place) for place in range(len(names))]

@@ -1,9 +1,11 @@
-"""Logs of autopilots as topics: ULog of PX4, read by `pyulog`, and DataFlash of ArduPilot, read by `pymavlink`.
+"""Logs of autopilots as topics: ULog of PX4, read by `pyulog`, and DataFlash of ArduPilot, read by
+`pymavlink`.
 
-A topic is a message by its name, such as `battery_status` or `BAT`; of several instances the first, but for batteries,
-which are topics of their own, such as `BAT@1` (`homeward.logs.bags.batteries`). Beside the fields
-that a message has are those that follow from them (`_DERIVED`), in the axes of REP 103 as in bags: x forward, y left,
-z up. Autopilots have y to the right and z down (PX4, "Frame of reference"; ArduPilot, ATT of the log messages).
+A topic is a message by its name, such as `battery_status` or `BAT`; of several instances the first,
+but for batteries, which are topics of their own, such as `BAT@1` (`homeward.logs.bags.batteries`).
+Beside the fields that a message has are those that follow from them (`_DERIVED`), in the axes of
+REP 103 as in bags: x forward, y left, z up. Autopilots have y to the right and z down (PX4, "Frame
+of reference"; ArduPilot, ATT of the log messages).
 """
 
 from __future__ import annotations
@@ -34,9 +36,12 @@ Fields = dict[str, Array]
 """Numbers of one message by field, shape (n,) each."""
 
 _BATTERIES = "battery_status", "BAT"
-_UNKNOWN = -1.0  # of a battery's current and state of charge in PX4: "-1 if unknown" (msg/BatteryStatus.msg)
-_FIX_2D = 2  # GPS of both autopilots: below it there is no position (msg/SensorGps.msg, AP_GPS::GPS_Status)
-_LATEST_US = 2**53  # which a damaged time exceeds: 285 years after the start, exact in double precision
+# of a battery's current and state of charge in PX4: "-1 if unknown" (msg/BatteryStatus.msg)
+_UNKNOWN = -1.0
+# GPS of both autopilots: below it there is no position (msg/SensorGps.msg, AP_GPS::GPS_Status)
+_FIX_2D = 2
+# which a damaged time exceeds: 285 years after the start, exact in double precision
+_LATEST_US = 2**53
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,8 @@ class FlightLog(contextlib.ExitStack):
         """Open a .ulg or .bin file.
 
         Raises:
-            RecordingError: Nothing in it can be read, or the package that reads it is not installed.
+            RecordingError: Nothing in it can be read, or the package that reads it is not
+                installed.
         """
         super().__init__()
         self.notes: list[str] = []
@@ -73,14 +79,21 @@ class FlightLog(contextlib.ExitStack):
         with self._listening(path.name, kind):
             self._log: Any = _ULog(path) if is_ulog else _DataFlash(path)
         self.callback(self._log.close)
-        self.connections = [FlightTopic(name, count) for name, count in sorted(self._log.counts.items()) if count]
+        self.connections = [
+            FlightTopic(name, count) for name, count in sorted(self._log.counts.items()) if count
+        ]
         if not self.connections:
             self.close()
-            raise RecordingError("; ".join([f"holds nothing that can be read as messages of {kind}", *self.notes]))
+            raise RecordingError(
+                "; ".join([f"holds nothing that can be read as messages of {kind}", *self.notes])
+            )
         self._about = path.name, kind
 
-    def samples(self, wanted: Mapping[str, Collection[str]]) -> tuple[dict[str, Samples], list[str]]:
-        """Read fields of some messages, as `homeward.logs.bags.samples.read_samples` does of topics.
+    def samples(
+        self, wanted: Mapping[str, Collection[str]]
+    ) -> tuple[dict[str, Samples], list[str]]:
+        """Read fields of some messages, as `homeward.logs.bags.samples.read_samples` does of
+        topics.
 
         Raises:
             RecordingError: A message has no such field.
@@ -91,30 +104,41 @@ class FlightLog(contextlib.ExitStack):
         for label, fields in self._topics(read):
             name = without_part(label)
             if name in _DERIVED:
-                with contextlib.suppress(KeyError):  # a layout that lacks a field: named below if it is wanted
+                # a layout that lacks a field: named below if it is wanted
+                with contextlib.suppress(KeyError):
                     fields |= _DERIVED[name](fields)
             of_label = _samples_of(name, fields, wanted[name])
             if of_label is not None:
                 samples[label] = of_label
         names = {without_part(label) for label in samples}
-        unread = [f"{name} is left out: none of its messages can be read" for name in wanted if name not in names]
+        unread = [
+            f"{name} is left out: none of its messages can be read"
+            for name in wanted
+            if name not in names
+        ]
         return samples, unread
 
     def _topics(self, instances: Mapping[str, Sequence[Fields]]) -> list[tuple[str, Fields]]:
-        """Names and fields of topics: each battery of several, of other messages the first instance, with a note."""
+        """Names and fields of topics: each battery of several, of other messages the first
+        instance, with a note."""
         topics = []
         for name, of_message in instances.items():
             if len(of_message) > 1 and name in _BATTERIES:
-                topics += [(f"{name}{PART}{number}", fields) for number, fields in enumerate(of_message)]
+                topics += [
+                    (f"{name}{PART}{number}", fields) for number, fields in enumerate(of_message)
+                ]
                 continue
             if len(of_message) > 1:
-                self.notes.append(f"{name} has {len(of_message)} instances, of which the first is read")
+                self.notes.append(
+                    f"{name} has {len(of_message)} instances, of which the first is read"
+                )
             topics.append((name, of_message[0]))
         return topics
 
     @contextlib.contextmanager
     def _listening(self, name: str, kind: str) -> Iterator[None]:
-        """Turn a reader's printed warnings into a note, and its exceptions into a `RecordingError`."""
+        """Turn a reader's printed warnings into a note, and its exceptions into a
+        `RecordingError`."""
         said = _FirstLine()
         try:
             with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -123,9 +147,12 @@ class FlightLog(contextlib.ExitStack):
             package = error.name or kind
             needed = f"a log of {kind} needs {package}; install it with {advice('logs', package)}"
             raise RecordingError(needed) from None
-        except Exception as error:  # a damaged log raises anything, from ULogException to struct.error
+        # a damaged log raises anything, from ULogException to struct.error
+        except Exception as error:
             why = (str(error).splitlines() or [type(error).__name__])[0][:120]
-            raise RecordingError(f"is not a whole {kind} log ({why}); copy it from the vehicle again") from error
+            raise RecordingError(
+                f"is not a whole {kind} log ({why}); copy it from the vehicle again"
+            ) from error
         if said.text:
             self.notes.append(f"{name} is damaged ({said.text}): what could be read is used")
 
@@ -148,7 +175,8 @@ def _samples_of(name: str, fields: Fields, paths: Collection[str]) -> Samples | 
 
 
 class _Finite:
-    """A file with a limit on reads, twice its bytes, because `pyulog` may loop for ever in a damaged one."""
+    """A file with a limit on reads, twice its bytes, because `pyulog` may loop for ever in a
+    damaged one."""
 
     def __init__(self, file: Any, size_bytes: int) -> None:
         self._file = file
@@ -172,7 +200,8 @@ class _ULog:
         from pyulog import ULog
 
         class WithinLimits(ULog):  # type: ignore[misc]
-            """A log whose definitions are checked before pyulog makes a field of each of their numbers."""
+            """A log whose definitions are checked before pyulog makes a field of each of their
+            numbers."""
 
             def _read_file_definitions(self) -> None:
                 super()._read_file_definitions()
@@ -185,14 +214,20 @@ class _ULog:
         if log.file_corruption:
             print("bytes that are no message")
         self._data = log.data_list  # sorted by name and instance
-        self.counts = {message.name: len(message.data["timestamp"]) for message in reversed(self._data)}
+        self.counts = {
+            message.name: len(message.data["timestamp"]) for message in reversed(self._data)
+        }
 
     def instances(self, names: Collection[str]) -> dict[str, list[Fields]]:
         instances: dict[str, list[Fields]] = {}
         for message in self._data:
             if message.name in names:
-                fields = {name: np.asarray(values, np.float64) for name, values in message.data.items()}
-                instances.setdefault(message.name, []).append({"time_us": fields["timestamp"], **fields})
+                fields = {
+                    name: np.asarray(values, np.float64) for name, values in message.data.items()
+                }
+                instances.setdefault(message.name, []).append(
+                    {"time_us": fields["timestamp"], **fields}
+                )
         return instances
 
     def close(self) -> None: ...
@@ -206,10 +241,15 @@ def _refuse_many_fields(name: str, formats: Mapping[str, Any], counts: dict[str,
     """
     if name not in counts:
         fields = formats[name].fields if name in formats else ()
-        parts = [max(size, 1) * (_refuse_many_fields(kind, formats, counts) or 1) for kind, size, _ in fields]
+        parts = [
+            max(size, 1) * (_refuse_many_fields(kind, formats, counts) or 1)
+            for kind, size, _ in fields
+        ]
         counts[name] = sum(parts)
     if counts[name] > limits.MOST_ELEMENTS:
-        raise RuntimeError(f"by its definition {name} has {counts[name]:.3g} fields, which none has")
+        raise RuntimeError(
+            f"by its definition {name} has {counts[name]:.3g} fields, which none has"
+        )
     return counts[name]
 
 
@@ -221,11 +261,15 @@ class _DataFlash:
         os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")
         from pymavlink.DFReader import DFReader_binary
 
-        with open_regular(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        with (
+            open_regular(path) as file,
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
+        ):
             if _EMPTY_FORMAT.search(content):  # pymavlink would loop for ever
                 raise ValueError("the definition of a message is damaged")
         self._log: Any = DFReader_binary.__new__(DFReader_binary)
-        self._log.init_clock = self._log.init_clock_usec  # or it reads all of a log without GPS for the time of day
+        # or it reads all of a log without GPS for the time of day
+        self._log.init_clock = self._log.init_clock_usec
         try:
             self._log.__init__(str(path), zero_time_base=True)
         except BaseException:
@@ -252,14 +296,22 @@ class _DataFlash:
                 continue
             fields["time_us"] = fields[clock] * _CLOCKS_US[clock]
             instance = fields.get(layout.instance_field, np.zeros(len(rows)))
-            instances[name] = [_of_instance(fields, instance == value) for value in np.unique(instance)]
+            instances[name] = [
+                _of_instance(fields, instance == value) for value in np.unique(instance)
+            ]
         return instances
 
     def _rows(self, number: int) -> NDArray[np.void]:
-        """The messages of a kind, shape (n,), from where pymavlink found them: one by one it takes 0.2 ms for each."""
+        """The messages of a kind, shape (n,), from where pymavlink found them: one by one it takes
+        0.2 ms for each."""
         layout = self._log.formats[number]
         codes = re.findall(r"\d*[a-zA-Z]", layout.msg_struct)
-        row = np.dtype([(column, _numpy_kind(code)) for column, code in zip(layout.columns, codes, strict=True)])
+        row = np.dtype(
+            [
+                (column, _numpy_kind(code))
+                for column, code in zip(layout.columns, codes, strict=True)
+            ]
+        )
         if row.itemsize + _HEADER_BYTES != layout.len:
             raise ValueError(f"{layout.name} is defined with another length than its fields have")
         content = np.frombuffer(self._log.data_map, np.uint8)
@@ -280,7 +332,8 @@ _EMPTY_FORMAT = re.compile(rb"\xa3\x95\x80.[\x00-\x02]", re.DOTALL)
 
 
 class _FirstLine(io.TextIOBase):
-    """A stream that keeps the first line of what is written to it: damage makes a line for each byte."""
+    """A stream that keeps the first line of what is written to it: damage makes a line for each
+    byte."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -301,7 +354,10 @@ def _of_instance(fields: Fields, rows: NDArray[np.bool_]) -> Fields:
 
 
 def _battery(fields: Fields) -> Fields:
-    return {name: np.where(fields[name] == _UNKNOWN, np.nan, fields[name]) for name in ("current_a", "remaining")}
+    return {
+        name: np.where(fields[name] == _UNKNOWN, np.nan, fields[name])
+        for name in ("current_a", "remaining")
+    }
 
 
 def _local_position(fields: Fields) -> Fields:
@@ -325,7 +381,9 @@ def _attitude(fields: Fields) -> Fields:
 
 def _euler(fields: Fields) -> Fields:
     angles_deg = np.stack([fields["Yaw"], fields["Pitch"], fields["Roll"]], axis=1)
-    return _oriented(*Rotation.from_euler("ZYX", angles_deg, degrees=True).as_quat(scalar_first=True).T)
+    return _oriented(
+        *Rotation.from_euler("ZYX", angles_deg, degrees=True).as_quat(scalar_first=True).T
+    )
 
 
 def _fixed(speed: str, fix: str) -> Callable[[Fields], Fields]:

@@ -17,7 +17,8 @@ _SEPARATOR = "=" * 80 + "\n"
 SCHEMALESS = "__schemaless__"
 """Type that `rosbags` gives topics of an MCAP file without a schema."""
 
-_PLACEHOLDER = "structure_needs_at_least_one_member"  # which rosbags adds to a message without fields
+# which rosbags adds to a message without fields
+_PLACEHOLDER = "structure_needs_at_least_one_member"
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\w+)\]")
 
 
@@ -32,9 +33,10 @@ class WrongField(ValueError):
 def decoder(connection: Connection, ros1: bool, kind: str = "") -> Callable[[bytes], Any]:
     """Decoder of the content of a topic's messages into objects.
 
-    The bag's own definition comes first. Bags of ROS 2 before Iron in sqlite3 have none: then those of the standard
-    packages, and the ones that ship here (folder definitions), newest first where a package changed its layout. So it
-    is for an empty definition, and for a topic without a schema whose `kind` the mapping gives.
+    The bag's own definition comes first. Bags of ROS 2 before Iron in sqlite3 have none: then those
+    of the standard packages, and the ones that ship here (folder definitions), newest first where a
+    package changed its layout. So it is for an empty definition, and for a topic without a schema
+    whose `kind` the mapping gives.
 
     Raises:
         UnknownType: There is no definition.
@@ -53,9 +55,12 @@ def decoder(connection: Connection, ros1: bool, kind: str = "") -> Callable[[byt
                 if ros1:
                     return stores[0].deserialize_ros1(content, kind)
                 return stores[0].deserialize_cdr(content, kind)
-            except Exception:  # a damaged message or definition raises anything, from SerdeError to KeyError
+            # a damaged message or definition raises anything, from SerdeError to KeyError
+            except Exception:
                 if len(stores) == 1:
-                    raise SerdeError(f"a message of type {kind} does not fit its definition") from None
+                    raise SerdeError(
+                        f"a message of type {kind} does not fit its definition"
+                    ) from None
                 stores.pop(0)  # an older layout of the same type
 
     return decode
@@ -80,24 +85,31 @@ def _stores(connection: Connection) -> list[Typestore]:
     if kind in standard.types:
         return [standard]
     stores = [
-        _store(Stores.LATEST, [get_types_from_msg(text, name) for name, text in definitions.items()])
+        _store(
+            Stores.LATEST, [get_types_from_msg(text, name) for name, text in definitions.items()]
+        )
         for definitions in shipped_definitions()
         if kind in definitions
     ]
     if not stores:
-        raise UnknownType(f"{kind}: the bag has no definition of this type, and neither has this package")
+        raise UnknownType(
+            f"{kind}: the bag has no definition of this type, and neither has this package"
+        )
     return stores
 
 
 def _own_types(kind: str, definition: MessageDefinition) -> list[Any]:
-    """The types that the bag itself defines for a topic; none where the definition is missing or empty."""
+    """The types that the bag itself defines for a topic; none where the definition is missing or
+    empty."""
     text = definition.data
     if not text.strip():
         return []
     if definition.format == MessageDefinitionFormat.MSG:
         return [get_types_from_msg(text, kind)]
     if definition.format == MessageDefinitionFormat.IDL:
-        parts = [part.split("\n", 1)[1] for part in text.split(_SEPARATOR) if part.startswith("IDL: ")]
+        parts = [
+            part.split("\n", 1)[1] for part in text.split(_SEPARATOR) if part.startswith("IDL: ")
+        ]
         return [get_types_from_idl(part) for part in parts or [text]]
     return []
 
@@ -106,14 +118,19 @@ def _refuse_large(store: Typestore, kind: str) -> None:
     """Refuse a definition that lets a message of some bytes have millions of parts.
 
     Raises:
-        UnknownType: It has more numbers than a message has, contains itself, or lists parts without content.
+        UnknownType: It has more numbers than a message has, contains itself, or lists parts without
+            content.
     """
     try:
         count = _elements(store, kind, {})
     except (RecursionError, KeyError):  # a part that contains itself, or has no definition
-        raise UnknownType(f"{kind}: its definition in the bag is not complete, or contains itself") from None
+        raise UnknownType(
+            f"{kind}: its definition in the bag is not complete, or contains itself"
+        ) from None
     if count > limits.MOST_ELEMENTS:
-        raise UnknownType(f"{kind}: by its definition in the bag a message has {count:.3g} numbers, which none has")
+        raise UnknownType(
+            f"{kind}: by its definition in the bag a message has {count:.3g} numbers, which none has"
+        )
 
 
 def _elements(store: Typestore, kind: str, counts: dict[str, int]) -> int:
@@ -141,7 +158,9 @@ def _elements_of(store: Typestore, node: Nodetype, content: Any, counts: dict[st
 def _store(base: Stores, types: Sequence[Any]) -> Typestore:
     store = get_typestore(base)
     for definitions in types:
-        store.register({name: fields for name, fields in definitions.items() if name not in store.types})
+        store.register(
+            {name: fields for name, fields in definitions.items() if name not in store.types}
+        )
     return store
 
 
@@ -152,7 +171,8 @@ def known_types() -> Typestore:
 
 
 def shipped_definitions() -> list[dict[str, str]]:
-    """Message definitions that ship, by type: one mapping for the newest layouts, then one for older ones."""
+    """Message definitions that ship, by type: one mapping for the newest layouts, then one for
+    older ones."""
     folder = files("homeward.logs.bags") / "definitions"
     newest: dict[str, str] = {}
     older: dict[str, str] = {}
@@ -164,9 +184,9 @@ def shipped_definitions() -> list[dict[str, str]]:
 
 
 def getter(path: str) -> Callable[[Any], float]:
-    """Reader of a number by its path, such as `twist.twist.linear.x`, `measured_currents[0]` or, in a message with
-    names as `sensor_msgs/JointState` has them, `velocity[front_left_wheel]`; NaN where an element is missing.
-    Paths with [*] are read by `homeward.logs.bags.elements`.
+    """Reader of a number by its path, such as `twist.twist.linear.x`, `measured_currents[0]` or, in
+    a message with names as `sensor_msgs/JointState` has them, `velocity[front_left_wheel]`; NaN
+    where an element is missing. Paths with [*] are read by `homeward.logs.bags.elements`.
 
     Raises:
         WrongField: The path is not understood or, on reading, the message has no such field.
@@ -179,7 +199,9 @@ def getter(path: str) -> Callable[[Any], float]:
     steps = [(match[1], match[2]) for match in _STEP.finditer(path)]
     understood = "".join(f"[{key}]" if key else f".{name}" for name, key in steps).lstrip(".")
     if not steps or understood != path:
-        raise WrongField(f"{path!r} is not a path such as twist.twist.linear.x or velocity[left_wheel]")
+        raise WrongField(
+            f"{path!r} is not a path such as twist.twist.linear.x or velocity[left_wheel]"
+        )
 
     def get(message: Any) -> float:
         value = message
@@ -209,7 +231,11 @@ def field_of(message: Any, name: str, path: str) -> Any:
     try:
         return getattr(message, name)
     except AttributeError:
-        fields = [field for field in getattr(message, "__dataclass_fields__", {}) if not field.startswith("_")]
+        fields = [
+            field
+            for field in getattr(message, "__dataclass_fields__", {})
+            if not field.startswith("_")
+        ]
         raise WrongField(f"no field {name!r} of {path!r}; it has {', '.join(fields)}") from None
 
 
@@ -225,7 +251,8 @@ def as_list(value: Any, path: str) -> Any:
 
 
 def _place(message: Any, key: str) -> int | None:
-    """Place in a list by its number, or by the name that the message gives it; None where it gives none."""
+    """Place in a list by its number, or by the name that the message gives it; None where it gives
+    none."""
     if key.isdigit():
         return int(key)
     names = list(getattr(message, "name", ()))

@@ -1,7 +1,8 @@
 """Recovery of a bag whose end is missing: its readable records in order.
 
-A recorder that is killed, or a file that is cut off in copying, leaves no index, and the last chunk half written. The
-records before are whole; these scanners read them without an index, and unpack the last chunk as far as it was written.
+A recorder that is killed, or a file that is cut off in copying, leaves no index, and the last chunk
+half written. The records before are whole; these scanners read them without an index, and unpack
+the last chunk as far as it was written.
 
 Sources: ROS bag format 2.0 (wiki.ros.org/Bags/Format/2.0), MCAP specification 1 (mcap.dev/spec).
 """
@@ -13,13 +14,19 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+)
 from rosbags.typesys.msg import normalize_msgtype
 
 from homeward.logs.bags.messages import SCHEMALESS
 from homeward.logs.limits import Allowance, TooLarge
 
-Record = Connection | tuple[int, int, bytes]  # of a message: id of its connection, time of receipt in ns, content
+# of a message: id of its connection, time of receipt in ns, content
+Record = Connection | tuple[int, int, bytes]
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -51,10 +58,13 @@ class DamagedBag:
             else:
                 counts[record[0]] += 1
         self.connections = [
-            connection._replace(msgcount=counts[connection.id], owner=self) for connection in connections.values()
+            connection._replace(msgcount=counts[connection.id], owner=self)
+            for connection in connections.values()
         ]
 
-    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+    def messages(
+        self, connections: Collection[Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]:
         """Messages of some connections, in the order of the file."""
         wanted = {connection.id: connection for connection in connections}
         for record in self._records():
@@ -62,7 +72,8 @@ class DamagedBag:
                 yield wanted[record[0]], record[1], record[2]
 
     def _records(self) -> Iterator[Record]:
-        """Records up to the first that is no record; garbage raises anything, from KeyError to OverflowError."""
+        """Records up to the first that is no record; garbage raises anything, from KeyError to
+        OverflowError."""
         magic, scan = (_MCAP_MAGIC, _mcap) if self.path.suffix == ".mcap" else (_ROS1_MAGIC, _ros1)
         try:
             with self.path.open("rb") as file:
@@ -94,7 +105,9 @@ def _ros1(file: BinaryIO, allowance: Allowance) -> Iterator[Record]:
             fields = _ros1_fields(data)
             text = fields[b"message_definition"].decode()
             kind = normalize_msgtype(fields[b"type"].decode())
-            yield _connection(connection, fields[b"topic"].decode(), kind, MessageDefinitionFormat.MSG, text)
+            yield _connection(
+                connection, fields[b"topic"].decode(), kind, MessageDefinitionFormat.MSG, text
+            )
         else:
             seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
             yield connection, seconds * 10**9 + nanoseconds, data
@@ -136,7 +149,13 @@ def _mcap(
         elif operation[0] == _MCAP_CHANNEL:
             number, schema = struct.unpack("<HH", record.read(4))
             name, encoding, text = schemas.get(schema, (SCHEMALESS, "", ""))
-            yield _connection(number, _text(record), name, _FORMATS.get(encoding, MessageDefinitionFormat.NONE), text)
+            yield _connection(
+                number,
+                _text(record),
+                name,
+                _FORMATS.get(encoding, MessageDefinitionFormat.NONE),
+                text,
+            )
         elif operation[0] == _MCAP_MESSAGE:
             number, _, received = struct.unpack("<HIQ", data[:14])
             yield number, received, data[22:]
@@ -161,6 +180,8 @@ def _unpacked(compression: str, data: bytes, allowance: Allowance) -> BinaryIO:
     return io.BytesIO(allowance.unpack(compression, data, whole=False))
 
 
-def _connection(number: int, topic: str, kind: str, form: MessageDefinitionFormat, text: str) -> Connection:
+def _connection(
+    number: int, topic: str, kind: str, form: MessageDefinitionFormat, text: str
+) -> Connection:
     extra = ConnectionExtRosbag2("cdr", [])
     return Connection(number, topic, kind, MessageDefinition(form, text), "", 0, extra, None)

@@ -1,9 +1,9 @@
 """The numbers of topics with their times, on the clock of the message headers.
 
-A header's stamp is the time of measurement, the time of receipt that of recording: later by transport and queues, with
-a variable delay. So stamps of headers are used. Some topics have no header, empty stamps, or stamps of
-another clock (more than `thresholds.CLOCKS_DIFFER_S` from the rest). Their time is that of receipt, less the median
-delay of receipt of the other topics.
+A header's stamp is the time of measurement, the time of receipt that of recording: later by
+transport and queues, with a variable delay. So stamps of headers are used. Some topics have no
+header, empty stamps, or stamps of another clock (more than `thresholds.CLOCKS_DIFFER_S` from the
+rest). Their time is that of receipt, less the median delay of receipt of the other topics.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -44,7 +44,8 @@ def read_samples(
     `kinds` gives the types of topics that have no schema.
 
     Returns:
-        The samples by the same names and, for each topic that cannot be read, one line with the reason.
+        The samples by the same names and, for each topic that cannot be read, one line with the
+        reason.
 
     Raises:
         RecordingError: A message has no such field.
@@ -59,7 +60,8 @@ def read_samples(
         decode = decoders.get(_key(connection))
         if decode is None:
             continue  # where a damaged index leads to messages of another topic
-        if not isinstance(received_ns, int) or received_ns > _LATEST_NS:  # a damaged database may give other types
+        # a damaged database may give other types
+        if not isinstance(received_ns, int) or received_ns > _LATEST_NS:
             rows[name].failures += 1
             continue
         try:
@@ -74,7 +76,9 @@ def read_samples(
     samples: dict[str, Samples] = {}
     for name, of_topic in rows.items():
         if of_topic.failures:
-            bag.notes.append(f"{of_topic.failures} messages of {name} do not fit their type and are left out")
+            bag.notes.append(
+                f"{of_topic.failures} messages of {name} do not fit their type and are left out"
+            )
         if of_topic.values:
             samples |= _by_part(name, of_topic.samples(wanted[name]), np.array(of_topic.parts))
         else:
@@ -93,14 +97,17 @@ def _stamp_ns(message: Any) -> int:
 
 @dataclass
 class _Rows:
-    """Numbers of one topic while its messages are read: a row for each message, or for each battery in it."""
+    """Numbers of one topic while its messages are read: a row for each message, or for each battery
+    in it."""
 
     values: list[list[float]] = field(default_factory=list)
     parts: list[str] = field(default_factory=list)  # names of the batteries
     times_ns: list[tuple[int, int]] = field(default_factory=list)  # of receipt, and of the header
     failures: int = 0  # messages that cannot be read
 
-    def add(self, elements: Sequence[Element], paths: Collection[str], received_ns: int, stamp_ns: int) -> None:
+    def add(
+        self, elements: Sequence[Element], paths: Collection[str], received_ns: int, stamp_ns: int
+    ) -> None:
         """Add the numbers of a message."""
         for element in elements:
             self.values.append([element.values[path] for path in paths])
@@ -109,7 +116,8 @@ class _Rows:
 
     def samples(self, paths: Collection[str]) -> Samples:
         """The rows as samples, by the paths of their columns."""
-        columns = np.array(self.values, dtype=np.float64).reshape(len(self.values), -1).T  # (paths, n)
+        # (paths, n)
+        columns = np.array(self.values, dtype=np.float64).reshape(len(self.values), -1).T
         received_ns, stamp_ns = np.array(self.times_ns, dtype=np.int64).T
         return Samples(received_ns, stamp_ns, dict(zip(paths, columns, strict=True)))
 
@@ -137,7 +145,8 @@ def _decoders(
 
 
 def restarts(stamp_ns: NDArray[np.int64]) -> int:
-    """How often stamps go back by more than messages overtake each other: their clock was set, or began again."""
+    """How often stamps go back by more than messages overtake each other: their clock was set, or
+    began again."""
     return int(_part_of_sample(stamp_ns)[-1]) if len(stamp_ns) else 0
 
 
@@ -149,7 +158,8 @@ def _part_of_sample(stamp_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def keep_longest_part(samples: dict[str, Samples]) -> list[str]:
-    """Keep the longest part of a log whose clock begins again, in place; a line says what is left out.
+    """Keep the longest part of a log whose clock begins again, in place; a line says what is left
+    out.
 
     Raises:
         RecordingError: Its messages do not tell the parts apart.
@@ -159,8 +169,12 @@ def keep_longest_part(samples: dict[str, Samples]) -> list[str]:
     if parts == 1:
         return []
     if len(set(counts.values())) > 1:
-        raise RecordingError("its clock begins again, and not all messages show where; cut the log at the restart")
-    part_of_sample = {name: _part_of_sample(of_topic.stamp_ns) for name, of_topic in samples.items()}
+        raise RecordingError(
+            "its clock begins again, and not all messages show where; cut the log at the restart"
+        )
+    part_of_sample = {
+        name: _part_of_sample(of_topic.stamp_ns) for name, of_topic in samples.items()
+    }
     spans_s = np.zeros(parts)
     for name, of_topic in samples.items():
         for part in range(parts):
@@ -172,7 +186,9 @@ def keep_longest_part(samples: dict[str, Samples]) -> list[str]:
         values = {path: column[mine] for path, column in of_topic.values.items()}
         samples[name] = Samples(of_topic.received_ns[mine], of_topic.stamp_ns[mine], values)
     lengths = ", ".join(f"{span_s:.4g} s" for span_s in spans_s)
-    return [f"its clock begins again: of {parts} parts ({lengths}) the longest is read, and the others are left out"]
+    return [
+        f"its clock begins again: of {parts} parts ({lengths}) the longest is read, and the others are left out"
+    ]
 
 
 def _by_part(name: str, samples: Samples, parts: NDArray[np.str_]) -> dict[str, Samples]:
@@ -184,23 +200,31 @@ def _by_part(name: str, samples: Samples, parts: NDArray[np.str_]) -> dict[str, 
     for part in names:
         mine = parts == part
         values = {path: column[mine] for path, column in samples.values.items()}
-        divided[f"{name}{PART}{part}"] = Samples(samples.received_ns[mine], samples.stamp_ns[mine], values)
+        divided[f"{name}{PART}{part}"] = Samples(
+            samples.received_ns[mine], samples.stamp_ns[mine], values
+        )
     return divided
 
 
-def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tuple[dict[str, Array], int, list[str]]:
-    """Times of the samples of all topics on one clock, s, from 0; the time of that 0, ns; and notes on topics
-    without a stamp of their own.
+def times_s(
+    samples: Mapping[str, Samples], on_receipt: Collection[str]
+) -> tuple[dict[str, Array], int, list[str]]:
+    """Times of the samples of all topics on one clock, s, from 0; the time of that 0, ns; and notes
+    on topics without a stamp of their own.
 
     The header of the topics in `on_receipt` is not used.
     """
-    restarted = {name for name in samples if name not in on_receipt and restarts(samples[name].stamp_ns)}
+    restarted = {
+        name for name in samples if name not in on_receipt and restarts(samples[name].stamp_ns)
+    }
     delays_s = {}  # of receipt, of topics whose stamps may be used
     for name, of_topic in samples.items():
         if (of_topic.stamp_ns > 0).all() and name not in on_receipt and name not in restarted:
             delays_s[name] = float(np.median(of_topic.received_ns - of_topic.stamp_ns)) * 1e-9
     delay_s = float(np.median(list(delays_s.values()))) if delays_s else 0.0
-    of_one_clock = {name for name in delays_s if abs(delays_s[name] - delay_s) <= thresholds.CLOCKS_DIFFER_S}
+    of_one_clock = {
+        name for name in delays_s if abs(delays_s[name] - delay_s) <= thresholds.CLOCKS_DIFFER_S
+    }
     times_ns = {}
     for name, of_topic in samples.items():
         if name in of_one_clock:
@@ -211,8 +235,13 @@ def times_s(samples: Mapping[str, Samples], on_receipt: Collection[str]) -> tupl
     notes = []
     by_receipt = sorted(samples.keys() - of_one_clock)
     if by_receipt:
-        notes.append(f"{', '.join(by_receipt)}: placed by the time of receipt, as they have no stamp of the same clock")
+        notes.append(
+            f"{', '.join(by_receipt)}: placed by the time of receipt, as they have no stamp of the same clock"
+        )
     if restarted:
         notes.append(f"stamps of {', '.join(sorted(restarted))} go back, as after a restart")
-    since_start_s = {name: np.asarray((topic_ns - start_ns) * 1e-9, np.float64) for name, topic_ns in times_ns.items()}
+    since_start_s = {
+        name: np.asarray((topic_ns - start_ns) * 1e-9, np.float64)
+        for name, topic_ns in times_ns.items()
+    }
     return since_start_s, start_ns, notes

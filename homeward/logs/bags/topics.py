@@ -1,4 +1,5 @@
-"""Topic mappings: which fields of which topics are which channels, for stock robots and for any other."""
+"""Topic mappings: which fields of which topics are which channels, for stock robots and for any
+other."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,19 +13,22 @@ from homeward.logs.channels import CHANNELS, MOTION, POWER, first_set
 from homeward.logs.columns import RecordingError, Source, read_mapping, shipped, source_of
 
 ORIENTATION, ACCELERATION = "orientation", "acceleration"
-"""Entries that are no channels: a quaternion and a vector of specific force, from which the grade follows."""
+"""Entries that are no channels: a quaternion and a vector of specific force, from which the grade
+follows."""
 
 IMU, BATTERY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/BatteryState"
 
 PART = "@"
-"""Sign between a topic and one of several batteries that it reports; no name of a topic may have it."""
+"""Sign between a topic and one of several batteries that it reports; no name of a topic may have
+it."""
 
 _KEYS = ("name", "type", "except", "stamp", "several")
 _FOLDER = files("homeward.logs.bags") / "maps"
 
 
 def without_part(name: str) -> str:
-    """Name of a topic without that of a battery in it: `/battery` of `/battery@left`, `BAT` of `BAT@1`."""
+    """Name of a topic without that of a battery in it: `/battery` of `/battery@left`, `BAT` of
+    `BAT@1`."""
     return name.partition(PART)[0]
 
 
@@ -66,7 +70,8 @@ class Topic:
     on_receipt: bool  # whether to take the time of receipt although there is a header
     sources: dict[str, Source]  # fields of each channel, with factors to SI
     vectors: dict[str, str]  # paths of ORIENTATION and ACCELERATION
-    several: str = ""  # "sum" or "first" of several batteries that match; "" to judge by what they report
+    # "sum" or "first" of several batteries that match; "" to judge by what they report
+    several: str = ""
 
     def fits(self, connection: Offer) -> bool:
         """Whether a topic matches."""
@@ -78,7 +83,8 @@ class Topic:
         return takes_its_type_from_here or self.kind in ("", connection.msgtype)
 
     def takes(self, part: str) -> bool:
-        """Whether one of several batteries of a topic that fits is meant, by its name such as `/battery@left`."""
+        """Whether one of several batteries of a topic that fits is meant, by its name such as
+        `/battery@left`."""
         return PART not in self.pattern or fnmatchcase(part, self.pattern)
 
     def paths(self) -> list[str]:
@@ -99,7 +105,9 @@ class Topics:
     name: str
     topics: tuple[Topic, ...]
 
-    def candidates(self, channel: str, connections: Sequence[Offered]) -> list[tuple[Topic, Offered]]:
+    def candidates(
+        self, channel: str, connections: Sequence[Offered]
+    ) -> list[tuple[Topic, Offered]]:
         """Topics that give a channel or vector: the preferred first, then by number of messages."""
         return [
             (topic, connection)
@@ -111,7 +119,11 @@ class Topics:
 
     def value(self, connections: Sequence[Offer]) -> tuple[bool, bool, int]:
         """How much of a bag the mapping covers: power, motion, number of channels."""
-        offered = {name for name in (*CHANNELS, ORIENTATION, ACCELERATION) if self.candidates(name, connections)}
+        offered = {
+            name
+            for name in (*CHANNELS, ORIENTATION, ACCELERATION)
+            if self.candidates(name, connections)
+        }
         return first_set(POWER, offered) != (), first_set(MOTION, offered) != (), len(offered)
 
 
@@ -123,12 +135,13 @@ def shipped_topics() -> list[str]:
 def load_topics(mapping: str | Path) -> Topics:
     """Load a topic mapping by shipped name or from a TOML file.
 
-    The file has tables `[[topics]]`, the preferred first. In each: `name`, a pattern as in a shell; optionally `type`,
-    `except` (a pattern of names to exclude), `stamp = "receive"` and `several` (`"sum"` or `"first"` of the batteries
-    that match, see `homeward.logs.bags.batteries`); and one line per channel with the path of a
-    field, or a table with `field` (or `fields`, which are added), `factor` (or `factors`) and `offset`. A path with
-    [*], as `packs[*].current`, reads each element of a list as a battery. The entries `orientation` (path of a
-    quaternion) and `acceleration` (path of a vector) give the grade.
+    The file has tables `[[topics]]`, the preferred first. In each: `name`, a pattern as in a shell;
+    optionally `type`, `except` (a pattern of names to exclude), `stamp = "receive"` and `several`
+    (`"sum"` or `"first"` of the batteries that match, see `homeward.logs.bags.batteries`); and one
+    line per channel with the path of a field, or a table with `field` (or `fields`, which are
+    added), `factor` (or `factors`) and `offset`. A path with [*], as `packs[*].current`, reads each
+    element of a list as a battery. The entries `orientation` (path of a quaternion) and
+    `acceleration` (path of a vector) give the grade.
 
     Raises:
         RecordingError: Unknown name, unreadable file or an invalid entry.
@@ -137,7 +150,11 @@ def load_topics(mapping: str | Path) -> Topics:
     Source(terms=(('current', -1.0),), offset=0.0, unknown=())
     """
     entries = read_mapping("topic mapping", mapping, _FOLDER, {"topics"}).get("topics")
-    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+    if (
+        not isinstance(entries, list)
+        or not entries
+        or not all(isinstance(entry, dict) for entry in entries)
+    ):
         raise RecordingError(f"{mapping}: needs at least one table [[topics]]")
     topics = tuple(_topic(f"{mapping}: topics[{i}]", entry) for i, entry in enumerate(entries))
     return Topics(str(mapping), topics)
@@ -145,7 +162,10 @@ def load_topics(mapping: str | Path) -> Topics:
 
 def best_topics(connections: Sequence[Offer]) -> Topics:
     """The shipped mapping that covers most of a bag; of equals the first by name."""
-    return max((load_topics(name) for name in shipped_topics()), key=lambda topics: topics.value(connections))
+    return max(
+        (load_topics(name) for name in shipped_topics()),
+        key=lambda topics: topics.value(connections),
+    )
 
 
 def _topic(where: str, entry: dict[str, Any]) -> Topic:
@@ -190,13 +210,18 @@ def _texts(where: str, entry: dict[str, Any]) -> dict[str, str]:
     """The entries of a topic that are text, "" where one is missing.
 
     Raises:
-        RecordingError: The name is missing, or an entry is no text or has a value that is not allowed.
+        RecordingError: The name is missing, or an entry is no text or has a value that is not
+            allowed.
     """
     texts = {key: entry.get(key, "") for key in _KEYS}
     if not texts["name"] or not all(isinstance(text, str) for text in texts.values()):
         raise RecordingError(f"{where}: needs the name of a topic; {', '.join(_KEYS)} are text")
     if texts["stamp"] not in ("", "header", "receive"):
-        raise RecordingError(f"{where}: stamp = {texts['stamp']!r} is not allowed; choose from header, receive")
+        raise RecordingError(
+            f"{where}: stamp = {texts['stamp']!r} is not allowed; choose from header, receive"
+        )
     if texts["several"] not in ("", "sum", "first"):
-        raise RecordingError(f"{where}: several = {texts['several']!r} is not allowed; choose from sum, first")
+        raise RecordingError(
+            f"{where}: several = {texts['several']!r} is not allowed; choose from sum, first"
+        )
     return texts

@@ -1,7 +1,7 @@
 """Tyres that roll harder in the cold, and air that is denser.
 
-The figure of the regulation is quoted from memory, as is that of ISO 28580 in the fit made to predict: nobody has
-compared them with the texts.
+The figure of the regulation is quoted from memory, as is that of ISO 28580 in the fit made to
+predict: nobody has compared them with the texts.
 """
 
 from typing import Any
@@ -28,7 +28,11 @@ EFFECT = Effect(
     id="air_temperature",
     kind="force",
     function=air_temperature,
-    parameters=(Parameter("rolling_per_k", "1/K", 0.0, 0.02, "rise of C_rr over its value, per kelvin below 20 C"),),
+    parameters=(
+        Parameter(
+            "rolling_per_k", "1/K", 0.0, 0.02, "rise of C_rr over its value, per kelvin below 20 C"
+        ),
+    ),
     sentence="In the cold tyres roll harder and air is denser.",
     equation="F = rolling_per_k (20 C - T) C_rr m g cos(theta) + ((293.15 K) / T - 1) c v^2",
     source="correction of road loads to 20 C (UN GTR 15, Annex 4: 0.0086 per kelvin); ideal gas",

@@ -26,13 +26,15 @@ class Parameter:
 class Effect:
     """One effect: its function, parameters and how a recording shows it.
 
-    The function takes `(p, s, x, load)`: robot record, state record, `Conditions` and the load so far, and returns what
-    the effect adds to it. The load is the force at the wheels (N) for `force` effects, and for `drive` effects too,
-    which return power (W); for `ancillary` and `battery` effects it is the power drawn so far (W).
+    The function takes `(p, s, x, load)`: robot record, state record, `Conditions` and the load so
+    far, and returns what the effect adds to it. The load is the force at the wheels (N) for `force`
+    effects, and for `drive` effects too, which return power (W); for `ancillary` and `battery`
+    effects it is the power drawn so far (W).
 
     Attributes:
         id: Name from the fixed vocabulary of effect ids.
-        kind: Where it enters: force at the wheels, electrical power of the drive, ancillary power, battery.
+        kind: Where it enters: force at the wheels, electrical power of the drive, ancillary power,
+            battery.
         function: The formula; numpy arrays broadcast through it.
         parameters: The first is the magnitude: at zero the effect is off.
         sentence: Description in one sentence, in terms of robotics.

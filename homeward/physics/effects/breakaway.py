@@ -33,7 +33,8 @@ def remember(p: Any, s: Any, x: Any) -> None:
 
 EFFECT = Effect(
     id="breakaway",
-    kind="battery",  # an energy, which no effect of the momentary power should change with the length of the step
+    # an energy, which no effect of the momentary power should change with the length of the step
+    kind="battery",
     function=breakaway,
     parameters=(
         Parameter("start_j", "J", 0.0, 100000.0, "battery energy of one start from standstill"),

@@ -18,7 +18,9 @@ EFFECT = Effect(
     function=compute,
     parameters=(
         Parameter("power_w", "W", 0.0, 10000.0, "power at the fastest sensing rate"),
-        Parameter("base_share", "1", 0.0, 1.0, "share of that power as soon as anything is sensed", 0.5),
+        Parameter(
+            "base_share", "1", 0.0, 1.0, "share of that power as soon as anything is sensed", 0.5
+        ),
     ),
     sentence="Processing the samples on board consumes power.",
     equation="P = power_w (b + (1 - b) f_s / f_max) while sensing, b = base_share",

@@ -19,7 +19,8 @@ EFFECT = Effect(
     function=cooler,
     parameters=(
         Parameter("w_per_k", "W/K", 0.0, 1000.0, "power per kelvin above the set point"),
-        Parameter("on_above_c", "C", -40.0, 60.0, "set point", 24.0),  # from which cooling degree days count (Eurostat)
+        # from which cooling degree days count (Eurostat)
+        Parameter("on_above_c", "C", -40.0, 60.0, "set point", 24.0),
     ),
     sentence="A cooler or fan keeps the cabin, the battery or the electronics cool in the heat.",
     equation="P = w_per_k max(T - on_above_c, 0)",

@@ -13,14 +13,22 @@ def inertia(p: Any, s: Any, x: Any, load: Any) -> Any:
 
 
 _MOST = 10.0
-"""Accelerated over moving mass: a rotor behind a gear of 79 to 1, as of a Husky, may weigh some times the robot, and
-noise of slopes lowers the mass that is fitted beside it. Chosen."""
+"""Accelerated over moving mass: a rotor behind a gear of 79 to 1, as of a Husky, may weigh some
+times the robot, and noise of slopes lowers the mass that is fitted beside it. Chosen."""
 
 EFFECT = Effect(
     id="inertia",
     kind="force",
     function=inertia,
-    parameters=(Parameter("mass_factor", "1", 0.0, _MOST, "accelerated over moving mass; above 1 for rotating parts"),),
+    parameters=(
+        Parameter(
+            "mass_factor",
+            "1",
+            0.0,
+            _MOST,
+            "accelerated over moving mass; above 1 for rotating parts",
+        ),
+    ),
     sentence="Accelerating consumes energy, which the robot uses when it slows down.",
     equation="F = mass_factor (m + dm) dv/dt while moving, dm the payload",
     source="Newton's second law; the paper neglects it",

@@ -8,8 +8,9 @@ from homeward.physics.effects.base import Effect, Parameter
 from homeward.physics.jit import inline
 
 ROUNDING_S = 1e-6
-"""A switch so shortly ahead is taken as done, and one so shortly before the end of a step is left to the next.
-Chosen: above the rounding of times in double precision (1e-10 s after ten days), and no time of a load."""
+"""A switch so shortly ahead is taken as done, and one so shortly before the end of a step is left
+to the next. Chosen: above the rounding of times in double precision (1e-10 s after ten days), and
+no time of a load."""
 
 
 @inline
@@ -19,9 +20,12 @@ def intermittent_load(p: Any, s: Any, x: Any, load: Any) -> Any:
 
 @inline
 def until_switch(p: Any, s: Any) -> Any:
-    """Time until the load switches, s: the kernel ends a step there, as the battery's losses are not linear."""
+    """Time until the load switches, s: the kernel ends a step there, as the battery's losses are
+    not linear."""
     phase = _phase(p, s)
-    edge = p.intermittent_load_duty + (phase >= p.intermittent_load_duty) * (1.0 - p.intermittent_load_duty)
+    edge = p.intermittent_load_duty + (phase >= p.intermittent_load_duty) * (
+        1.0 - p.intermittent_load_duty
+    )
     return (edge - phase) * p.intermittent_load_period_s + ROUNDING_S
 
 

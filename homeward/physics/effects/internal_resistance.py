@@ -1,4 +1,5 @@
-"""Heat in the battery, quadratic in the current, which the open-circuit voltage at the present charge determines."""
+"""Heat in the battery, quadratic in the current, which the open-circuit voltage at the present
+charge determines."""
 
 from typing import Any
 
@@ -14,9 +15,11 @@ def internal_resistance(p: Any, s: Any, x: Any, load: Any) -> Any:
     open_circuit_v2 = p.nominal_voltage_v * p.nominal_voltage_v
     if p.squares_v2[0] > 0.0:
         energy_share = s.energy_j / s.capacity_j
-        open_circuit_v2 = battery.square_v2(p.squares_v2, np.minimum(np.maximum(energy_share, 0.0), 1.0))
-    # No current delivers more than V^2 / 4R, where half of the energy is lost. Above that the load is still supplied,
-    # with half of the energy lost, because the model has no brown-out.
+        open_circuit_v2 = battery.square_v2(
+            p.squares_v2, np.minimum(np.maximum(energy_share, 0.0), 1.0)
+        )
+    # No current delivers more than V^2 / 4R, where half of the energy is lost. Above that the load
+    # is still supplied, with half of the energy lost, because the model has no brown-out.
     relative = load * (4.0 * p.internal_resistance_ohm / open_circuit_v2)
     root = np.sqrt(np.maximum(1.0 - relative, 0.0))  # twice the efficiency, minus 1
     return load * (1.0 - root) / (1.0 + root)

@@ -35,7 +35,8 @@ def _steady(p: Any, work_w: Any) -> Any:
 
 @inline
 def remember(p: Any, s: Any, x: Any) -> None:
-    """Warm the winding towards its steady temperature: the exact solution for a step of constant load."""
+    """Warm the winding towards its steady temperature: the exact solution for a step of constant
+    load."""
     if p.motor_heating_per_k != 0.0:
         steady_k = _steady(p, _work(p, x, s.traction_n))
         s.winding_k = steady_k + (s.winding_k - steady_k) * s.winding_fade
@@ -46,8 +47,17 @@ EFFECT = Effect(
     kind="drive",
     function=motor_heating,
     parameters=(
-        Parameter("per_k", "1/K", 0.0, 0.02, "rise of the drive power per kelvin of winding temperature"),
-        Parameter("rise_k_per_w", "K/W", 0.0, 1000.0, "steady temperature rise per watt into the drive", 1.0),
+        Parameter(
+            "per_k", "1/K", 0.0, 0.02, "rise of the drive power per kelvin of winding temperature"
+        ),
+        Parameter(
+            "rise_k_per_w",
+            "K/W",
+            0.0,
+            1000.0,
+            "steady temperature rise per watt into the drive",
+            1.0,
+        ),
         Parameter("time_constant_s", "s", 1.0, 100000.0, "time constant of warming", 600.0),
     ),
     sentence="The motors lose more as they warm up during the run.",

@@ -10,7 +10,12 @@ from homeward import loading
 from homeward.own_effects import own_file
 from homeward.physics.effects.base import Effect, Parameter
 
-_NEXT = {"force": "slip", "drive": "copper_loss", "ancillary": "intermittent_load", "battery": "breakaway"}
+_NEXT = {
+    "force": "slip",
+    "drive": "copper_loss",
+    "ancillary": "intermittent_load",
+    "battery": "breakaway",
+}
 """Effect before which one of one's own acts, by its kind."""
 _KINDS = tuple(_NEXT)
 
@@ -20,9 +25,11 @@ class OwnEffectError(ImportError):
 
 
 def with_own(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """All effects, with that of one's own before others of its kind that change what came before them.
+    """All effects, with that of one's own before others of its kind that change what came before
+    them.
 
-    Loads add up in order: slip and losses of a start follow what they act on. Without a file they are as they are.
+    Loads add up in order: slip and losses of a start follow what they act on. Without a file they
+    are as they are.
 
     Raises:
         OwnEffectError: The file cannot be used. A command of this project ends with a line instead.
@@ -45,23 +52,30 @@ def with_own(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
 
 def _loaded(path: Path, taken_ids: set[str]) -> Effect:
     """The effect of a file, which is run."""
-    # Below this package, so that other processes import this package, and with it the file, before what is in it.
+    # Below this package, so that other processes import this package, and with it the file, before
+    # what is in it.
     name = f"{__package__}.own_{_as_name(path.stem)}"
     spec = None
     if path.suffix == ".py" and path.is_file():
         spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise OwnEffectError(f"effects of {path}: no such Python file; give a file.py with an EFFECT")
+        raise OwnEffectError(
+            f"effects of {path}: no such Python file; give a file.py with an EFFECT"
+        )
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
     except Exception as error:  # whatever the file does wrong
         why = " ".join(str(error).split())
-        raise OwnEffectError(f"effects of {path}: cannot be run: {type(error).__name__}: {why}") from None
+        raise OwnEffectError(
+            f"effects of {path}: cannot be run: {type(error).__name__}: {why}"
+        ) from None
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
-        raise OwnEffectError(f"effects of {path}: has no EFFECT = Effect(...) of homeward.physics.effects.base")
+        raise OwnEffectError(
+            f"effects of {path}: has no EFFECT = Effect(...) of homeward.physics.effects.base"
+        )
     fault = _fault(effect, taken_ids)
     if fault is not None:
         raise OwnEffectError(f"effects of {path}: {fault}")

@@ -15,7 +15,12 @@ def moved_mass(p: Any) -> Any:
 
 @inline
 def payload(p: Any, s: Any, x: Any, load: Any) -> Any:
-    return p.payload_mass_kg * GRAVITY_MPS2 * (p.rolling_resistance * x.cos_grade + x.sin_grade) * (x.speed_mps > 0.0)
+    return (
+        p.payload_mass_kg
+        * GRAVITY_MPS2
+        * (p.rolling_resistance * x.cos_grade + x.sin_grade)
+        * (x.speed_mps > 0.0)
+    )
 
 
 EFFECT = Effect(

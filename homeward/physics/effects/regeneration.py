@@ -1,4 +1,5 @@
-"""Energy recovered by braking, downhill and, with the effect `inertia`, when the robot slows down."""
+"""Energy recovered by braking, downhill and, with the effect `inertia`, when the robot slows
+down."""
 
 from typing import Any
 
@@ -22,8 +23,21 @@ EFFECT = Effect(
     kind="drive",
     function=regeneration,
     parameters=(
-        Parameter("share", "1", 0.0, 0.95, "share of the motors' braking power that returns to the battery"),
-        Parameter("up_to_w", "W", 1e-3, NO_LIMIT_W, "braking power above which friction brakes take over", NO_LIMIT_W),
+        Parameter(
+            "share",
+            "1",
+            0.0,
+            0.95,
+            "share of the motors' braking power that returns to the battery",
+        ),
+        Parameter(
+            "up_to_w",
+            "W",
+            1e-3,
+            NO_LIMIT_W,
+            "braking power above which friction brakes take over",
+            NO_LIMIT_W,
+        ),
     ),
     sentence="Braking returns energy to the battery.",
     equation="P = -share min(|F| v, up_to) where the sum of all forces F < 0",

@@ -1,7 +1,8 @@
 """The advice on two topics, by Foxglove's WebSocket server and in an MCAP file.
 
-`/homeward/advice` has the numbers of an advice, as JSON with the names of `homeward.companion.Advice`, and
-`/homeward/texts` orders and warnings when they change, as `foxglove.Log`.
+`/homeward/advice` has the numbers of an advice, as JSON with the names of
+`homeward.companion.Advice`, and `/homeward/texts` orders and warnings when they change, as
+`foxglove.Log`.
 """
 
 from __future__ import annotations
@@ -44,18 +45,24 @@ SCHEMA: dict[str, Any] = {
     "type": "object",
     "properties": {
         **dict.fromkeys(("energy_left_j", "energy_home_j", "margin_j"), _SPREAD),
-        **dict.fromkeys(("time_s", "way_home_m", "chance_home", "risk", "turn_in_m", "turn_in_s"), _NUMBER),
+        **dict.fromkeys(
+            ("time_s", "way_home_m", "chance_home", "risk", "turn_in_m", "turn_in_s"), _NUMBER
+        ),
         **dict.fromkeys(("chance_there_and_back", "reserve", "full_j"), _NUMBER),
         **dict.fromkeys(("turn_now", "can_reach_home", "looks_back", "silent"), _FLAG),
         **dict.fromkeys(("rests_on", "warnings"), _TEXT_LIST),
         "home": _TEXT,
         "others": {"type": "array", "items": {"type": "object", "properties": _OTHER}},
-        "action": {"type": "object", "properties": {"speed_mps": _NUMBER, "sensing_hz": _NUMBER, "mode": _TEXT}},
+        "action": {
+            "type": "object",
+            "properties": {"speed_mps": _NUMBER, "sensing_hz": _NUMBER, "mode": _TEXT},
+        },
     },
 }
 """JSON schema of the advice: Foxglove lists the paths by it."""
 
-foxglove.set_log_level("CRITICAL")  # what fails is said here, in one line; the library would say it at each message
+# what fails is said here, in one line; the library would say it at each message
+foxglove.set_log_level("CRITICAL")
 
 
 def content_of(news: News) -> dict[str, Any]:
@@ -79,7 +86,9 @@ def address_of(text: str) -> tuple[str, int]:
     """
     host, _, port = text.rpartition(":")
     if not host or not (port.isascii() and port.isdecimal()) or int(port) >= 2**16:
-        raise CompanionError(f"--foxglove-address {text!r} is no address; give HOST:PORT, such as {LOOPBACK}:8765")
+        raise CompanionError(
+            f"--foxglove-address {text!r} is no address; give HOST:PORT, such as {LOOPBACK}:8765"
+        )
     return host.strip("[]"), int(port)
 
 
@@ -98,7 +107,9 @@ class Stream:
         CompanionError: The address cannot be listened at, or the file exists or cannot be written.
     """
 
-    def __init__(self, robot: str, address: tuple[str, int] | None = None, path: Path | None = None) -> None:
+    def __init__(
+        self, robot: str, address: tuple[str, int] | None = None, path: Path | None = None
+    ) -> None:
         self._context = foxglove.Context()
         self._texts = Texts()
         self._path = path
@@ -109,13 +120,17 @@ class Stream:
             try:
                 self._file = foxglove.open_mcap(path, context=self._context)
             except FileExistsError:
-                raise CompanionError(f"--mcap {path} exists, and nothing is written over it; name another") from None
+                raise CompanionError(
+                    f"--mcap {path} exists, and nothing is written over it; name another"
+                ) from None
             except OSError as error:
                 raise CompanionError(f"--mcap {path} cannot be written: {error}") from None
         if address is not None:
             host, port = address
             try:
-                self._server = foxglove.start_server(name=robot, host=host, port=port, context=self._context)
+                self._server = foxglove.start_server(
+                    name=robot, host=host, port=port, context=self._context
+                )
             except RuntimeError as error:  # of which this library makes every fault
                 raise CompanionError(
                     f"cannot listen at {host}:{port} ({error}); give another --foxglove-address"
@@ -140,7 +155,9 @@ class Stream:
         for severity, text in self._texts.due(news, at_ns / _NANO):
             stamp = Timestamp(*divmod(at_ns, _NANO))
             level = _LEVELS[severity]
-            self._log.log(Log(timestamp=stamp, level=level, message=text, name=news.robot), log_time=at_ns)
+            self._log.log(
+                Log(timestamp=stamp, level=level, message=text, name=news.robot), log_time=at_ns
+            )
         if self._file is not None and time.monotonic() - self._flushed_s >= _FLUSHED_S:
             self._flushed_s = time.monotonic()
             self._write(self._file.flush)

@@ -1,4 +1,5 @@
-"""How autopilot and ground station are told of an advice: numbers (NAMED_VALUE_FLOAT), texts in parts (STATUSTEXT)."""
+"""How autopilot and ground station are told of an advice: numbers (NAMED_VALUE_FLOAT), texts in
+parts (STATUSTEXT)."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ def numbers(news: News) -> dict[str, float]:
 
 
 def chunks(text: str) -> Sequence[bytes]:
-    """A text in parts that STATUSTEXT takes. A null sign ends it, so a text that fills its last part has an empty one
-    more.
+    """A text in parts that STATUSTEXT takes. A null sign ends it, so a text that fills its last
+    part has an empty one more.
 
     >>> chunks("turn 90° now"), [len(part) for part in chunks("x" * 100)]
     ([b'turn 90? now'], [50, 50, 0])

@@ -1,7 +1,9 @@
-"""MAVLink's messages as the messages of ROS 2 that the topic mappings know, in its units and axes (REP 103).
+"""MAVLink's messages as the messages of ROS 2 that the topic mappings know, in its units and axes
+(REP 103).
 
-Values that mean unknown stay what they are, in SI (65.535 V, -0.01 A): `homeward.logs.unknown` knows them, as in files.
-MAVLink has x north, y east and z down, and angles clockwise from north (common.xml).
+Values that mean unknown stay what they are, in SI (65.535 V, -0.01 A): `homeward.logs.unknown`
+knows them, as in files. MAVLink has x north, y east and z down, and angles clockwise from north
+(common.xml).
 """
 
 from __future__ import annotations
@@ -52,7 +54,8 @@ class Translator:
 
     Attributes:
         boots: How often the autopilot has started again, by its clock.
-        home_deg: Latitude and longitude of the autopilot's home, degrees; None until it is received.
+        home_deg: Latitude and longitude of the autopilot's home, degrees; None until it is
+            received.
         origin_deg: Latitude and longitude of the origin of the positions, degrees.
         winds_mps: Wind as received: components towards where it comes from, east and north.
     """
@@ -84,7 +87,8 @@ class Translator:
         return None if content is None else Translated(kind, content)
 
     def fix_frame(self) -> None:
-        """Keep the frame of the positions from now on, whatever is received: their message, and where home is."""
+        """Keep the frame of the positions from now on, whatever is received: their message, and
+        where home is."""
         self._is_fixed = True
 
     def _see_clock(self, message: Any) -> None:
@@ -96,12 +100,17 @@ class Translator:
             self._clock_s = clock_s
 
     def _battery_status(self, message: Any) -> SimpleNamespace:
-        """Sum of the voltages of the cells, or of the parts that ArduPilot writes where it knows no cells."""
+        """Sum of the voltages of the cells, or of the parts that ArduPilot writes where it knows no
+        cells."""
         self._tells_batteries = True
         cells_v = _VOLT * np.array(message.voltages, np.float64)
         cells_v = cells_v[~unknown("voltage_v", cells_v)]
         further_v = _VOLT * np.array(message.voltages_ext, np.float64)  # 0 where there is none
-        voltage_v = cells_v.sum() + further_v[~unknown("voltage_v", further_v)].sum() if len(cells_v) else math.nan
+        voltage_v = (
+            cells_v.sum() + further_v[~unknown("voltage_v", further_v)].sum()
+            if len(cells_v)
+            else math.nan
+        )
         battery = _battery(voltage_v, message)
         battery.location = str(message.id)
         return battery
@@ -124,7 +133,8 @@ class Translator:
     def _global_position_int(self, message: Any) -> SimpleNamespace | None:
         if message.lat == 0 and message.lon == 0:  # as autopilots send it without a fix
             return None
-        if self._is_fixed and not self._by_satellites:  # first found on the way: another frame than the one in use
+        # first found on the way: another frame than the one in use
+        if self._is_fixed and not self._by_satellites:
             return None
         self._by_satellites = True
         place_deg = _DEGREE * message.lat, _DEGREE * message.lon
@@ -139,7 +149,9 @@ class Translator:
         return _odometry(message, (east_m, north_m, _M * message.alt), velocity_mps, turned)
 
     def _local_position_ned(self, message: Any) -> SimpleNamespace | None:
-        if self._by_satellites or not all(map(math.isfinite, (message.x, message.y, message.vx, message.vy))):
+        if self._by_satellites or not all(
+            map(math.isfinite, (message.x, message.y, message.vx, message.vy))
+        ):
             return None
         north_m, east_m = self._home_local_m
         place_m = message.y - east_m, message.x - north_m, -message.z
@@ -169,7 +181,9 @@ class Translator:
             self.winds_mps = [*self.winds_mps[1 - _WINDS :], (east_mps, north_mps)]
 
 
-def metres_from(origin_deg: tuple[float, float], place_deg: tuple[float, float]) -> tuple[float, float]:
+def metres_from(
+    origin_deg: tuple[float, float], place_deg: tuple[float, float]
+) -> tuple[float, float]:
     """Metres east and north of an origin, both as latitude and longitude in degrees, on a sphere.
 
     >>> [round(metres) for metres in metres_from((60.0, 179.99), (60.01, -179.99))]
@@ -177,31 +191,44 @@ def metres_from(origin_deg: tuple[float, float], place_deg: tuple[float, float])
     """
     north_rad = math.radians(place_deg[0] - origin_deg[0])
     east_rad = math.remainder(math.radians(place_deg[1] - origin_deg[1]), math.tau)
-    return EARTH_RADIUS_M * math.cos(math.radians(origin_deg[0])) * east_rad, EARTH_RADIUS_M * north_rad
+    return EARTH_RADIUS_M * math.cos(
+        math.radians(origin_deg[0])
+    ) * east_rad, EARTH_RADIUS_M * north_rad
 
 
 def _battery(voltage_v: float, message: Any) -> SimpleNamespace:
-    """Current positive when charging, as BatteryState has it; MAVLink has it positive when discharging."""
+    """Current positive when charging, as BatteryState has it; MAVLink has it positive when
+    discharging."""
     return SimpleNamespace(
-        voltage=voltage_v, current=-_AMPERE * message.current_battery, percentage=_SHARE * message.battery_remaining
+        voltage=voltage_v,
+        current=-_AMPERE * message.current_battery,
+        percentage=_SHARE * message.battery_remaining,
     )
 
 
 def _odometry(
-    message: Any, place_m: tuple[float, float, float], velocity_mps: tuple[float, float], turned: Rotation | None
+    message: Any,
+    place_m: tuple[float, float, float],
+    velocity_mps: tuple[float, float],
+    turned: Rotation | None,
 ) -> SimpleNamespace:
-    """A pose with the speed along the heading, which is negative in reverse; without a heading its size."""
+    """A pose with the speed along the heading, which is negative in reverse; without a heading its
+    size."""
     north_mps, east_mps = velocity_mps
     speed_mps = math.hypot(north_mps, east_mps)
     orientation = _vector(0.0, 0.0, 0.0, 0.0)  # which is no rotation
     if turned is not None:
         forward_east, forward_north, _ = turned.apply((1.0, 0.0, 0.0))
         level = math.hypot(forward_east, forward_north)
-        speed_mps = (forward_east * east_mps + forward_north * north_mps) / level if level else speed_mps
+        speed_mps = (
+            (forward_east * east_mps + forward_north * north_mps) / level if level else speed_mps
+        )
         orientation = _quaternion(turned)
     pose = SimpleNamespace(position=_vector(*place_m), orientation=orientation)
     twist = SimpleNamespace(linear=_vector(speed_mps, 0.0, 0.0), angular=_vector(0.0, 0.0, 0.0))
-    return SimpleNamespace(header=_header(message), pose=SimpleNamespace(pose=pose), twist=SimpleNamespace(twist=twist))
+    return SimpleNamespace(
+        header=_header(message), pose=SimpleNamespace(pose=pose), twist=SimpleNamespace(twist=twist)
+    )
 
 
 def _rotation(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Rotation:

@@ -19,14 +19,16 @@ from homeward.watch.mavlink.translate import KINDS, Translator, metres_from
 from homeward.watch.online.link import Message, News
 from homeward.watch.online.texts import Texts
 
-os.environ["MAVLINK20"] = "1"  # pymavlink reads it: messages of version 2 are sent, those of both are received
+# pymavlink reads it: messages of version 2 are sent, those of both are received
+os.environ["MAVLINK20"] = "1"
 
 from pymavlink import mavutil
 
 mavutil.set_dialect("ardupilotmega")  # common.xml and ArduPilot's WIND
 
 _SETTLES_S = 2.0
-"""Time after the first position in which home and wind are received. Chosen: autopilots send both each second or so."""
+"""Time after the first position in which home and wind are received. Chosen: autopilots send both
+each second or so."""
 _WAITS_S = 5.0
 """Time without a position after which the reason is said. Chosen."""
 _POLL_S = 0.02
@@ -41,8 +43,10 @@ class Met(NamedTuple):
     """What is known of a vehicle before it is advised.
 
     Attributes:
-        home: East and north of home in the frame of its positions, m; None if the autopilot has not sent it.
-        wind_mps: Mean wind, components towards where it comes from, east and north; None if it was not received.
+        home: East and north of home in the frame of its positions, m; None if the autopilot has not
+            sent it.
+        wind_mps: Mean wind, components towards where it comes from, east and north; None if it was
+            not received.
     """
 
     home: tuple[float, float] | None
@@ -67,7 +71,8 @@ class Vehicle:
     """The first vehicle that sends a heartbeat; a `homeward.watch.online.link.Link`.
 
     Args:
-        address: As pymavlink has it: `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT`, or a serial port.
+        address: As pymavlink has it: `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT`, or a
+            serial port.
 
     Attributes:
         translator: Its messages, translated.
@@ -82,7 +87,11 @@ class Vehicle:
         try:
             with _quiet():
                 self._connection: Any = mavutil.mavlink_connection(
-                    address, baud=_BAUD, source_component=_ONBOARD_COMPUTER, autoreconnect=True, retries=1
+                    address,
+                    baud=_BAUD,
+                    source_component=_ONBOARD_COMPUTER,
+                    autoreconnect=True,
+                    retries=1,
                 )
         except ModuleNotFoundError:
             raise CompanionError(
@@ -118,7 +127,9 @@ class Vehicle:
                 if placed_s == math.inf and hasattr(message.content, "pose"):
                     placed_s = time.monotonic()
             if not said and placed_s == math.inf and time.monotonic() - began_s > _WAITS_S:
-                waiting(f"waiting for a position; received: {', '.join(sorted(self._found)) or self._nothing()}")
+                waiting(
+                    f"waiting for a position; received: {', '.join(sorted(self._found)) or self._nothing()}"
+                )
                 said = True
             with contextlib.suppress(OSError):  # which `faults` says later
                 self._send_heartbeat()
@@ -135,7 +146,8 @@ class Vehicle:
         return "no heartbeat of an autopilot" if self._vehicle is None else "no reading"
 
     def found(self) -> dict[str, str]:
-        """Messages received so far that are readings, with the types that they are translated to."""
+        """Messages received so far that are readings, with the types that they are translated
+        to."""
         return dict(self._found)
 
     def subscribe(self, topics: dict[str, str], fields: dict[str, list[str]]) -> None:
@@ -158,16 +170,22 @@ class Vehicle:
                 translated = self.translator.see(message)
                 if translated is not None:
                     self._found[translated.topic] = KINDS[translated.topic]
-                    messages.append(Message(translated.topic, translated.content, self.translator.boots))
+                    messages.append(
+                        Message(translated.topic, translated.content, self.translator.boots)
+                    )
         return messages
 
     def _is_vehicle(self, message: Any) -> bool:
         """Whether a message is of the autopilot that is advised: the first with a heartbeat."""
         sender = message.get_srcSystem(), message.get_srcComponent()
-        if message.get_type() == "HEARTBEAT" and message.autopilot != mavutil.mavlink.MAV_AUTOPILOT_INVALID:
+        if (
+            message.get_type() == "HEARTBEAT"
+            and message.autopilot != mavutil.mavlink.MAV_AUTOPILOT_INVALID
+        ):
             if self._vehicle is None:
                 self._vehicle = sender
-                self._connection.mav.srcSystem = sender[0]  # a computer on board has the number of its vehicle
+                # a computer on board has the number of its vehicle
+                self._connection.mav.srcSystem = sender[0]
                 self._ask_for_home()
             elif sender[0] != self._vehicle[0]:
                 self._others.add(sender[0])
@@ -176,14 +194,18 @@ class Vehicle:
     def _ask_for_home(self) -> None:
         assert self._vehicle is not None
         ask = mavutil.mavlink.MAV_CMD_REQUEST_MESSAGE
-        self._connection.mav.command_long_send(*self._vehicle, ask, 0, _HOME_POSITION, 0, 0, 0, 0, 0, 0)
+        self._connection.mav.command_long_send(
+            *self._vehicle, ask, 0, _HOME_POSITION, 0, 0, 0, 0, 0, 0
+        )
 
     def faults(self) -> list[str]:
         """A broken link, other vehicles on it, and a home that is not the one in use."""
         said = [self._broken] if self._broken else []
         if self._others:
             numbers = ", ".join(map(str, sorted(self._others)))
-            said.append(f"vehicle {numbers} is on the link too and left out: {self._number()} is advised")
+            said.append(
+                f"vehicle {numbers} is on the link too and left out: {self._number()} is advised"
+            )
         home_deg = self.translator.home_deg
         origin_deg = self.translator.origin_deg
         if home_deg is not None and origin_deg is not None:
@@ -223,7 +245,11 @@ class Vehicle:
             self._beaten_s = now_s
             mavlink = mavutil.mavlink
             self._connection.mav.heartbeat_send(
-                mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE
+                mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+                mavlink.MAV_AUTOPILOT_INVALID,
+                0,
+                0,
+                mavlink.MAV_STATE_ACTIVE,
             )
 
     def close(self) -> None:

@@ -1,4 +1,5 @@
-"""Several batteries of a network: which are used is chosen as in bags, once, from what they report at first."""
+"""Several batteries of a network: which are used is chosen as in bags, once, from what they report
+at first."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from homeward.logs.bags.topics import Topic
 from homeward.logs.columns import RecordingError
 
 _READINGS = 20
-"""Readings of a battery that are kept for the choice. Chosen: bounds memory; a mean needs no more."""
+"""Readings of a battery that are kept for the choice. Chosen: bounds memory; a mean needs no
+more."""
 
 Readings = Mapping[str, float]
 """Values of the channels of a battery."""
@@ -35,7 +37,8 @@ class Batteries:
     def choose(self) -> str | None:
         """Choose, the first time that several report what is drawn; why, in a line.
 
-        A robot on its way keeps the battery that it had, with a line: advice that ends there strands it.
+        A robot on its way keeps the battery that it had, with a line: advice that ends there
+        strands it.
 
         Raises:
             RecordingError: It is not clear which is the whole, from the first reading on.
@@ -58,7 +61,8 @@ class Batteries:
         return choice.why
 
     def value(self, name: str, channel: str, value: float) -> float:
-        """The value of a channel when a battery reports it: NaN if others are used, or are added with its first."""
+        """The value of a channel when a battery reports it: NaN if others are used, or are added
+        with its first."""
         if self._used is None or self._used == (name,):
             return value
         if name != self._used[0]:
@@ -70,7 +74,9 @@ class Batteries:
     def _battery(self, name: str) -> Battery | None:
         """What a battery reported; None if that is nothing drawn."""
         heard = self._heard[name]
-        drawn = np.array([readings.get("current_a", readings.get("power_w", math.nan)) for readings in heard])
+        drawn = np.array(
+            [readings.get("current_a", readings.get("power_w", math.nan)) for readings in heard]
+        )
         if not np.nan_to_num(drawn).any():
             return None
         voltage_v = np.array([readings.get("voltage_v", math.nan) for readings in heard])

@@ -1,4 +1,5 @@
-"""Live readings that are possible and yet of another unit, doubted by the code for files (`homeward.logs.doubts`)."""
+"""Live readings that are possible and yet of another unit, doubted by the code for files
+(`homeward.logs.doubts`)."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 _MEAN_S = 2.0
 """Driving time of a mean at first. Chosen: above the interval of most monitors of a battery."""
 _MOST = 1000
-"""Means that are kept; from then on each is of twice the time. Chosen: half an hour in some 60 kB."""
+"""Means that are kept; from then on each is of twice the time. Chosen: half an hour in some 60
+kB."""
 _SPOKEN = (
     "heading_rad", "temperature_c", "soc", "power_w", "voltage_v", "current_a", "motor_left_a", "motor_right_a",
 )  # fmt: skip
@@ -28,7 +30,8 @@ _CLIMB = "climb_mps"
 
 
 class Doubted:
-    """Keeps means over the drive, and says what speaks against a unit. A robot that stands shows nothing.
+    """Keeps means over the drive, and says what speaks against a unit. A robot that stands shows
+    nothing.
 
     Args:
         robot: The robot, whose weight a climb asks for.
@@ -55,7 +58,11 @@ class Doubted:
         if not abs(speed_mps) > logs_thresholds.STANDSTILL_MPS or not passed_s > 0.0:
             return
         # The heading is the channel as it was received; that of the reading may be of the pose.
-        channels = {**heard.values, **heard.reading, "heading_rad": heard.values.get("heading_rad", math.nan)}
+        channels = {
+            **heard.values,
+            **heard.reading,
+            "heading_rad": heard.values.get("heading_rad", math.nan),
+        }
         row = {name: channels[name] for name in _SPOKEN if channels.get(name) is not None}
         row["speed_mps"] = abs(speed_mps)
         row[_CLIMB] = abs(speed_mps) * math.sin(channels.get("grade_rad", math.nan))
@@ -105,4 +112,11 @@ def _turned(climb_mps: Array, speed_mps: Array, power_w: Array, robot: Robot) ->
     is_known = np.isfinite(climb_mps) & np.isfinite(power_w)
     single_run = np.zeros(int(is_known.sum()), np.intp)
     weight_n = robot.mass_kg * GRAVITY_MPS2
-    return turned_slopes(climb_mps[is_known], speed_mps[is_known], power_w[is_known], single_run, weight_n, robot.name)
+    return turned_slopes(
+        climb_mps[is_known],
+        speed_mps[is_known],
+        power_w[is_known],
+        single_run,
+        weight_n,
+        robot.name,
+    )

@@ -1,11 +1,13 @@
-"""Another process carries a robot's messages: JSON lines on standard input and output (`homeward watch --stdin`).
+"""Another process carries a robot's messages: JSON lines on standard input and output
+(`homeward watch --stdin`).
 
 It writes what is published by the robot, and each message with the fields that it was asked for:
 
     {"topics": {"/odom": "nav_msgs/msg/Odometry"}}
     {"topic": "/odom", "publisher": 1, "content": {"twist": {"twist": {"linear": {"x": 0.5}}}}}
 
-and reads which fields of which topics are wanted, what is to be published, and the advice as a whole:
+and reads which fields of which topics are wanted, what is to be published, and the advice as a
+whole:
 
     {"subscribe": {"/odom": {"type": "nav_msgs/msg/Odometry", "fields": ["twist.twist.linear.x"]}}}
     {"publish": "/homeward/turn_now", "type": "std_msgs/msg/Bool", "content": {"data": false}}
@@ -28,7 +30,8 @@ from homeward.watch.ros2.interface import is_meant
 
 _CHUNK = 65536  # bytes read at a time, a pipe's content
 _LONGEST = 1_000_000
-"""Bytes of a line; a longer one is left out. Chosen: bounds memory, and no message of numbers is longer."""
+"""Bytes of a line; a longer one is left out. Chosen: bounds memory, and no message of numbers is
+longer."""
 
 
 class Lines:
@@ -71,7 +74,9 @@ class Lines:
 
     def faults(self) -> list[str]:
         """Lines that could not be read."""
-        return [f"{self._left_out} lines are no messages and are left out"] if self._left_out else []
+        return (
+            [f"{self._left_out} lines are no messages and are left out"] if self._left_out else []
+        )
 
     def tell(self, news: News) -> None:
         """Write what is to be published, and the advice.
@@ -106,7 +111,9 @@ class Lines:
             said = json.loads(line, object_hook=lambda fields: SimpleNamespace(**fields))
             if hasattr(said, "topics"):
                 topics = {str(name): str(kind) for name, kind in vars(said.topics).items()}
-                self._topics = {name: kind for name, kind in topics.items() if is_meant(name, self._namespace)}
+                self._topics = {
+                    name: kind for name, kind in topics.items() if is_meant(name, self._namespace)
+                }
             else:
                 self._messages.append(Message(str(said.topic), said.content, int(said.publisher)))
         except (ValueError, TypeError, AttributeError, RecursionError):  # no JSON, or other JSON

@@ -1,4 +1,5 @@
-"""What carries a robot's messages to the node, and its advice back: a network, MAVLink or another process."""
+"""What carries a robot's messages to the node, and its advice back: a network, MAVLink or another
+process."""
 
 from __future__ import annotations
 
@@ -83,6 +84,7 @@ def can_reach_home(advice: Advice) -> bool:
 
 
 def reserve(advice: Advice, full_j: float) -> float:
-    """Share of a full battery that the way home leaves at the accepted risk; 0 from when it must turn."""
+    """Share of a full battery that the way home leaves at the accepted risk; 0 from when it must
+    turn."""
     least_j = advice.margin_j.quantile(advice.risk)
     return 0.0 if advice.turn_now else min(max(least_j / full_j, 0.0), 1.0)

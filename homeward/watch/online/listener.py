@@ -1,8 +1,9 @@
 """From messages of a network to readings for the companion, by the topic mappings for bags.
 
-A bag's reader knows the whole drive; here decisions are made as messages arrive. For each channel the most preferred
-topic that has had values is used. The sign of a battery's current is its direction while the robot drives. Messages
-within a short time are combined: means of measurements, the last position.
+A bag's reader knows the whole drive; here decisions are made as messages arrive. For each channel
+the most preferred topic that has had values is used. The sign of a battery's current is its
+direction while the robot drives. Messages within a short time are combined: means of measurements,
+the last position.
 """
 
 from __future__ import annotations
@@ -39,14 +40,24 @@ from homeward.watch.online.charge import Charge
 from homeward.watch.online.odometry import Odometry
 from homeward.watch.online.spikes import Spikes
 from homeward.watch.online.stamps import Stamps
-from homeward.watch.online.values import POSE, Value, acceleration, east_m, field_value, heading, heading_of, slope
+from homeward.watch.online.values import (
+    POSE,
+    Value,
+    acceleration,
+    east_m,
+    field_value,
+    heading,
+    heading_of,
+    slope,
+)
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 
 _MOTION = "speed_mps", "wheel_left_mps"
 """Channels of which the first that is received gives the clock."""
 _SETTLES_S = 2.0
-"""Time from the first motion in which topics are discovered but not yet used. Chosen: slow topics then have come."""
+"""Time from the first motion in which topics are discovered but not yet used. Chosen: slow topics
+then have come."""
 _MOST = 1000
 """Values of a channel that are kept until there is motion. Chosen: bounds memory."""
 _ELECTRIC = {name for names in POWER for name in names}
@@ -80,7 +91,8 @@ class Heard(NamedTuple):
         time_s: Time, s.
         reading: Keyword arguments of `Companion.update`.
         charged: State of charge to which the battery was charged or swapped, None if it was not.
-        by_charger: Whether that was a charge: since the robot drove last, a current flowed into the battery.
+        by_charger: Whether that was a charge: since the robot drove last, a current flowed into the
+            battery.
         values: Channels as received.
     """
 
@@ -153,7 +165,8 @@ class Listener:
         self._stamp: tuple[float | None, float] | None = None
         self._first_motion_s: float | None = None
         self._said: dict[str, tuple[str, float]] = {}  # by kind: what, and when
-        self._at: dict[str, tuple[float, float]] = {}  # of each topic: when it last came, and how often it does
+        # of each topic: when it last came, and how often it does
+        self._at: dict[str, tuple[float, float]] = {}
         self._charge = Charge()
         self._batteries: dict[tuple[str, str], Batteries] = {}  # by the entry of the mapping
         self._voltage_v = math.nan
@@ -176,14 +189,25 @@ class Listener:
         self.mapping_name = mapping.name
 
         def options(channel: str, value: Callable[[Topic], Value]) -> list[_Option]:
-            return [_Option(topic, offer, value(topic)) for topic, offer in mapping.candidates(channel, offered)]
+            return [
+                _Option(topic, offer, value(topic))
+                for topic, offer in mapping.candidates(channel, offered)
+            ]
 
-        by_channel = {channel: options(channel, partial(field_value, name=channel)) for channel in CHANNELS}
+        by_channel = {
+            channel: options(channel, partial(field_value, name=channel)) for channel in CHANNELS
+        }
         # A slope is preferred from an IMU, a heading from odometry.
-        by_channel["grade"] = sorted(options(ORIENTATION, slope), key=lambda option: option.offer.msgtype != IMU)
-        by_channel["heading"] = sorted(options(ORIENTATION, heading), key=lambda option: option.offer.msgtype == IMU)
+        by_channel["grade"] = sorted(
+            options(ORIENTATION, slope), key=lambda option: option.offer.msgtype != IMU
+        )
+        by_channel["heading"] = sorted(
+            options(ORIENTATION, heading), key=lambda option: option.offer.msgtype == IMU
+        )
         by_channel[ACCELERATION] = options(ACCELERATION, acceleration)
-        of_odometry = [option for option in by_channel["speed_mps"] if option.offer.msgtype == ODOMETRY]
+        of_odometry = [
+            option for option in by_channel["speed_mps"] if option.offer.msgtype == ODOMETRY
+        ]
         by_channel["pose"] = [option._replace(value=east_m) for option in of_odometry]
         self._options = {}
         paths_of: dict[str, dict[str, None]] = {}  # paths in order, each once, by topic
@@ -196,7 +220,9 @@ class Listener:
                     paths.update(dict.fromkeys(POSE))
                 self._options.setdefault(name, {})[channel] = of_channel
         self._readers = {name: elements_reader(paths) for name, paths in paths_of.items()}
-        self.wanted = {offer.topic: offer.msgtype for offer in offered if offer.topic in self._readers}
+        self.wanted = {
+            offer.topic: offer.msgtype for offer in offered if offer.topic in self._readers
+        }
         self.fields = {name: list(paths) for name, paths in paths_of.items()}
 
     def hear(self, name: str, message: Any, publisher: int, now_s: float) -> None:
@@ -244,10 +270,15 @@ class Listener:
         speed_mps = self._values["speed_mps"][-1] if "speed_mps" in self._values else math.nan
         self._place, moved = self.odometry.place(pose, speed_mps, publisher, now_s)
         if moved:
-            self.say(f"{name} was restarted elsewhere: the way continues from where the robot was", now_s)
+            self.say(
+                f"{name} was restarted elsewhere: the way continues from where the robot was", now_s
+            )
 
-    def _hear_channels(self, name: str, part: str, values: dict[str, float], now_s: float) -> set[str]:
-        """Keep the values of the channels that a message gives, or one battery of it; their names."""
+    def _hear_channels(
+        self, name: str, part: str, values: dict[str, float], now_s: float
+    ) -> set[str]:
+        """Keep the values of the channels that a message gives, or one battery of it; their
+        names."""
         battery = self._battery_of(name, part, values)
         channels = set()
         for channel, options in self._options[name].items():
@@ -299,7 +330,8 @@ class Listener:
                     self._values.pop(channel, None)
 
     def silence(self, now_s: float) -> Heard:
-        """Readings since the last call without motion: the passed time, and whatever else there is."""
+        """Readings since the last call without motion: the passed time, and whatever else there
+        is."""
         return self._heard_by(self.stamps.without(now_s), 0.0, now_s)
 
     def warnings(self, now_s: float) -> list[str]:
@@ -307,16 +339,22 @@ class Listener:
         for name, (at_s, usual_s) in self._at.items():
             allowed_s = max(thresholds.SILENT_INTERVALS * usual_s, thresholds.SHORTEST_SILENCE_S)
             if name in self.sources.values() and now_s - at_s > allowed_s:
-                self.say(f"nothing on {name} for {quantities.duration(now_s - at_s)}", now_s, f"nothing on {name}")
+                self.say(
+                    f"nothing on {name} for {quantities.duration(now_s - at_s)}",
+                    now_s,
+                    f"nothing on {name}",
+                )
         for kind, (_, said_s) in list(self._said.items()):
             if now_s - said_s > companion_thresholds.STAYS_S:
                 del self._said[kind]
         return [text for text, _ in self._said.values()]
 
     def _battery_of(self, name: str, part: str, values: dict[str, float]) -> str:
-        """Name of the battery that values are of, whose readings are kept for the choice among several."""
+        """Name of the battery that values are of, whose readings are kept for the choice among
+        several."""
         battery = f"{name}{PART}{part}" if part else name
-        of_entries: dict[int, tuple[Topic, dict[str, float]]] = {}  # an entry of the mapping, and its readings
+        # an entry of the mapping, and its readings
+        of_entries: dict[int, tuple[Topic, dict[str, float]]] = {}
         for channel in OF_BATTERY & self._options[name].keys():
             for option in self._options[name][channel]:
                 if option.offer.topic == name and option.topic.takes(battery):
@@ -331,14 +369,21 @@ class Listener:
             self._batteries.setdefault(_key(topic), Batteries(topic)).hear(battery, readings)
         return battery
 
-    def _value(self, option: _Option, channel: str, values: dict[str, float], battery: str) -> float:
+    def _value(
+        self, option: _Option, channel: str, values: dict[str, float], battery: str
+    ) -> float:
         value = option.value(values)
         if channel not in OF_BATTERY or _key(option.topic) not in self._batteries:
             return value
         return self._batteries[_key(option.topic)].value(battery, channel, value)
 
     def _preferred(
-        self, channel: str, options: list[_Option], name: str, values: dict[str, float], battery: str
+        self,
+        channel: str,
+        options: list[_Option],
+        name: str,
+        values: dict[str, float],
+        battery: str,
     ) -> _Option | None:
         """The option used for a channel, if it is of this topic: the first that has had values."""
         for option in options:
@@ -384,7 +429,8 @@ class Listener:
         return value / _PER_CENT if self._per_cent else value
 
     def _charged_to(self, soc: float, now_s: float) -> float | None:
-        """State of charge to which the battery was charged or swapped since the last one; None if it was not."""
+        """State of charge to which the battery was charged or swapped since the last one; None if
+        it was not."""
         # The companion says which states of charge are impossible; they show no charge either.
         is_possible = abs(soc - 0.5) <= 0.5 + companion_thresholds.SOC_SLACK
         if not is_possible or not self._charge.see(soc):
@@ -393,8 +439,11 @@ class Listener:
         self.say(f"the battery was {what}: {soc:.0%}", now_s, "the battery was charged")
         return soc
 
-    def _heading(self, values: dict[str, float], place: tuple[float, float, float] | None, dt_s: float) -> float:
-        """The heading by odometry, else as recorded or by an IMU, else by turning rates from east."""
+    def _heading(
+        self, values: dict[str, float], place: tuple[float, float, float] | None, dt_s: float
+    ) -> float:
+        """The heading by odometry, else as recorded or by an IMU, else by turning rates from
+        east."""
         if place is not None and self._chosen.get("heading") == self._chosen["pose"]:
             return place[2]
         for name in ("heading_rad", "heading"):
@@ -409,7 +458,8 @@ class Listener:
         return math.nan
 
     def _power(self, values: dict[str, float], speed_mps: float, now_s: float) -> dict[str, float]:
-        """Power, or voltage and current with the sign of a discharge; {} while the battery is charged."""
+        """Power, or voltage and current with the sign of a discharge; {} while the battery is
+        charged."""
         if "power_w" in values:
             return {"power_w": values["power_w"]}
         self._voltage_v = values.get("voltage_v", self._voltage_v)
@@ -436,7 +486,8 @@ class Listener:
         return {"voltage_v": self._voltage_v, "current_a": current_a}
 
     def _slope_felt(self, time_s: float, forward_mps2: float, speed_mps: float) -> float:
-        """Slope by an accelerometer less the robot's own acceleration, NaN until both were received for a while."""
+        """Slope by an accelerometer less the robot's own acceleration, NaN until both were received
+        for a while."""
         if not math.isfinite(forward_mps2 + speed_mps):
             return math.nan
         self._past.append((time_s, forward_mps2, speed_mps))

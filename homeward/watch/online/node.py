@@ -21,7 +21,8 @@ PERIOD_S = 0.1
 """Time over which messages are combined. Chosen: ten updates a second, of 1.5 ms each
 (docs/results.md), take 2 % of a core with the messages."""
 _PUBLISH_S = 1.0
-"""Time after which an advice is published again; an important change is published at once. Chosen."""
+"""Time after which an advice is published again; an important change is published at once.
+Chosen."""
 
 
 class Node:
@@ -40,7 +41,11 @@ class Node:
     """
 
     def __init__(
-        self, companion: Companion, link: Link, mapping: Topics | None = None, outputs: Sequence[Output] = ()
+        self,
+        companion: Companion,
+        link: Link,
+        mapping: Topics | None = None,
+        outputs: Sequence[Output] = (),
     ) -> None:
         self.companion = companion
         self._link = link
@@ -106,7 +111,8 @@ class Node:
         return heard is not None
 
     def attempt(self, what: str, act: Callable[[], object]) -> None:
-        """Do what may fail for a while, as on a full disk: a failure is a warning until it succeeds, and ends nothing.
+        """Do what may fail for a while, as on a full disk: a failure is a warning until it
+        succeeds, and ends nothing.
 
         Args:
             what: What is done, for the warning.
@@ -129,7 +135,9 @@ class Node:
         self.advice = self.companion.update(heard.time_s, **heard.reading)
 
     def _publish(self, now_s: float) -> None:
-        important = None if self.advice is None else (can_reach_home(self.advice), self.advice.turn_now)
+        important = (
+            None if self.advice is None else (can_reach_home(self.advice), self.advice.turn_now)
+        )
         if now_s - self._published_s < _PUBLISH_S and important == self._published:
             return
         self._published_s = now_s
@@ -153,10 +161,12 @@ class Node:
         write_whole(path, json.dumps(state) + "\n")
 
     def load(self, path: Path) -> None:
-        """Continue from a file that `save` wrote. The time since then has passed, by this computer's clock.
+        """Continue from a file that `save` wrote. The time since then has passed, by this
+        computer's clock.
 
         Raises:
-            CompanionError: It is damaged, or of another version or other arguments; nothing has changed.
+            CompanionError: It is damaged, or of another version or other arguments; nothing has
+                changed.
             OSError: It cannot be read.
         """
         try:

@@ -11,9 +11,10 @@ from homeward.watch import thresholds
 class Odometry:
     """Keeps the frame of the first pose.
 
-    A robot does not jump because a process restarts. If the publisher has changed and its pose is farther away than the
-    robot can have driven, the frame is transformed so that the robot is where it was, or would be at constant velocity.
-    A jump without a restart is left to the companion, which checks positions.
+    A robot does not jump because a process restarts. If the publisher has changed and its pose is
+    farther away than the robot can have driven, the frame is transformed so that the robot is where
+    it was, or would be at constant velocity. A jump without a restart is left to the companion,
+    which checks positions.
 
     Args:
         max_speed_mps: Top speed of the robot.
@@ -46,7 +47,9 @@ class Odometry:
         if self._last is not None and publisher != self._publisher:
             since_s = now_s - self._last_s
             apart_m = math.dist(self._in_frame(pose)[:2], self._last[:2])
-            possible_m = thresholds.SAME_FRAME_M + thresholds.TOP_SPEEDS * self._max_speed_mps * since_s
+            possible_m = (
+                thresholds.SAME_FRAME_M + thresholds.TOP_SPEEDS * self._max_speed_mps * since_s
+            )
             if apart_m > possible_m:
                 self._anchor(pose, since_s)
                 moved = True

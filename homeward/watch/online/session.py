@@ -1,4 +1,5 @@
-"""A session of `homeward watch` on live messages: subscribe, advise, show and save, until it is interrupted."""
+"""A session of `homeward watch` on live messages: subscribe, advise, show and save, until it is
+interrupted."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ _SAVED_S = 60.0  # between saved states; chosen: a crash loses a minute at most
 _PRINTED_S = 60.0
 """Time between lines if the output is not a terminal. Chosen: 60 lines an hour."""
 _WAITS_S = 5.0
-"""Time without an advice after which the reason is printed. Chosen: topics are discovered by then."""
+"""Time without an advice after which the reason is printed. Chosen: topics are discovered by
+then."""
 _NAMED = 8
 """Number of unused topics that are named. Chosen: a line or two."""
 
@@ -35,10 +37,11 @@ class Session:
         robot: The robot.
         link: What carries its messages.
         where: Name of the robot and the link, for the terminal.
-        mapping: Mapping of topics, shipped name or TOML file; by default the shipped one that covers most.
+        mapping: Mapping of topics, shipped name or TOML file; by default the shipped one that
+            covers most.
         home: Home in the frame of the positions, m; by default the first position received.
-        state: File of the state: read if it exists, and written every minute and at the end. One that cannot be used
-            is left out with a warning.
+        state: File of the state: read if it exists, and written every minute and at the end. One
+            that cannot be used is left out with a warning.
         outputs: Where the advice goes beside the link.
         keywords: Arguments of the companion.
 
@@ -80,9 +83,14 @@ class Session:
                 advice = self.node.advice
                 if live is not None and news and advice is not None:
                     shown = dataclasses.replace(advice, warnings=tuple(self.node.warnings))
-                    self.node.attempt("showing", partial(live.show, self._where, shown, advice.time_s, float("inf")))
+                    self.node.attempt(
+                        "showing",
+                        partial(live.show, self._where, shown, advice.time_s, float("inf")),
+                    )
                 elif not quiet:
-                    self.node.attempt("printing", partial(printer.say, now_s - began_s, live is None))
+                    self.node.attempt(
+                        "printing", partial(printer.say, now_s - began_s, live is None)
+                    )
                 if now_s - saved_s >= _SAVED_S:
                     saved_s = now_s
                     self._save()
@@ -94,7 +102,9 @@ class Session:
         except FileNotFoundError:
             return  # the first start
         except (OSError, CompanionError) as error:
-            text = f"begun without the state: {error}; without --home, home is where the robot is now"
+            text = (
+                f"begun without the state: {error}; without --home, home is where the robot is now"
+            )
             cli.remark(self._where, text)
             self.node.listener.say(text, time.monotonic())
 
@@ -140,7 +150,9 @@ class _Printer:
             return
         if self._node.listener.sources != self._sources:
             self._sources = dict(self._node.listener.sources)
-            self._print(f"topic mapping {self._node.listener.mapping_name}: {self._channels_by_topic()}")
+            self._print(
+                f"topic mapping {self._node.listener.mapping_name}: {self._channels_by_topic()}"
+            )
         for text in self._node.warnings:
             if kind_of(text) not in self._warned:
                 self._print(f"{quantities.duration(since_s)}: {text}")
@@ -158,7 +170,9 @@ class _Printer:
         channels: dict[str, list[str]] = {}
         for channel, topic in self._sources.items():
             channels.setdefault(topic, []).append(channel)
-        return "; ".join(f"{', '.join(of_topic)} from {topic}" for topic, of_topic in channels.items())
+        return "; ".join(
+            f"{', '.join(of_topic)} from {topic}" for topic, of_topic in channels.items()
+        )
 
     def _heard(self) -> str:
         """The subscribed topics, and others."""

@@ -1,4 +1,5 @@
-"""Live readings that no motion explains, by the same bounds as those of files (`homeward.logs.plausible`)."""
+"""Live readings that no motion explains, by the same bounds as those of files
+(`homeward.logs.plausible`)."""
 
 from __future__ import annotations
 
@@ -17,8 +18,8 @@ _LEAST = thresholds.SPIKE_SAMPLES // 2 + 1
 class Spikes:
     """Compares each reading with the median of those before it.
 
-    A file's reading is compared with those around it as well. Live they have not come yet, so a value that stays is
-    believed from the third reading on.
+    A file's reading is compared with those around it as well. Live they have not come yet, so a
+    value that stays is believed from the third reading on.
 
     Args:
         max_speed_mps: Top speed of the robot, m/s.
@@ -29,7 +30,8 @@ class Spikes:
 
     def __init__(self, max_speed_mps: float) -> None:
         self._fastest_mps = thresholds.FASTER_THAN_TOP * max_speed_mps
-        self._past: dict[str, deque[tuple[float, float]]] = {}  # by channel: time and value, with spikes
+        # by channel: time and value, with spikes
+        self._past: dict[str, deque[tuple[float, float]]] = {}
         self.counts: dict[str, int] = {}
 
     def see(self, channel: str, value: float, now_s: float) -> bool:
@@ -51,6 +53,8 @@ class Spikes:
 
     def _is_spike(self, channel: str, value: float, now_s: float, past: np.ndarray) -> bool:
         usual_s, usual = np.median(past, axis=0)
-        largest_change = thresholds.FASTEST_CHANGES[channel] * max(now_s - usual_s, thresholds.SPIKE_S)
+        largest_change = thresholds.FASTEST_CHANGES[channel] * max(
+            now_s - usual_s, thresholds.SPIKE_S
+        )
         is_too_fast = channel in _SPEEDS and abs(value) > self._fastest_mps >= abs(usual)
         return bool(abs(value - usual) > largest_change or is_too_fast)

@@ -39,7 +39,9 @@ class Stamps:
         if abs(step_s - passed_s) > thresholds.JUMP_S:
             what = _jump(step_s, passed_s)
             difference = quantities.duration(abs(step_s - passed_s))
-            self.said = f"the clock of the messages {what} by {difference}: time continues as before"
+            self.said = (
+                f"the clock of the messages {what} by {difference}: time continues as before"
+            )
             step_s = passed_s
         elif step_s <= 0.0:
             return None
@@ -55,7 +57,8 @@ class Stamps:
 
 
 def _jump(step_s: float, passed_s: float) -> str:
-    """What happened to a clock whose stamps differ by `step_s` after a time that passed, in words."""
+    """What happened to a clock whose stamps differ by `step_s` after a time that passed, in
+    words."""
     if step_s == 0.0:
         return "stood still"
     return "was set forward" if step_s > passed_s else "was set back"

@@ -1,4 +1,5 @@
-"""Texts on what has changed in an advice, with their severity: what MAVLink and Foxglove are told."""
+"""Texts on what has changed in an advice, with their severity: what MAVLink and Foxglove are
+told."""
 
 from __future__ import annotations
 

@@ -39,7 +39,9 @@ def _quaternion(values: dict[str, float], topic: Topic) -> np.ndarray[Any, np.dt
         return np.full((4, 1), np.nan)
     quaternion = np.array([[values[f"{path}.{axis}"]] for axis in "xyzw"])
     # No part of a rotation is longer than 1.
-    return np.where(np.abs(quaternion) <= 1.0 + logs_thresholds.UNIT_LENGTH_ERROR, quaternion, np.nan)
+    return np.where(
+        np.abs(quaternion) <= 1.0 + logs_thresholds.UNIT_LENGTH_ERROR, quaternion, np.nan
+    )
 
 
 def slope(topic: Topic) -> Value:
@@ -62,4 +64,6 @@ def heading(topic: Topic) -> Value:
 def acceleration(topic: Topic) -> Value:
     """Forward acceleration, m/s^2; NaN if the message states that it has none."""
     path = topic.vectors[ACCELERATION]
-    return lambda values: math.nan if values.get(f"{path}_covariance[0]") == -1.0 else values[f"{path}.x"]
+    return lambda values: (
+        math.nan if values.get(f"{path}_covariance[0]") == -1.0 else values[f"{path}.x"]
+    )

@@ -1,7 +1,8 @@
-"""`homeward watch --ros2`: a robot's ROS 2 network joined without ROS, by Eclipse Cyclone DDS (extra `ros2`).
+"""`homeward watch --ros2`: a robot's ROS 2 network joined without ROS, by Eclipse Cyclone DDS
+(extra `ros2`).
 
-Topics are subscribed under the names that ROS 2 gives them in DDS (`network`), with types made from their message
-definitions (`idl`). Advice is published as messages of ROS 2 (`advice_messages`).
+Topics are subscribed under the names that ROS 2 gives them in DDS (`network`), with types made from
+their message definitions (`idl`). Advice is published as messages of ROS 2 (`advice_messages`).
 """
 
 LOOPBACK = (

@@ -14,7 +14,8 @@ from homeward.watch.online.link import can_reach_home, reserve
 from homeward.watch.ros2.interface import OWN, PUBLISHED, name_in
 
 Content = dict[str, Any]
-"""Fields of a message by their names, with dictionaries for the messages in it; others are 0 or empty."""
+"""Fields of a message by their names, with dictionaries for the messages in it; others are 0 or
+empty."""
 
 _OK, _WARN, _ERROR, _STALE = range(4)  # diagnostic_msgs/DiagnosticStatus
 _DISCHARGING = 2  # sensor_msgs/BatteryState
@@ -22,7 +23,12 @@ _UNMEASURED = "voltage", "temperature", "current", "charge", "capacity", "design
 
 
 def messages(
-    advice: Advice | None, full_j: float, robot: str, warnings: Sequence[str], silent: bool, namespace: str
+    advice: Advice | None,
+    full_j: float,
+    robot: str,
+    warnings: Sequence[str],
+    silent: bool,
+    namespace: str,
 ) -> Iterator[tuple[str, str, Content]]:
     """Topics, types and contents of an advice; without one, only diagnostics.
 
@@ -46,12 +52,17 @@ def messages(
                 "present": True, **dict.fromkeys(_UNMEASURED, math.nan),
             },
         }  # fmt: skip
-    contents["/diagnostics"] = {"header": header, "status": [_status(advice, robot, warnings, silent, namespace)]}
+    contents["/diagnostics"] = {
+        "header": header,
+        "status": [_status(advice, robot, warnings, silent, namespace)],
+    }
     for topic, content in contents.items():
         yield name_in(namespace, topic), PUBLISHED[topic], content
 
 
-def _status(advice: Advice | None, robot: str, warnings: Sequence[str], silent: bool, namespace: str) -> Content:
+def _status(
+    advice: Advice | None, robot: str, warnings: Sequence[str], silent: bool, namespace: str
+) -> Content:
     """The advice as a DiagnosticStatus: its level, a sentence, and its numbers."""
     level = _OK
     if silent:
@@ -71,13 +82,17 @@ def _status(advice: Advice | None, robot: str, warnings: Sequence[str], silent: 
 
 
 def _order(advice: Advice, level: int) -> tuple[int, str]:
-    """What the robot should do, with a level that is not below the given one unless it is an error."""
+    """What the robot should do, with a level that is not below the given one unless it is an
+    error."""
     if not can_reach_home(advice):
         return _ERROR, f"it may not get home: probability {advice.chance_home:.2%}"
     if advice.turn_now:
         destination = "" if advice.home == HOME else f", to {advice.home}"
         return max(level, _WARN), f"turn now{destination}"
-    return level, f"turn within {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}"
+    return (
+        level,
+        f"turn within {quantities.distance(advice.turn_in_m)}, {quantities.duration(advice.turn_in_s)}",
+    )
 
 
 def _numbers(advice: Advice) -> dict[str, object]:

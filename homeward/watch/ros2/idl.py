@@ -1,7 +1,8 @@
 """Types of ROS 2 messages in the form of Cyclone DDS, from the message definitions of `rosbags`.
 
-ROS 2 calls the type `sensor_msgs/msg/Imu` `sensor_msgs::msg::dds_::Imu_` in DDS, and serialises its fields in order as
-plain CDR (design.ros2.org, Topic and Service name mapping to DDS; OMG DDS-XTypes 1.3, 7.4).
+ROS 2 calls the type `sensor_msgs/msg/Imu` `sensor_msgs::msg::dds_::Imu_` in DDS, and serialises its
+fields in order as plain CDR (design.ros2.org, Topic and Service name mapping to DDS; OMG DDS-XTypes
+1.3, 7.4).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from homeward.logs.bags.messages import known_types
 
 _BASES: dict[str, Any] = {
     "bool": bool, "string": str,
-    # The DDS layers of ROS 2 declare both as uint8, and types that differ do not match (rmw_cyclonedds, dyntype.cpp).
+    # The DDS layers of ROS 2 declare both as uint8, and types that differ do not match
+    # (rmw_cyclonedds, dyntype.cpp).
     "byte": types.uint8, "char": types.uint8,
     **{f"{sign}int{bits}": getattr(types, f"{sign}int{bits}") for sign in ("", "u") for bits in (8, 16, 32, 64)},
     "float32": types.float32, "float64": types.float64,
@@ -62,7 +64,9 @@ def _type_of(definition: Any) -> Any:
     node, content = definition
     if node == Nodetype.BASE:
         if content[0] not in _BASES:
-            raise CompanionError(f"messages with a field of type {content[0]} cannot be read by Cyclone DDS for Python")
+            raise CompanionError(
+                f"messages with a field of type {content[0]} cannot be read by Cyclone DDS for Python"
+            )
         return _BASES[content[0]]
     if node == Nodetype.NAME:
         return struct_of(content)

@@ -1,6 +1,7 @@
 """Topics, types and quality of service on ROS 2, read from one table, `interface.json`.
 
-The node for a robot's own Python (`ros2/homeward_ros2`) has a copy of the table, which a test holds equal.
+The node for a robot's own Python (`ros2/homeward_ros2`) has a copy of the table, which a test holds
+equal.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ class Quality(NamedTuple):
     Attributes:
         reliability: `best_effort` or `reliable`.
         durability: `volatile`: no subscriber receives what is old.
-        depth: Messages of a topic that are kept until they are read. 100 of subscriptions are a fifth of a second of an
-            IMU at 500 Hz, twice the period of the node; chosen.
+        depth: Messages of a topic that are kept until they are read. 100 of subscriptions are a
+            fifth of a second of an IMU at 500 Hz, twice the period of the node; chosen.
     """
 
     reliability: str
@@ -46,7 +47,8 @@ def name_in(namespace: str, topic: str) -> str:
 
 
 def is_meant(topic: str, namespace: str) -> bool:
-    """Whether a topic of others is to be subscribed, if its mapping says so: below the namespace, and no advice.
+    """Whether a topic of others is to be subscribed, if its mapping says so: below the namespace,
+    and no advice.
 
     >>> is_meant("/robot1/odom", "/robot1"), is_meant("/robot2/odom", "/robot1"), is_meant("/homeward/battery", "")
     (True, False, False)

@@ -1,4 +1,5 @@
-"""The ROS 2 network: topics found, subscribed and published by Cyclone DDS, under their names in DDS."""
+"""The ROS 2 network: topics found, subscribed and published by Cyclone DDS, under their names in
+DDS."""
 
 from __future__ import annotations
 
@@ -19,8 +20,12 @@ from homeward.watch.ros2.interface import PUBLICATIONS, SUBSCRIPTIONS, Quality, 
 
 _PREFIX = "rt"  # of topics, before their name with its slash (design.ros2.org)
 _MOST = 1000  # news of publishers read at a time; chosen: more than a robot has topics
-_REPRESENTATION = Policy.DataRepresentation(use_cdrv0_representation=True)  # the one that every ROS 2 has
-_RELIABILITY = {"best_effort": Policy.Reliability.BestEffort, "reliable": Policy.Reliability.Reliable(0)}
+# the one that every ROS 2 has
+_REPRESENTATION = Policy.DataRepresentation(use_cdrv0_representation=True)
+_RELIABILITY = {
+    "best_effort": Policy.Reliability.BestEffort,
+    "reliable": Policy.Reliability.Reliable(0),
+}
 _DURABILITY = {"volatile": Policy.Durability.Volatile}
 
 
@@ -62,7 +67,8 @@ class Network:
         self._writers: dict[str, DataWriter[Any]] = {}
 
     def found(self) -> dict[str, str]:
-        """Topics that others publish or have published, with the types of their messages, as far as known."""
+        """Topics that others publish or have published, with the types of their messages, as far as
+        known."""
         for publication in self._publications.take(_MOST):
             alive = publication.sample_info.instance_state == InstanceState.Alive
             if (
@@ -77,7 +83,8 @@ class Network:
         return dict(self._found)
 
     def subscribe(self, topics: dict[str, str], fields: dict[str, list[str]]) -> None:
-        """Subscribe to topics, by name and type, that are not subscribed yet: best effort, as sensors publish."""
+        """Subscribe to topics, by name and type, that are not subscribed yet: best effort, as
+        sensors publish."""
         for name, kind in topics.items():
             if name not in self._readers:
                 topic = Topic(self._participant, f"{_PREFIX}{name}", struct_of(kind))
@@ -89,7 +96,8 @@ class Network:
         for name, reader in self._readers.items():
             try:
                 samples = reader.take(SUBSCRIPTIONS.depth)
-            except Exception:  # bytes that do not fit the type raise anything, from struct.error to UnicodeDecodeError
+            # bytes that do not fit the type raise anything, from struct.error to UnicodeDecodeError
+            except Exception:
                 self.unreadable[name] = self.unreadable.get(name, 0) + 1
                 continue
             messages += [
@@ -101,7 +109,9 @@ class Network:
 
     def faults(self) -> list[str]:
         """Messages that could not be read."""
-        return [f"messages of {name} do not fit their type and are left out" for name in self.unreadable]
+        return [
+            f"messages of {name} do not fit their type and are left out" for name in self.unreadable
+        ]
 
     def tell(self, news: News) -> None:
         """Publish an advice.

@@ -1,7 +1,7 @@
 """A simulated robot that publishes like a real one, to try `homeward watch --ros2` without one.
 
-`python -m homeward.watch.ros2.simulated --robot husky` drives to and fro, by the physics of the robot's file, and
-publishes battery state, odometry and IMU, best effort.
+`python -m homeward.watch.ros2.simulated --robot husky` drives to and fro, by the physics of the
+robot's file, and publishes battery state, odometry and IMU, best effort.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from homeward.physics import Robot, RobotError, ancillary_power, load_robot, mod
 from homeward.physics.battery import charge_share, energy_share
 from homeward.watch.ros2.idl import message, struct_of
 
-_VOLTAGE_V = 25.0  # chosen: near a Husky's 24 V and a Jackal's 25.6 V; readers multiply it by the current
+# chosen: near a Husky's 24 V and a Jackal's 25.6 V; readers multiply it by the current
+_VOLTAGE_V = 25.0
 _TOPICS = {
     "/battery_state": "sensor_msgs/msg/BatteryState", "/odom": "nav_msgs/msg/Odometry", "/imu": "sensor_msgs/msg/Imu",
 }  # fmt: skip
@@ -127,10 +128,18 @@ def _power(robot: Robot, speed_mps: float, slope_rad: float) -> float:
 
 
 def _contents(
-    stamp_s: float, power_w: float, soc: float, x_m: float, yaw_rad: float, slope_rad: float, speed_mps: float
+    stamp_s: float,
+    power_w: float,
+    soc: float,
+    x_m: float,
+    yaw_rad: float,
+    slope_rad: float,
+    speed_mps: float,
 ) -> list[dict[str, object]]:
     """Fields of battery state, odometry and IMU."""
-    stamp = message("builtin_interfaces/msg/Time", sec=int(stamp_s), nanosec=int(stamp_s % 1.0 * 1e9))
+    stamp = message(
+        "builtin_interfaces/msg/Time", sec=int(stamp_s), nanosec=int(stamp_s % 1.0 * 1e9)
+    )
     header = message("std_msgs/msg/Header", stamp=stamp, frame_id="odom")
     # Halves of the angles, of which quaternions are made; a positive pitch looks down.
     sin_yaw = math.sin(0.5 * yaw_rad)
@@ -144,7 +153,9 @@ def _contents(
     )  # fmt: skip
     still = {"x": 0.0, "y": 0.0, "z": 0.0}
     place = message(
-        "geometry_msgs/msg/Pose", position=message("geometry_msgs/msg/Point", **(still | {"x": x_m})), orientation=flat
+        "geometry_msgs/msg/Pose",
+        position=message("geometry_msgs/msg/Point", **(still | {"x": x_m})),
+        orientation=flat,
     )
     twist = message(
         "geometry_msgs/msg/Twist", linear=message("geometry_msgs/msg/Vector3", **(still | {"x": speed_mps})),

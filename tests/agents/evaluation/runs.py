@@ -19,9 +19,15 @@ def policy(name: str, options: Options = SURVEY) -> Policy:
 
 def made_up(score: Any, stranded: Any = None) -> Run:
     scores = np.asarray(score, dtype=np.float64)
-    lost = np.zeros(len(scores), np.bool_) if stranded is None else np.asarray(stranded, dtype=np.bool_)
+    lost = (
+        np.zeros(len(scores), np.bool_)
+        if stranded is None
+        else np.asarray(stranded, dtype=np.bool_)
+    )
     zeros = np.zeros(len(scores))
-    episodes = Episodes(scores, ~lost, lost, np.zeros_like(lost), zeros + 5.0, zeros, zeros, zeros.astype(np.int64))
+    episodes = Episodes(
+        scores, ~lost, lost, np.zeros_like(lost), zeros + 5.0, zeros, zeros, zeros.astype(np.int64)
+    )
     return Run(
         episodes,
         1.0,

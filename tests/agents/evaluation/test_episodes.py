@@ -1,4 +1,5 @@
-"""Episodes are the same for all agents, and their outcome does not depend on how many run at once."""
+"""Episodes are the same for all agents, and their outcome does not depend on how many run at
+once."""
 
 from typing import Any, final
 
@@ -74,7 +75,8 @@ def test_agents_are_told_once_that_missions_begin() -> None:
 
 def test_a_robot_that_drives_on_is_stranded_and_scores_nothing() -> None:
     run = run_episodes(Always(GO), Options("Survey", difficulty="harsh"), episode_seeds(0, 20))
-    steep = run.episodes.timed_out  # nobody drives to the end of a steep way down and still has charge to stand there
+    # nobody drives to the end of a steep way down and still has charge to stand there
+    steep = run.episodes.timed_out
     assert not run.episodes.home.any()
     assert (run.episodes.stranded ^ steep).all()
     assert run.episodes.score.tolist() == [0.0] * 20
@@ -88,7 +90,11 @@ def test_running_out_of_time_is_no_stranding_and_scores_nothing() -> None:
     assert not run.episodes.stranded.any()
     assert run.episodes.score.tolist() == [0.0] * 4
     summary = summarised(waits=run)["agents"]["waits"]
-    assert (summary["timed_out"], summary["stranded"], summary["energy_left_home_j"]) == (4, 0, None)
+    assert (summary["timed_out"], summary["stranded"], summary["energy_left_home_j"]) == (
+        4,
+        0,
+        None,
+    )
 
 
 def test_traces_begin_full_at_home_and_end_with_the_episode() -> None:

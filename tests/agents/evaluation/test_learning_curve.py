@@ -28,7 +28,9 @@ def test_steps_are_written_whole_and_the_rest_with_six_digits(tmp_path: Path) ->
     assert (point.steps, point.trained_s, point.score) == (123_456_789, 0.333333, 666667.0)
 
 
-@pytest.mark.parametrize("content", [None, "", "\x00", '"', "steps,trained_s,score,stranded_rate,late_rate\n"])
+@pytest.mark.parametrize(
+    "content", [None, "", "\x00", '"', "steps,trained_s,score,stranded_rate,late_rate\n"]
+)
 def test_a_run_without_points_has_an_empty_curve(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / CURVE).write_text(content)
@@ -47,7 +49,9 @@ def test_a_run_without_points_has_an_empty_curve(tmp_path: Path, content: str | 
 )
 def test_a_damaged_curve_is_one_line(tmp_path: Path, content: str) -> None:
     (tmp_path / CURVE).write_text(content)
-    with pytest.raises(TrainingError, match=f"{CURVE} is damaged: delete it to continue with a new curve") as caught:
+    with pytest.raises(
+        TrainingError, match=f"{CURVE} is damaged: delete it to continue with a new curve"
+    ) as caught:
         read_curve(tmp_path)
     assert "\n" not in str(caught.value)
 
@@ -58,14 +62,18 @@ def test_a_point_is_of_the_episodes_of_curves() -> None:
     episodes = run_episodes(
         policy("dmax"), SURVEY, episode_seeds(learning_curve.SEED, learning_curve.EPISODES)
     ).episodes
-    assert point == Point(7, 1.5, episodes.score.mean(), episodes.stranded.mean(), episodes.timed_out.mean())
+    assert point == Point(
+        7, 1.5, episodes.score.mean(), episodes.stranded.mean(), episodes.timed_out.mean()
+    )
 
 
 def test_what_is_neither_home_nor_stranded_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
     run = made_up([10.0, 0.0, 0.0, 0.0], [False, True, False, False])
     late = dataclasses.replace(run.episodes, timed_out=run.episodes.score < 0.0)
     late.timed_out[2:] = True
-    monkeypatch.setattr(learning_curve, "run_episodes", lambda *_: dataclasses.replace(run, episodes=late))
+    monkeypatch.setattr(
+        learning_curve, "run_episodes", lambda *_: dataclasses.replace(run, episodes=late)
+    )
     point = measure(policy("dmax"), SURVEY, 0, 0.0)
     assert (point.score, point.stranded_rate, point.late_rate) == (2.5, 0.25, 0.5)
 

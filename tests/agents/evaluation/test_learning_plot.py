@@ -28,7 +28,9 @@ CURVES = {
 
 def test_it_is_a_picture() -> None:
     evaluation = compared(ppo=made_up([3.0, 2.0]), dmax=made_up([2.0, 4.0]))
-    assert learning_png(evaluation, evaluation.summary(np.random.default_rng(0)), CURVES).startswith(b"\x89PNG")
+    assert learning_png(
+        evaluation, evaluation.summary(np.random.default_rng(0)), CURVES
+    ).startswith(b"\x89PNG")
 
 
 @pytest.fixture
@@ -42,7 +44,8 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
 
     monkeypatch.setattr(learning_plot, "png", keep)
     evaluation = compared(
-        ppo=made_up([0.0, 2.0, 3.0, 9.0]), dmax=made_up([0.0, 4.0, 4.0, 4.0], [True, False, False, False])
+        ppo=made_up([0.0, 2.0, 3.0, 9.0]),
+        dmax=made_up([0.0, 4.0, 4.0, 4.0], [True, False, False, False]),
     )
     learning_png(evaluation, evaluation.summary(np.random.default_rng(0)), CURVES)
     return drawn[0].axes
@@ -51,11 +54,18 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
 def curves(axes: Axes) -> list[tuple[list[float], list[float]]]:
     """Abscissas and ordinates of the lines that are no levels."""
     lines = [line for line in axes.lines if line.get_linestyle() == "-"]
-    return [(np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist()) for line in lines]
+    return [
+        (np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist())
+        for line in lines
+    ]
 
 
 def levels(axes: Axes) -> list[float]:
-    return [float(np.asarray(line.get_ydata())[0]) for line in axes.lines if line.get_linestyle() == "--"]
+    return [
+        float(np.asarray(line.get_ydata())[0])
+        for line in axes.lines
+        if line.get_linestyle() == "--"
+    ]
 
 
 def test_scores_and_strandings_stand_over_millions_of_decisions(axes: list[Axes]) -> None:
@@ -73,4 +83,9 @@ def test_every_agent_has_its_level(axes: list[Axes]) -> None:
 def test_the_legend_names_an_agent_once_and_says_which_policy_was_kept(axes: list[Axes]) -> None:
     legend = axes[0].get_legend()
     assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["ppo, kept", "ppo, at that time", "ppo", "dmax"]
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "ppo, kept",
+        "ppo, at that time",
+        "ppo",
+        "dmax",
+    ]

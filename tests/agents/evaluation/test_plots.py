@@ -22,9 +22,16 @@ def test_pictures_are_drawn(mission: str, monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(episode_plots, "png", titled)
     options = Options(mission, difficulty="harsh")
-    runs = {name: run_episodes(policy(name, options), options, episode_seeds(0, 8)) for name in ("random", "dmax")}
+    runs = {
+        name: run_episodes(policy(name, options), options, episode_seeds(0, 8))
+        for name in ("random", "dmax")
+    }
     result = Evaluation(
-        f"homeward/{mission}-v0", options, 0, episode_seeds(0, 8), {name: [run] for name, run in runs.items()}
+        f"homeward/{mission}-v0",
+        options,
+        0,
+        episode_seeds(0, 8),
+        {name: [run] for name, run in runs.items()},
     )
     rng = np.random.default_rng(0)
     summary = result.summary(rng)

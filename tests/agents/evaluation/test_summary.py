@@ -21,10 +21,13 @@ def test_summary_of_known_scores() -> None:
     assert one["score_mean"] == pytest.approx(values.mean())
     assert one["score_iqm"] == pytest.approx(values[100:300].mean())
     half_width = 1.96 * values.std() / 20.0  # the normal approximation
-    assert one["score_ci95"] == pytest.approx([values.mean() - half_width, values.mean() + half_width], rel=0.01)
+    assert one["score_ci95"] == pytest.approx(
+        [values.mean() - half_width, values.mean() + half_width], rel=0.01
+    )
     assert (one["stranded"], one["stranded_rate"]) == (20, 0.05)
     z = 1.959964
-    centre, half = 0.05 + z**2 / 800.0, z * np.sqrt(0.05 * 0.95 / 400.0 + (z / 800.0) ** 2)  # Wilson, 1927
+    # Wilson, 1927
+    centre, half = 0.05 + z**2 / 800.0, z * np.sqrt(0.05 * 0.95 / 400.0 + (z / 800.0) ** 2)
     wilson = [(centre - half) / (1.0 + z**2 / 400.0), (centre + half) / (1.0 + z**2 / 400.0)]
     assert one["stranded_ci95"] == pytest.approx(wilson, rel=1e-5)
     assert one["share_of_optimum"] is None
@@ -34,7 +37,9 @@ def test_pairs_are_compared_on_the_same_resampled_episodes() -> None:
     rng = np.random.default_rng(0)
     hard_and_easy = rng.uniform(0.0, 1000.0, 300)
     better = hard_and_easy + rng.uniform(0.0, 20.0, 300)
-    summary = summarised(base=made_up(hard_and_easy), same=made_up(hard_and_easy), more=made_up(better))
+    summary = summarised(
+        base=made_up(hard_and_easy), same=made_up(hard_and_easy), more=made_up(better)
+    )
     assert list(summary["paired"]) == ["same - base", "more - base", "more - same"]
     same = summary["paired"]["same - base"]
     assert (same["mean"], same["ci95"], same["relative"], same["probability_of_improvement"]) == (
@@ -99,7 +104,9 @@ def test_no_share_of_an_optimum_of_nothing() -> None:
 
 
 def test_profiles_say_what_share_of_episodes_scores_more() -> None:
-    profiles = summarised(a=made_up([0.0, 50.0, 100.0, 100.0]), b=made_up([20.0, 20.0, 20.0, 20.0]))["profiles"]
+    profiles = summarised(
+        a=made_up([0.0, 50.0, 100.0, 100.0]), b=made_up([20.0, 20.0, 20.0, 20.0])
+    )["profiles"]
     assert profiles["score"][0] == 0.0 and profiles["score"][-1] == 100.0
     at = {name: dict(zip(profiles["score"], profiles[name], strict=True)) for name in ("a", "b")}
     assert (at["a"][0.0], at["a"][50.0], at["a"][100.0]) == (0.75, 0.5, 0.0)
@@ -107,11 +114,27 @@ def test_profiles_say_what_share_of_episodes_scores_more() -> None:
 
 
 def test_json_holds_what_the_schema_names() -> None:
-    runs = {name: run_episodes(policy(name), SURVEY, episode_seeds(0, 6)) for name in ("soc50", "dmax")}
+    runs = {
+        name: run_episodes(policy(name), SURVEY, episode_seeds(0, 6)) for name in ("soc50", "dmax")
+    }
     result = compared(None, **runs)
     content = json.loads(result.to_json(result.summary(np.random.default_rng(0))))
-    assert set(content) >= {"schema", "env", "options", "episodes", "seed", "versions", "agents", "paired"}
-    assert (content["schema"], content["env"], content["episodes"], content["seed"]) == (1, "homeward/Survey-v0", 6, 0)
+    assert set(content) >= {
+        "schema",
+        "env",
+        "options",
+        "episodes",
+        "seed",
+        "versions",
+        "agents",
+        "paired",
+    }
+    assert (content["schema"], content["env"], content["episodes"], content["seed"]) == (
+        1,
+        "homeward/Survey-v0",
+        6,
+        0,
+    )
     assert content["options"]["difficulty"] == "uncertain"
     assert {"homeward", "numpy", "gymnasium"} <= set(content["versions"])
     assert set(content["agents"]) == {"soc50", "dmax"}
@@ -123,7 +146,9 @@ def test_json_holds_what_the_schema_names() -> None:
 
 
 def test_csv_has_a_row_per_agent_and_episode() -> None:
-    runs = {name: run_episodes(policy(name), SURVEY, episode_seeds(0, 6)) for name in ("soc50", "dmax")}
+    runs = {
+        name: run_episodes(policy(name), SURVEY, episode_seeds(0, 6)) for name in ("soc50", "dmax")
+    }
     rows = list(csv.DictReader(io.StringIO(compared(None, **runs).to_csv())))
     assert [(row["agent"], int(row["episode"])) for row in rows] == [
         (a, k) for a in ("soc50", "dmax") for k in range(6)

@@ -10,7 +10,14 @@ import pytest
 
 from homeward import load_robot
 from homeward.agents import make_policy
-from homeward.agents.evaluation import TRACE_COLUMNS, Episodes, Run, episode_seeds, run_episodes, tasks
+from homeward.agents.evaluation import (
+    TRACE_COLUMNS,
+    Episodes,
+    Run,
+    episode_seeds,
+    run_episodes,
+    tasks,
+)
 from homeward.agents.evaluation.tasks import run_agents, self_contained
 from homeward.agents.shield import Shield
 from homeward.envs.conditions.instruments import Instruments
@@ -48,11 +55,15 @@ def test_parts_of_a_run_keep_the_traces_of_the_first_and_the_median_of_their_tim
     assert whole.traces.shape[1:] == (1, len(TRACE_COLUMNS))
     np.testing.assert_array_equal(whole.traces, first.traces)
     np.testing.assert_array_equal(whole.interest, first.interest)
-    assert whole.episodes.score.tolist() == [float(one.episodes.score[0]) for one in (first, second, third)]
+    assert whole.episodes.score.tolist() == [
+        float(one.episodes.score[0]) for one in (first, second, third)
+    ]
 
 
 @pytest.mark.parametrize("route", ["hill.csv", "box", "hidden_wind"])
-def test_options_take_along_what_is_in_files(route: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_options_take_along_what_is_in_files(
+    route: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     files = [Path(f"{name}.toml") for name in ("mine", "true", "scale")]
     for mass_kg, file in enumerate(files, start=1):
@@ -62,12 +73,22 @@ def test_options_take_along_what_is_in_files(route: str, tmp_path: Path, monkeyp
     mine, true, scale = files
     instruments = Path("mine_instruments.toml")
     instruments.write_text("soc_step = 0.02")
-    options = Options("Survey", robot=mine, route=route, true_robot=true, scaled_for=scale, instruments=instruments)
+    options = Options(
+        "Survey",
+        robot=mine,
+        route=route,
+        true_robot=true,
+        scaled_for=scale,
+        instruments=instruments,
+    )
     there = HomewardVectorEnv(**vars(options)).batch
     carried = self_contained(options)
     for file in (hill, instruments, *files):
         file.unlink()
     elsewhere = HomewardVectorEnv(**vars(carried)).batch
-    assert (elsewhere.known.robot, elsewhere.hidden.robot) == (there.known.robot, there.hidden.robot)
+    assert (elsewhere.known.robot, elsewhere.hidden.robot) == (
+        there.known.robot,
+        there.hidden.robot,
+    )
     assert elsewhere.known.instruments == there.known.instruments == Instruments(soc_step=0.02)
     assert elsewhere.constants.tobytes() == there.constants.tobytes()

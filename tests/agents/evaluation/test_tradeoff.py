@@ -1,4 +1,5 @@
-"""Curves of score against stranding: read at equal stranding, and never better for being asked for more safety."""
+"""Curves of score against stranding: read at equal stranding, and never better for being asked for
+more safety."""
 
 from __future__ import annotations
 
@@ -20,12 +21,20 @@ POINTS = st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(0.0, 1.0)), min_size=
 
 
 def curve(points: list[tuple[float, float]]) -> Curve:
-    return Curve(tuple(range(len(points))), tuple(s for s, _ in points), tuple(lost for _, lost in points))
+    return Curve(
+        tuple(range(len(points))), tuple(s for s, _ in points), tuple(lost for _, lost in points)
+    )
 
 
 def test_between_two_reserves_it_is_interpolated() -> None:
     both = curve([(12.0, 0.02), (10.0, 0.0)])
-    assert [both.at(level) for level in (0.0, 0.005, 0.01, 0.02, 0.5)] == [10.0, 10.5, 11.0, 12.0, 12.0]
+    assert [both.at(level) for level in (0.0, 0.005, 0.01, 0.02, 0.5)] == [
+        10.0,
+        10.5,
+        11.0,
+        12.0,
+        12.0,
+    ]
 
 
 def test_where_every_reserve_strands_more_there_is_none() -> None:
@@ -37,13 +46,19 @@ def test_where_every_reserve_strands_more_there_is_none() -> None:
 def test_interpolation_never_leaves_its_interval() -> None:
     rng = np.random.default_rng(0)
     for _ in range(300):
-        (low, high), (few, many) = np.sort(rng.uniform(0.0, 1e3, 2)), np.sort(rng.uniform(0.0, 1.0, 2))
+        (low, high), (few, many) = (
+            np.sort(rng.uniform(0.0, 1e3, 2)),
+            np.sort(rng.uniform(0.0, 1.0, 2)),
+        )
         between = curve([(low, few), (high, many)]).at(float(np.nextafter(many, 0.0)))
         assert between is not None and low <= between <= high
 
 
 def test_of_reserves_that_strand_alike_the_best_counts() -> None:
-    for points in ([(12.0, 0.0), (10.0, 0.0), (11.0, 0.02)], [(10.0, 0.0), (12.0, 0.0), (11.0, 0.02)]):
+    for points in (
+        [(12.0, 0.0), (10.0, 0.0), (11.0, 0.02)],
+        [(10.0, 0.0), (12.0, 0.0), (11.0, 0.02)],
+    ):
         assert [curve(points).at(level) for level in (0.0, 0.01, 0.02)] == [12.0, 12.0, 12.0]
 
 
@@ -70,7 +85,11 @@ def test_a_curve_has_the_mean_over_missions_and_training_seeds() -> None:
 
 
 def test_a_picture_shows_whatever_curves_there_are() -> None:
-    curves = {"a": curve([(12.0, 0.5), (10.0, 0.0)]), "b": Curve((None,), (3.0,), (0.0,)), "c": curve([(0.0, 1.0)])}
+    curves = {
+        "a": curve([(12.0, 0.5), (10.0, 0.0)]),
+        "b": Curve((None,), (3.0,), (0.0,)),
+        "c": curve([(0.0, 1.0)]),
+    }
     for mission in ("OutAndBack", "Survey", "Patrol"):
         assert margins_png(curves, mission, "title").startswith(b"\x89PNG")
 
@@ -84,9 +103,14 @@ def test_every_agent_with_a_reserve_is_swept_around_what_was_tuned() -> None:
             assert reserves[0] <= tuned <= reserves[-1]
 
 
-@pytest.mark.parametrize("name", ["soc50", "dmax", "dmax_mapped", "dmax_adaptive", "dmax_belief", "planner"])
+@pytest.mark.parametrize(
+    "name", ["soc50", "dmax", "dmax_mapped", "dmax_adaptive", "dmax_belief", "planner"]
+)
 def test_more_reserve_leaves_more_energy_and_strands_no_more(name: str) -> None:
-    options, seeds = Options("OutAndBack", difficulty="uncertain", decision_s=120.0), episode_seeds(4, 24)
+    options, seeds = (
+        Options("OutAndBack", difficulty="uncertain", decision_s=120.0),
+        episode_seeds(4, 24),
+    )
     env = HomewardVectorEnv(**vars(options))
     runs = [
         run_episodes(make_policy(name, env, reserve=reserve), options, seeds).episodes

@@ -1,7 +1,9 @@
-"""Between updates: when points, checkpoints and the policy's turn come, and which policy is the best."""
+"""Between updates: when points, checkpoints and the policy's turn come, and which policy is the
+best."""
 
 from __future__ import annotations
 
+import functools
 import io
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -52,7 +54,11 @@ class Training:
             lambda: self.begun_anew.append(self.model.num_timesteps),
         )  # fmt: skip
         with one_thread():
-            self.model.learn(updates * ROLLOUT - self.model.num_timesteps, self.callback, reset_num_timesteps=False)
+            self.model.learn(
+                updates * ROLLOUT - self.model.num_timesteps,
+                self.callback,
+                reset_num_timesteps=False,
+            )
             self.callback.add_to_curve()
         self.callback.close()
 
@@ -63,9 +69,12 @@ class Training:
 
 
 @pytest.mark.parametrize(
-    ("every", "expected"), [(1, [0, 1, 2, 3, 4]), (ROLLOUT, [0, 1, 2, 3, 4]), (ROLLOUT + 1, [0, 2, 4]), (9**9, [0, 4])]
+    ("every", "expected"),
+    [(1, [0, 1, 2, 3, 4]), (ROLLOUT, [0, 1, 2, 3, 4]), (ROLLOUT + 1, [0, 2, 4]), (9**9, [0, 4])],
 )
-def test_points_are_no_closer_than_asked_and_the_end_has_one(tmp_path: Path, every: int, expected: list[int]) -> None:
+def test_points_are_no_closer_than_asked_and_the_end_has_one(
+    tmp_path: Path, every: int, expected: list[int]
+) -> None:
     training = Training(tmp_path, 4, every=every)
     assert training.measured == [update * ROLLOUT for update in expected]
     curve = read_curve(tmp_path)
@@ -75,7 +84,12 @@ def test_points_are_no_closer_than_asked_and_the_end_has_one(tmp_path: Path, eve
 
 @pytest.mark.parametrize(
     ("scores", "best"),
-    [([9.0, 1.0, 3.0, 2.0], 2), ([9.0, 1.0, 3.0, 3.0], 3), ([0.0, 5.0, 3.0, 4.0], 1), ([9.0, 0.0, 0.0, 0.0], 3)],
+    [
+        ([9.0, 1.0, 3.0, 2.0], 2),
+        ([9.0, 1.0, 3.0, 3.0], 3),
+        ([0.0, 5.0, 3.0, 4.0], 1),
+        ([9.0, 0.0, 0.0, 0.0], 3),
+    ],
 )
 def test_the_best_is_the_latest_of_the_highest_since_training_began(
     tmp_path: Path, scores: list[float], best: int
@@ -88,36 +102,49 @@ def test_the_best_is_the_latest_of_the_highest_since_training_began(
 def test_the_best_policy_is_kept_as_it_was(tmp_path: Path) -> None:
     updates = VALUE_FIRST + 2
     last = Training(tmp_path / "last", updates, score=lambda steps: 1.0)
-    earlier = Training(tmp_path / "earlier", updates, score=lambda steps: float(steps == (updates - 1) * ROLLOUT))
+    earlier = Training(
+        tmp_path / "earlier", updates, score=lambda steps: float(steps == (updates - 1) * ROLLOUT)
+    )
     assert last.callback.best is not None and earlier.callback.best is not None
-    for (weight, _), (present, _) in zip(last.callback.best.layers, layers_of(last.model), strict=True):
+    for (weight, _), (present, _) in zip(
+        last.callback.best.layers, layers_of(last.model), strict=True
+    ):
         np.testing.assert_array_equal(weight, present)
     assert any(
         (weight != present).any()
-        for (weight, _), (present, _) in zip(earlier.callback.best.layers, layers_of(earlier.model), strict=True)
+        for (weight, _), (present, _) in zip(
+            earlier.callback.best.layers, layers_of(earlier.model), strict=True
+        )
     )
 
 
 def test_the_best_of_a_continued_run_is_beaten_by_no_lower_score(tmp_path: Path) -> None:
     before = Best(ROLLOUT, 2.0, [])
     for score, kept in ((1.9, True), (2.0, False)):
-        training = Training(tmp_path / str(score), 2, best=before, score=lambda steps, score=score: score)  # type: ignore[misc]
+        always = functools.partial(lambda value, steps: value, score)
+        training = Training(tmp_path / str(score), 2, best=before, score=always)
         assert (training.callback.best is before) == kept
 
 
 def test_a_continued_run_goes_on_with_its_curve_up_to_its_checkpoint(tmp_path: Path) -> None:
     model = learner()
     model.num_timesteps = 2 * ROLLOUT
-    write_curve(tmp_path, [Point(update * ROLLOUT, 10.0 * update, 0.0, 0.0, 0.0) for update in range(4)])
+    write_curve(
+        tmp_path, [Point(update * ROLLOUT, 10.0 * update, 0.0, 0.0, 0.0) for update in range(4)]
+    )
     training = Training(tmp_path, 4, model=model)
-    assert training.measured == [3 * ROLLOUT, 4 * ROLLOUT]  # the point after the checkpoint is measured again
+    # the point after the checkpoint is measured again
+    assert training.measured == [3 * ROLLOUT, 4 * ROLLOUT]
     curve = read_curve(tmp_path)
     assert [point.steps for point in curve] == [update * ROLLOUT for update in range(5)]
     assert curve[2].trained_s == 20.0 < curve[3].trained_s < 30.0
 
 
 def test_checkpoints_are_written_where_asked_and_missions_begin_anew(tmp_path: Path) -> None:
-    assert Training(tmp_path, 4, checkpoints=[ROLLOUT, 3 * ROLLOUT]).begun_anew == [ROLLOUT, 3 * ROLLOUT]
+    assert Training(tmp_path, 4, checkpoints=[ROLLOUT, 3 * ROLLOUT]).begun_anew == [
+        ROLLOUT,
+        3 * ROLLOUT,
+    ]
     assert (tmp_path / CHECKPOINT).is_file() and (tmp_path / PREVIOUS).is_file()
 
 
@@ -135,7 +162,9 @@ def test_the_value_learns_first(tmp_path: Path) -> None:
 
     (actions, values), model = parts(learner()), learner()
     first = Training(tmp_path, VALUE_FIRST, model=model)
-    assert torch.equal(parts(first.model)[0], actions) and not torch.equal(parts(first.model)[1], values)
+    assert torch.equal(parts(first.model)[0], actions) and not torch.equal(
+        parts(first.model)[1], values
+    )
     later = Training(tmp_path, VALUE_FIRST + 1, model=model)
     assert not torch.equal(parts(later.model)[0], actions)
 
@@ -167,7 +196,10 @@ def test_home_rate_and_score_are_those_of_the_missions_that_ended(tmp_path: Path
     assert (callback.home_rate, callback.score) == pytest.approx((1.0 / 3.0, 8.0 / 3.0))
     callback._on_rollout_end()  # nothing ended since: the figures stay
     assert callback.score == pytest.approx(8.0 / 3.0)
-    callback.locals = {"infos": [{"home": True, "stranded": False, "score": 4.0}], "dones": np.ones(1, np.bool_)}
+    callback.locals = {
+        "infos": [{"home": True, "stranded": False, "score": 4.0}],
+        "dones": np.ones(1, np.bool_),
+    }
     assert callback._on_step()
     callback._on_rollout_end()
     assert (callback.home_rate, callback.score) == (1.0, 4.0)

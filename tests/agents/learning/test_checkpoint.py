@@ -1,4 +1,5 @@
-"""Checkpoints: a restored learner goes on as the one that was saved, and numbers that are no checkpoint are refused."""
+"""Checkpoints: a restored learner goes on as the one that was saved, and numbers that are no
+checkpoint are refused."""
 
 from __future__ import annotations
 
@@ -50,13 +51,20 @@ def test_what_is_restored_is_what_was_saved(trained: PPO, saved: Path) -> None:
     model = learner(seed=1)
     best = restore_checkpoint(model, saved, MOST)
     ours, theirs = parameters(model), parameters(trained)
-    assert all(torch.equal(ours[name], theirs[name]) for name in theirs) and ours.keys() == theirs.keys()
+    assert (
+        all(torch.equal(ours[name], theirs[name]) for name in theirs)
+        and ours.keys() == theirs.keys()
+    )
     assert averages(trained).keys() == averages(model).keys() != set()
     for index, state in averages(trained).items():
-        assert all(torch.equal(averages(model)[index][name], value) for name, value in state.items())
+        assert all(
+            torch.equal(averages(model)[index][name], value) for name, value in state.items()
+        )
     assert (model.num_timesteps, model._n_updates) == (SETTINGS.rollout, SETTINGS.epochs)
     assert best is not None and (best.steps, best.score) == (SETTINGS.rollout, 12.5)
-    for (weight, bias), (expected_weight, expected_bias) in zip(best.layers, layers_of(learner(seed=5)), strict=True):
+    for (weight, bias), (expected_weight, expected_bias) in zip(
+        best.layers, layers_of(learner(seed=5)), strict=True
+    ):
         np.testing.assert_array_equal(weight, expected_weight)
         np.testing.assert_array_equal(bias, expected_bias)
 
@@ -87,7 +95,9 @@ Spoiled = Callable[[dict[str, Any], dict[str, Any]], object]
 
 def spoilt(saved: Path, folder: Path, spoil: Spoiled) -> Path:
     """A folder with the checkpoint, changed."""
-    tensors = {name: value.copy() for name, value in load((saved / CHECKPOINT).read_bytes()).items()}
+    tensors = {
+        name: value.copy() for name, value in load((saved / CHECKPOINT).read_bytes()).items()
+    }
     with safe_open(saved / CHECKPOINT, "np") as file:
         header = json.loads(file.metadata()["homeward"])
     spoil(tensors, header)
@@ -96,7 +106,10 @@ def spoilt(saved: Path, folder: Path, spoil: Spoiled) -> Path:
 
 
 def test_a_checkpoint_is_read_if_nothing_is_spoilt(saved: Path, tmp_path: Path) -> None:
-    assert restore_checkpoint(learner(), spoilt(saved, tmp_path, lambda tensors, header: None), MOST) is not None
+    assert (
+        restore_checkpoint(learner(), spoilt(saved, tmp_path, lambda tensors, header: None), MOST)
+        is not None
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,13 +138,18 @@ def test_a_checkpoint_is_read_if_nothing_is_spoilt(saved: Path, tmp_path: Path) 
         lambda tensors, header: tensors.update({"best.0.weight": np.zeros((1, 1), np.float32)}),
     ],
 )
-def test_numbers_that_are_no_checkpoint_are_refused(saved: Path, tmp_path: Path, spoil: Spoiled) -> None:
+def test_numbers_that_are_no_checkpoint_are_refused(
+    saved: Path, tmp_path: Path, spoil: Spoiled
+) -> None:
     model = learner(seed=1)
     before = parameters(model)
-    with pytest.raises(TrainingError, match="no checkpoint that can be read: delete it, or choose another --out"):
+    with pytest.raises(
+        TrainingError, match="no checkpoint that can be read: delete it, or choose another --out"
+    ):
         restore_checkpoint(model, spoilt(saved, tmp_path, spoil), MOST)
     after = parameters(model)
-    assert all(torch.equal(after[name], before[name]) for name in before)  # checked before any is used
+    # checked before any is used
+    assert all(torch.equal(after[name], before[name]) for name in before)
     assert model.num_timesteps == 0 and averages(model) == {}
 
 

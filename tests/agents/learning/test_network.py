@@ -1,4 +1,5 @@
-"""The learner's network: a linear rule of the inputs with a residual, and a value that learns first."""
+"""The learner's network: a linear rule of the inputs with a residual, and a value that learns
+first."""
 
 from __future__ import annotations
 
@@ -96,7 +97,9 @@ def test_from_the_rule_the_value_is_a_tenth() -> None:
 
 
 def test_the_value_sees_nothing_fleeting() -> None:
-    model = make_model(Options("Survey"), PPOSettings(n_envs=4, n_steps=4, batch_size=16, hidden=8), seed=0)
+    model = make_model(
+        Options("Survey"), PPOSettings(n_envs=4, n_steps=4, batch_size=16, hidden=8), seed=0
+    )
     env = model.get_env()
     assert env is not None
     seen = torch.from_numpy(np.asarray(env.reset()).copy())

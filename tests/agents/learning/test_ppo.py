@@ -1,4 +1,5 @@
-"""The learner: a run of whole updates, random numbers of its own, and one thread for each library."""
+"""The learner: a run of whole updates, random numbers of its own, and one thread for each
+library."""
 
 from __future__ import annotations
 
@@ -15,7 +16,16 @@ from rich.console import Console
 from stable_baselines3 import PPO
 from threadpoolctl import threadpool_info
 
-from homeward.agents.learning.ppo import Trained, deployed, draw_anew, inputs_of, make_model, one_thread, stagger, train
+from homeward.agents.learning.ppo import (
+    Trained,
+    deployed,
+    draw_anew,
+    inputs_of,
+    make_model,
+    one_thread,
+    stagger,
+    train,
+)
 from homeward.agents.learning.settings import DivergedError, PPOSettings
 from homeward.agents.trained.policy_file import load_policy
 from homeward.agents.trained.run_folder import FIRST, LAST
@@ -29,11 +39,17 @@ pytestmark = pytest.mark.usefixtures("short_curves")
 
 def trained(folder: Path, settings: PPOSettings = SETTINGS, steps: int = 1) -> Trained:
     console = Console(file=io.StringIO())
-    more: dict[str, Any] = {"details": {"training": {"env": "homeward/Survey-v0"}}, "checkpoints": 1, "curve": 1}
+    more: dict[str, Any] = {
+        "details": {"training": {"env": "homeward/Survey-v0"}},
+        "checkpoints": 1,
+        "curve": 1,
+    }
     return train(OPTIONS, settings, steps, 0, folder, restore=False, console=console, **more)
 
 
-@pytest.mark.parametrize(("steps", "whole"), [(1, 1), (SETTINGS.rollout, 1), (SETTINGS.rollout + 1, 2)])
+@pytest.mark.parametrize(
+    ("steps", "whole"), [(1, 1), (SETTINGS.rollout, 1), (SETTINGS.rollout + 1, 2)]
+)
 def test_steps_are_rounded_up_to_whole_updates(tmp_path: Path, steps: int, whole: int) -> None:
     assert trained(tmp_path, steps=steps).steps == whole * SETTINGS.rollout
     for folder, after in ((FIRST, 0), (LAST, whole), ("", whole)):
@@ -43,19 +59,25 @@ def test_steps_are_rounded_up_to_whole_updates(tmp_path: Path, steps: int, whole
         )  # fmt: skip
 
 
-def test_weights_that_are_not_finite_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weights_that_are_not_finite_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def diverge(model: PPO, *_: Any, **__: Any) -> None:
         with torch.no_grad():
             dict(model.policy.named_parameters())["action_net.bias"][:] = torch.nan
         raise ValueError("Expected parameter logits to satisfy the constraint")
 
     monkeypatch.setattr(PPO, "learn", diverge)
-    with pytest.raises(DivergedError, match="not finite any more: train with a smaller --learning-rate") as caught:
+    with pytest.raises(
+        DivergedError, match="not finite any more: train with a smaller --learning-rate"
+    ) as caught:
         trained(tmp_path)
     assert "\n" not in str(caught.value)
 
 
-def test_another_mistake_is_not_taken_for_divergence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_mistake_is_not_taken_for_divergence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail(*_: Any, **__: Any) -> None:
         raise ValueError("something else")
 
@@ -99,7 +121,9 @@ def test_random_numbers_are_those_of_the_seed_and_the_place_in_the_run() -> None
             for _ in range(2):
                 model.num_timesteps = steps
                 draw_anew(model, seed)
-                numbers.append((torch.rand(1).item(), float(seen_start(model)[0, INDEX["interest"]])))
+                numbers.append(
+                    (torch.rand(1).item(), float(seen_start(model)[0, INDEX["interest"]]))
+                )
             assert numbers[0] == numbers[1]
             drawn[seed, steps] = numbers[0]
     for part in range(2):
@@ -113,7 +137,9 @@ def seen_start(model: PPO) -> Any:
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_the_deployed_policy_takes_the_most_likely_action_and_senses_on_the_go_alone(action_type: str) -> None:
+def test_the_deployed_policy_takes_the_most_likely_action_and_senses_on_the_go_alone(
+    action_type: str,
+) -> None:
     options = Options("Survey", decision_s=120.0, action_type=action_type)
     model = make_model(options, SETTINGS, 0)
     inputs = seen(model)

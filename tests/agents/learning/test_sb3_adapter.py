@@ -28,11 +28,15 @@ DECISION_S = 300.0  # short missions: some forty decisions until the time is ove
 
 
 def native(**options: Any) -> SB3Adapter:
-    return SB3Adapter(HomewardVectorEnv(COUNT, autoreset_mode="SameStep", decision_s=DECISION_S, **options))
+    return SB3Adapter(
+        HomewardVectorEnv(COUNT, autoreset_mode="SameStep", decision_s=DECISION_S, **options)
+    )
 
 
 def scalars(**options: Any) -> DummyVecEnv:
-    make = partial(gym.make, "homeward/Survey-v0", decision_s=DECISION_S, disable_env_checker=True, **options)
+    make = partial(
+        gym.make, "homeward/Survey-v0", decision_s=DECISION_S, disable_env_checker=True, **options
+    )
     return DummyVecEnv([lambda: Monitor(make()) for _ in range(COUNT)])
 
 
@@ -43,15 +47,22 @@ def draw_actions(rng: np.random.Generator, action_type: str) -> NDArray[Any]:
         actions[rng.random(COUNT) < 0.05, 2] = 1.0
         actions[0] = -1.0
         return actions
-    actions = np.stack([rng.integers(0, 5, COUNT), rng.integers(0, 5, COUNT), 1 + (rng.random(COUNT) < 0.05)], axis=1)
+    actions = np.stack(
+        [rng.integers(0, 5, COUNT), rng.integers(0, 5, COUNT), 1 + (rng.random(COUNT) < 0.05)],
+        axis=1,
+    )
     actions[0] = 0
     return actions
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 @pytest.mark.parametrize("difficulty", ["known", "harsh"])
-def test_steps_equal_those_of_wrapped_scalar_environments(action_type: str, difficulty: str) -> None:
-    ours, theirs = (make(action_type=action_type, difficulty=difficulty) for make in (native, scalars))
+def test_steps_equal_those_of_wrapped_scalar_environments(
+    action_type: str, difficulty: str
+) -> None:
+    ours, theirs = (
+        make(action_type=action_type, difficulty=difficulty) for make in (native, scalars)
+    )
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
     ours.seed(3)
@@ -106,14 +117,20 @@ def test_a_copy_goes_on_as_the_original() -> None:
 
 
 def test_stranding_costs_what_it_is_said_to() -> None:
-    free, costly = native(), SB3Adapter(HomewardVectorEnv(COUNT, autoreset_mode="SameStep", decision_s=DECISION_S), 0.5)
+    free, costly = (
+        native(),
+        SB3Adapter(HomewardVectorEnv(COUNT, autoreset_mode="SameStep", decision_s=DECISION_S), 0.5),
+    )
     for env in (free, costly):
         env.seed(0)
         env.reset()
     go = np.tile([4, 2, 1], (COUNT, 1))
     stranded = 0
     for _ in range(40):
-        (_, rewards, _, infos), (_, costly_rewards, _, costly_infos) = free.step(go), costly.step(go)
+        (_, rewards, _, infos), (_, costly_rewards, _, costly_infos) = (
+            free.step(go),
+            costly.step(go),
+        )
         lost = np.array([0.5 if info.get("stranded") else 0.0 for info in infos])
         np.testing.assert_allclose(rewards - costly_rewards, lost, atol=1e-6)
         for info, costly_info in zip(infos, costly_infos, strict=True):
@@ -134,7 +151,9 @@ def test_attributes_are_those_of_the_shared_environment() -> None:
 
 
 def test_another_way_of_resetting_is_refused() -> None:
-    with pytest.raises(ValueError, match="autoreset_mode is NextStep; make the environment with SameStep"):
+    with pytest.raises(
+        ValueError, match="autoreset_mode is NextStep; make the environment with SameStep"
+    ):
         SB3Adapter(HomewardVectorEnv(2))
 
 
@@ -180,8 +199,13 @@ def test_wrappers_of_gymnasium_are_taken() -> None:
     options: dict[str, Any] = {"decision_s": DECISION_S, "difficulty": "harsh"}
     native_env = sb3_vec_env("homeward/Survey-v0", COUNT, **options)
     counted, seen_otherwise = (
-        sb3_vec_env("homeward/Survey-v0", COUNT, autoreset_mode="Disabled", wrapper_class=wrapper, **options)
-        for wrapper in (RecordEpisodeStatistics, lambda env: TransformObservation(env, lambda values: 2.0 * values))
+        sb3_vec_env(
+            "homeward/Survey-v0", COUNT, autoreset_mode="Disabled", wrapper_class=wrapper, **options
+        )
+        for wrapper in (
+            RecordEpisodeStatistics,
+            lambda env: TransformObservation(env, lambda values: 2.0 * values),
+        )
     )
     rng, ended = np.random.default_rng(0), 0
     first = native_env.reset()
@@ -190,13 +214,20 @@ def test_wrappers_of_gymnasium_are_taken() -> None:
     assert counted.as_missions
     for _ in range(60):
         actions = draw_actions(rng, "discrete")
-        (seen, rewards, over, infos), *others = (env.step(actions) for env in (native_env, counted, seen_otherwise))
-        for (other_seen, other_rewards, other_over, other_infos), factor in zip(others, (1.0, 2.0), strict=True):
+        (seen, rewards, over, infos), *others = (
+            env.step(actions) for env in (native_env, counted, seen_otherwise)
+        )
+        for (other_seen, other_rewards, other_over, other_infos), factor in zip(
+            others, (1.0, 2.0), strict=True
+        ):
             np.testing.assert_array_equal(other_seen, factor * np.asarray(seen))
             np.testing.assert_array_equal(other_rewards, rewards)
             np.testing.assert_array_equal(other_over, over)
             for i in np.flatnonzero(over).tolist():
-                final, other_final = infos[i]["terminal_observation"], other_infos[i]["terminal_observation"]
+                final, other_final = (
+                    infos[i]["terminal_observation"],
+                    other_infos[i]["terminal_observation"],
+                )
                 np.testing.assert_array_equal(other_final, factor * final)
                 assert other_infos[i]["energy_j"] == infos[i]["energy_j"]
                 assert other_infos[i]["episode"]["r"] == infos[i]["episode"]["r"]
@@ -207,9 +238,13 @@ def test_wrappers_of_gymnasium_are_taken() -> None:
 def test_what_a_wrapper_takes_away_is_said() -> None:
     env = HomewardVectorEnv(2, autoreset_mode="Disabled")
     scaled = TransformObservation(
-        env, lambda values: values[:, :1], single_observation_space=spaces.Box(-LIMIT, LIMIT, (1,), np.float32)
+        env,
+        lambda values: values[:, :1],
+        single_observation_space=spaces.Box(-LIMIT, LIMIT, (1,), np.float32),
     )
-    with pytest.raises(ValueError, match="inputs need the observations of the missions; leave out the wrapper"):
+    with pytest.raises(
+        ValueError, match="inputs need the observations of the missions; leave out the wrapper"
+    ):
         SB3Adapter(scaled, 0.0, make_inputs(env.batch.known), late_is_lost=True)
     with pytest.raises(ValueError, match="a wrapper changes observations or actions"):
         unseen_episodes(cast(Any, None), SB3Adapter(scaled), 2)
@@ -218,7 +253,10 @@ def test_what_a_wrapper_takes_away_is_said() -> None:
     with pytest.raises(ValueError, match="info_keys has 'position'; choose from energy_j"):
         SB3Adapter(env, info_keys=("position",))
     with pytest.raises(ValueError, match="senses_on_the_go needs the three parts"):
-        SB3Adapter(HomewardVectorEnv(2, action_type="flat", autoreset_mode="SameStep"), senses_on_the_go=True)
+        SB3Adapter(
+            HomewardVectorEnv(2, action_type="flat", autoreset_mode="SameStep"),
+            senses_on_the_go=True,
+        )
     with pytest.raises(ValueError, match="is no HomewardVectorEnv"):
         SB3Adapter(gym.make_vec("CartPole-v1", 2))
 
@@ -226,7 +264,9 @@ def test_what_a_wrapper_takes_away_is_said() -> None:
 @pytest.mark.parametrize("mission", ["OutAndBack", "Survey", "Patrol"])
 def test_the_inputs_of_a_mission_begin_anew_with_it(mission: str) -> None:
     def make(count: int) -> SB3Adapter:
-        env = HomewardVectorEnv(count, mission=mission, autoreset_mode="SameStep", decision_s=DECISION_S)
+        env = HomewardVectorEnv(
+            count, mission=mission, autoreset_mode="SameStep", decision_s=DECISION_S
+        )
         return SB3Adapter(env, 0.5, make_inputs(env.batch.known), late_is_lost=True)
 
     env, rng, ended = make(COUNT), np.random.default_rng(0), 0
@@ -237,8 +277,12 @@ def test_the_inputs_of_a_mission_begin_anew_with_it(mission: str) -> None:
     np.testing.assert_array_equal(twin(inputs[:, : len(NAMES)], np.ones(COUNT, np.bool_)), inputs)
     for _ in range(60):
         seen, rewards, over, infos = env.step(draw_actions(rng, "discrete"))
-        np.testing.assert_array_equal(twin(np.asarray(seen)[:, : len(NAMES)], over), np.asarray(seen))
-        assert np.isfinite(rewards).all() and not any(info.get("TimeLimit.truncated") for info in infos)
+        np.testing.assert_array_equal(
+            twin(np.asarray(seen)[:, : len(NAMES)], over), np.asarray(seen)
+        )
+        assert np.isfinite(rewards).all() and not any(
+            info.get("TimeLimit.truncated") for info in infos
+        )
         ended += int(over.sum())
     assert ended
 
@@ -266,7 +310,9 @@ def test_missions_begin_anew_when_asked_and_the_others_wait() -> None:
         seen = np.asarray(env.step(go)[0])
     which = np.arange(COUNT) < 2
     begun = env.begin(which)
-    assert (begun[which, INDEX["time"]] == 0.0).all() and (begun[which, INDEX["distance"]] == 0.0).all()
+    assert (begun[which, INDEX["time"]] == 0.0).all() and (
+        begun[which, INDEX["distance"]] == 0.0
+    ).all()
     np.testing.assert_array_equal(begun[~which], seen[~which])
 
 

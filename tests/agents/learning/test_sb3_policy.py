@@ -12,7 +12,9 @@ from homeward.envs.actions import FLAT_ACTIONS
 
 def test_a_dqn_learns_on_flat_actions() -> None:
     env = sb3_vec_env("homeward/OutAndBack-v0", 8, action_type="flat", decision_s=120.0)
-    model = DQN("MlpPolicy", env, learning_starts=64, batch_size=32, buffer_size=1000, seed=0, device="cpu")
+    model = DQN(
+        "MlpPolicy", env, learning_starts=64, batch_size=32, buffer_size=1000, seed=0, device="cpu"
+    )
     before = [parameter.detach().clone() for parameter in model.q_net.parameters()]
     model.learn(512)
     after = list(model.q_net.parameters())

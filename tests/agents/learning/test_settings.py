@@ -7,7 +7,14 @@ from typing import Any
 
 import pytest
 
-from homeward.agents.learning.settings import DMAX, SCRATCH, STARTS, PPOSettings, TrainingError, check_seed
+from homeward.agents.learning.settings import (
+    DMAX,
+    SCRATCH,
+    STARTS,
+    PPOSettings,
+    TrainingError,
+    check_seed,
+)
 
 
 @pytest.mark.parametrize(
@@ -26,13 +33,19 @@ from homeward.agents.learning.settings import DMAX, SCRATCH, STARTS, PPOSettings
         ({"learning_rate": 0.0}, "learning_rate = 0.0 is not allowed; give a number in (0, 1]"),
         ({"learning_rate": float("inf")}, "learning_rate = inf is not allowed"),
         ({"entropy": -1e-9}, "entropy = -1e-09 is not allowed; give a number in [0, 1]"),
-        ({"stranding_cost": 100.1}, "stranding_cost = 100.1 is not allowed; give a number in [0, 100]"),
+        (
+            {"stranding_cost": 100.1},
+            "stranding_cost = 100.1 is not allowed; give a number in [0, 100]",
+        ),
         ({"stranding_cost": float("nan")}, "stranding_cost = nan is not allowed"),
         (
             {"n_envs": 2**12, "n_steps": 2**12 + 1},
             "n_envs * n_steps = 16781312 is not allowed; give at most 16,777,216",
         ),
-        ({"batch_size": 1}, "batch_size = 1 does not divide n_envs * n_steps = 32768 into whole batches"),
+        (
+            {"batch_size": 1},
+            "batch_size = 1 does not divide n_envs * n_steps = 32768 into whole batches",
+        ),
         ({"batch_size": 1000}, "batch_size = 1000 does not divide"),
         ({"batch_size": 65536}, "batch_size = 65536 does not divide"),
     ],
@@ -65,7 +78,9 @@ def test_a_rollout_is_a_decision_of_every_mission_at_every_step() -> None:
 
 @pytest.mark.parametrize("start", STARTS)
 @pytest.mark.parametrize("given", [{}, {"learning_rate": 0.5}, {"entropy": 0.0}, {"entropy": 0.25}])
-def test_what_is_given_stays_and_the_rest_follows_the_start(start: str, given: dict[str, float]) -> None:
+def test_what_is_given_stays_and_the_rest_follows_the_start(
+    start: str, given: dict[str, float]
+) -> None:
     assert PPOSettings(start=start, **given).by_start == PPOSettings(start=start).by_start | given  # type: ignore[arg-type]
 
 
@@ -83,6 +98,7 @@ def test_seeds_of_32_bits_are_allowed(seed: int) -> None:
 @pytest.mark.parametrize("seed", [-1, 2**32])
 def test_other_seeds_are_refused(seed: int) -> None:
     with pytest.raises(
-        TrainingError, match=f"^seed = {seed} is not allowed; give a whole number from 0 to 4294967295$"
+        TrainingError,
+        match=f"^seed = {seed} is not allowed; give a whole number from 0 to 4294967295$",
     ):
         check_seed(seed)

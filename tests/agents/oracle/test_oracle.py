@@ -43,8 +43,11 @@ def solved(request: pytest.FixtureRequest) -> tuple[Options, Optimum]:
     return options, solve(options, SEEDS)
 
 
-def test_the_figures_enclose_each_other_in_changing_weather(solved: tuple[Options, Optimum]) -> None:
-    """The kindest wind of the mission is taken to blow all the time, so they are apart; by laps, a patrol's."""
+def test_the_figures_enclose_each_other_in_changing_weather(
+    solved: tuple[Options, Optimum],
+) -> None:
+    """The kindest wind of the mission is taken to blow all the time, so they are apart; by laps, a
+    patrol's."""
     _, optimum = solved
     ratio = optimum.lower / optimum.upper
     assert (ratio <= 1.0).all()
@@ -67,7 +70,9 @@ def test_the_lower_figure_is_the_score_of_the_actions(solved: tuple[Options, Opt
     for seed, actions, lower in zip(SEEDS[:3], optimum.actions, optimum.lower, strict=False):
         env.reset(seed=seed)
         steps = [env.step(action) for action in actions]
-        assert [terminated for _, _, terminated, _, _ in steps] == [False] * (len(actions) - 1) + [True]
+        assert [terminated for _, _, terminated, _, _ in steps] == [False] * (len(actions) - 1) + [
+            True
+        ]
         info = steps[-1][4]
         assert info["home"]
         assert info["score"] == lower
@@ -90,7 +95,9 @@ def test_no_random_actions_exceed_the_upper_figure(solved: tuple[Options, Optimu
         count = int(rng.integers(1, 200))
         speed, rate = rng.dirichlet(np.full(5, 0.5), 2)
         modes = np.where(rng.random(count) < rng.random() ** 3, STOP, GO)
-        actions = np.stack([rng.choice(5, count, p=speed), rng.choice(5, count, p=rate), modes], axis=1)
+        actions = np.stack(
+            [rng.choice(5, count, p=speed), rng.choice(5, count, p=rate), modes], axis=1
+        )
         sequences.append(np.concatenate([actions, [[4, 0, RETURN]]]))
     scores = score_of(options, SEEDS * copies, sequences).reshape(copies, -1)
     assert (scores.max(axis=0) > 0.0).all()
@@ -98,17 +105,25 @@ def test_no_random_actions_exceed_the_upper_figure(solved: tuple[Options, Optimu
 
 
 def to_and_fro(rng: np.random.Generator, return_decisions: int) -> NDArray[np.int64]:
-    """Out, home and out again: a return is final only after being asked for in a row, and a stop breaks the row."""
+    """Out, home and out again: a return is final only after being asked for in a row, and a stop
+    breaks the row."""
     actions: list[tuple[int, int, int]] = []
     for _ in range(int(rng.integers(1, 5))):
         count, silent, speed, rate = rng.integers((3, 0, 0, 0), (70, 30, 5, 5)).tolist()
         actions += [(speed, rate if k >= silent else 0, GO) for k in range(count)]
-        home = [STOP if k % return_decisions == return_decisions - 1 else RETURN for k in range(rng.integers(60))]
-        actions += [(4, 0, mode) for mode in home] + [(0, 0, STOP)] * int(rng.integers(60) * (rng.random() < 0.5))
+        home = [
+            STOP if k % return_decisions == return_decisions - 1 else RETURN
+            for k in range(rng.integers(60))
+        ]
+        actions += [(4, 0, mode) for mode in home] + [(0, 0, STOP)] * int(
+            rng.integers(60) * (rng.random() < 0.5)
+        )
     return np.array([*actions, (4, 0, RETURN)])
 
 
-def test_no_mission_that_comes_and_goes_exceeds_the_upper_figure(solved: tuple[Options, Optimum]) -> None:
+def test_no_mission_that_comes_and_goes_exceeds_the_upper_figure(
+    solved: tuple[Options, Optimum],
+) -> None:
     options, optimum = solved
     known, rng, copies = known_of(options), np.random.default_rng(3), 30
     sequences = [to_and_fro(rng, int(known.shared["return_decisions"][0])) for _ in SEEDS * copies]
@@ -119,7 +134,8 @@ def test_no_mission_that_comes_and_goes_exceeds_the_upper_figure(solved: tuple[O
 
 @pytest.mark.parametrize("robot", ["rusti", "rusti_computer"])
 def test_nor_does_one_that_empties_its_memory_near_home(robot: str) -> None:
-    """All there is to find lies far out, and what is found there is sent from near home, where the radio is fast."""
+    """All there is to find lies far out, and what is found there is sent from near home, where the
+    radio is fast."""
     s = known_of(Options("Survey", robot=robot)).shared[0]
     interest = np.zeros(64)
     interest[8:24] = 5.0
@@ -129,8 +145,13 @@ def test_nor_does_one_that_empties_its_memory_near_home(robot: str) -> None:
     for _ in range(150):
         out, back, stands, again = rng.integers((25, 5, 0, 5), (45, 30, 100, 60)).tolist()
         rates = rng.integers(1, 5, 2).tolist()
-        home = [STOP if k % int(s["return_decisions"]) == s["return_decisions"] - 1 else RETURN for k in range(back)]
-        actions = [(4, 0, GO)] * 12 + [(4, rates[0], GO)] * (out - 12) + [(4, 0, mode) for mode in home]
+        home = [
+            STOP if k % int(s["return_decisions"]) == s["return_decisions"] - 1 else RETURN
+            for k in range(back)
+        ]
+        actions = (
+            [(4, 0, GO)] * 12 + [(4, rates[0], GO)] * (out - 12) + [(4, 0, mode) for mode in home]
+        )
         actions += [(0, 0, STOP)] * stands + [(4, rates[1], GO)] * again + [(4, 0, RETURN)]
         sequences.append(np.array(actions))
     scores = score_of(options, SEEDS[:1] * len(sequences), sequences)
@@ -172,15 +193,30 @@ def _changed(actions: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np
 
 @pytest.mark.parametrize("mission", OUT_AND_BACK)
 @settings(deadline=None, max_examples=60)
-@given(per_j=st.floats(0.0, 1.0), per_s=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
-def test_the_bound_holds_at_any_multipliers(mission: str, per_j: float, per_s: float, scale: float, seed: int) -> None:
+@given(
+    per_j=st.floats(0.0, 1.0),
+    per_s=st.floats(0.0, 1.0),
+    scale=st.floats(0.0, 0.1),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_bound_holds_at_any_multipliers(
+    mission: str, per_j: float, per_s: float, scale: float, seed: int
+) -> None:
     rates, lower = _measured(mission), _lower(mission)
     sample = scale * np.random.default_rng(seed).random(rates.places * PIECES + 1) ** 4
-    assert bounds_by_turn(rates, dual_feasible(rates, Multipliers(per_j, per_s, sample))).max() >= lower
+    assert (
+        bounds_by_turn(rates, dual_feasible(rates, Multipliers(per_j, per_s, sample))).max()
+        >= lower
+    )
 
 
 @settings(deadline=None, max_examples=60)
-@given(per_j=st.floats(0.0, 1.0), per_s=st.floats(0.0, 1.0), scale=st.floats(0.0, 0.1), seed=st.integers(0, 2**32 - 1))
+@given(
+    per_j=st.floats(0.0, 1.0),
+    per_s=st.floats(0.0, 1.0),
+    scale=st.floats(0.0, 0.1),
+    seed=st.integers(0, 2**32 - 1),
+)
 def test_at_feasible_multipliers_no_pass_back_with_a_full_memory_and_out_with_none_gains(
     per_j: float, per_s: float, scale: float, seed: int
 ) -> None:
@@ -196,7 +232,11 @@ def test_at_feasible_multipliers_no_pass_back_with_a_full_memory_and_out_with_no
         for power_w in (rates.home_w, rates.out_w):
             level, rate = rng.integers(len(rates.speeds_mps), size=2)
             saved = (near + at * (far - near)) * rates.radio_hz[piece, 1]
-            net_per_s = multipliers.per_j * power_w[piece // PIECES, level, rate] + multipliers.per_s - saved
+            net_per_s = (
+                multipliers.per_j * power_w[piece // PIECES, level, rate]
+                + multipliers.per_s
+                - saved
+            )
             taken += net_per_s / rates.speeds_mps[level]
         assert taken > -1e-9
         assert rates.memory * (far - near) / rates.piece_m <= taken + 1e-9
@@ -207,12 +247,15 @@ def test_at_feasible_multipliers_no_pass_back_with_a_full_memory_and_out_with_no
 def test_a_patrol_s_bound_holds_at_any_multipliers(per_j: float, per_s: float) -> None:
     rates = _measured("Patrol")
     pit_stop_s = float(HomewardVectorEnv(mission="Patrol").batch.known.shared["pit_stop_s"][0])
-    assert patrol_bound(rates, pit_stop_s, Multipliers(per_j, per_s, np.zeros(0))) >= _lower("Patrol")
+    assert patrol_bound(rates, pit_stop_s, Multipliers(per_j, per_s, np.zeros(0))) >= _lower(
+        "Patrol"
+    )
 
 
 @pytest.mark.parametrize("laps", [1, 3])
 def test_the_last_lap_of_a_patrol_needs_no_pit_stop(laps: int) -> None:
-    """In a time that just holds so many laps at top speed, with two pit stops between one and the next."""
+    """In a time that just holds so many laps at top speed, with two pit stops between one and the
+    next."""
     rates, pit_stop_s = _measured("Patrol"), 60.0
     lap_s = 2.0 * len(rates.out_w) * rates.place_m / float(rates.speeds_mps.max())
     limited = dataclasses.replace(rates, time_s=laps * lap_s + (laps - 1) * 2.0 * pit_stop_s)
@@ -235,21 +278,28 @@ EXTRA = {effect.id: {effect.switch.name: 0.2} for effect in EFFECTS} | {
 
 
 LEAST = {"intermittent_load": 0.8, "motor_heating": 0.8}
-"""Share of the upper figure that the lower one reaches at least, where what was before matters: the bound is loose."""
+"""Share of the upper figure that the lower one reaches at least, where what was before matters: the
+bound is loose."""
 
 
 @pytest.mark.parametrize("effect", sorted(set(EXTRA) - set(REFUSED)))
 def test_the_figures_enclose_each_other_with_every_effect(effect: str) -> None:
     robot = homeward.load_robot("rusti_computer")
-    options = Options("Survey", robot=dataclasses.replace(robot, track_m=0.2, effects={effect: EXTRA[effect]}))
+    options = Options(
+        "Survey", robot=dataclasses.replace(robot, track_m=0.2, effects={effect: EXTRA[effect]})
+    )
     optimum = solve(options, SEEDS[:1])
     assert (optimum.lower <= optimum.upper).all()
     assert (optimum.lower > LEAST.get(effect, 0.95) * optimum.upper).all()
 
 
 def test_a_robot_with_inertia_is_refused() -> None:
-    robot = dataclasses.replace(homeward.load_robot("rusti"), effects={"inertia": {"mass_factor": 1.0}})
-    with pytest.raises(OracleError, match="no bound for a robot with the effect inertia; switch it off"):
+    robot = dataclasses.replace(
+        homeward.load_robot("rusti"), effects={"inertia": {"mass_factor": 1.0}}
+    )
+    with pytest.raises(
+        OracleError, match="no bound for a robot with the effect inertia; switch it off"
+    ):
         solve(Options("Survey", robot=robot), SEEDS[:1])
 
 
@@ -291,7 +341,9 @@ def _lower(mission: str) -> float:
 
 
 def with_docks(docks: str) -> Options:
-    return Options("Patrol", weather="still", instruments="exact", docks=docks, time_limit_s=12_000.0)
+    return Options(
+        "Patrol", weather="still", instruments="exact", docks=docks, time_limit_s=12_000.0
+    )
 
 
 def test_the_bound_is_reached_in_still_weather_and_by_no_agent_exceeded() -> None:
@@ -313,9 +365,14 @@ def test_the_bound_with_docks_holds_at_any_feasible_multipliers(per_j: float, pe
     case = problem_of(env.batch, 0)
     rates = measure_rates(case)
     assert rates.charge_w[0] == pytest.approx(15.0 - 0.588, abs=1e-3)
-    multipliers = dual_feasible_at_docks(rates, Multipliers(per_j, per_s, np.zeros(len(rates.radio_hz) + 1)))
+    multipliers = dual_feasible_at_docks(
+        rates, Multipliers(per_j, per_s, np.zeros(len(rates.radio_hz) + 1))
+    )
     assert multipliers.per_s >= per_j * rates.charge_w[0]
-    assert patrol_bound(rates, float(case.shared["pit_stop_s"]), multipliers) >= solve(options, SEEDS[:1]).upper[0]
+    assert (
+        patrol_bound(rates, float(case.shared["pit_stop_s"]), multipliers)
+        >= solve(options, SEEDS[:1]).upper[0]
+    )
 
 
 def test_other_missions_with_docks_have_no_bound() -> None:

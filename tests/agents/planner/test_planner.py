@@ -1,4 +1,5 @@
-"""The planner turns back by what it estimates, senses where it pays, counts laps, and finds more than the rule."""
+"""The planner turns back by what it estimates, senses where it pays, counts laps, and finds more
+than the rule."""
 
 from __future__ import annotations
 
@@ -28,7 +29,13 @@ KNOWN = known_of(Options("Survey"))
 
 def observed(**features: float) -> Observations:
     """One observation of a survey on its way out over even ground of average interest."""
-    seen = {"energy": 0.8, "outbound": 1.0, "distance": 0.2, "home_cost": 0.12, "interest": 0.6} | features
+    seen = {
+        "energy": 0.8,
+        "outbound": 1.0,
+        "distance": 0.2,
+        "home_cost": 0.12,
+        "interest": 0.6,
+    } | features
     seen |= {f"interest_{first}": seen["interest"] for first, _ in AHEAD} | features
     return under_way(KNOWN, **seen)
 
@@ -47,7 +54,10 @@ def test_it_senses_where_it_pays() -> None:
 
 
 def test_it_senses_less_the_fuller_the_memory_and_loses_nothing() -> None:
-    filling = [command(backlog=backlog, distance=0.6, home_cost=0.4, energy=0.95) for backlog in (0.0, 0.5, 0.98)]
+    filling = [
+        command(backlog=backlog, distance=0.6, home_cost=0.4, energy=0.95)
+        for backlog in (0.0, 0.5, 0.98)
+    ]
     assert [mode for *_, mode in filling] == [GO, GO, GO]
     rates = [rate for _, rate, _ in filling]
     assert rates[0] > rates[1] > rates[2] == 0
@@ -73,13 +83,18 @@ def test_on_patrol_it_ends_with_less_than_a_lap_to_spare(robot: str) -> None:
     full_j = known_of(options).shared["usable_j"][0]
     a_lap_j = full_j / episodes.score.min()
     assert (episodes.energy_left_j < 1.1 * a_lap_j).all()
-    rule = run_episodes(AdaptiveDmaxRule(known_of(options), NO_SENSING, 0.0), options, range(64)).episodes
+    rule = run_episodes(
+        AdaptiveDmaxRule(known_of(options), NO_SENSING, 0.0), options, range(64)
+    ).episodes
     assert episodes.score.sum() >= rule.score.sum()
 
 
 def test_on_patrol_it_turns_for_home_at_the_far_post_of_its_last_lap() -> None:
     options = Options("Patrol")
-    planner, env = Planner(known_of(options), 2.0), HomewardVectorEnv(1, autoreset_mode="Disabled", **vars(options))
+    planner, env = (
+        Planner(known_of(options), 2.0),
+        HomewardVectorEnv(1, autoreset_mode="Disabled", **vars(options)),
+    )
     observations, _ = env.reset(seed=0)
     action = planner.act(observations, np.ones(1, np.bool_))
     while action[0, 2] != RETURN:
@@ -114,26 +129,36 @@ def test_a_mission_is_planned_alike_alone_and_among_others(mission: str) -> None
     options = Options(mission)
     env = HomewardVectorEnv(**vars(options))
     together = run_episodes(make_policy("planner", env), options, range(5)).episodes.score
-    alone = [run_episodes(make_policy("planner", env), options, [seed]).episodes.score[0] for seed in range(5)]
+    alone = [
+        run_episodes(make_policy("planner", env), options, [seed]).episodes.score[0]
+        for seed in range(5)
+    ]
     np.testing.assert_array_equal(together, alone)
 
 
 @pytest.mark.parametrize(("difficulty", "least"), [("known", 0.12), ("harsh", -0.02)])
-def test_it_finds_more_than_the_adaptive_rule_and_strands_less(difficulty: str, least: float) -> None:
-    """On the same missions; with training seeds, as on those of evaluations it is measured and not tested."""
+def test_it_finds_more_than_the_adaptive_rule_and_strands_less(
+    difficulty: str, least: float
+) -> None:
+    """On the same missions; with training seeds, as on those of evaluations it is measured and not
+    tested."""
     options = Options("Survey", difficulty=difficulty)
     env, seeds = HomewardVectorEnv(**vars(options)), range(9_000_000, 9_000_160)
     planner, rule = (
-        run_episodes(make_policy(name, env), options, seeds).episodes for name in ("planner", "dmax_adaptive")
+        run_episodes(make_policy(name, env), options, seeds).episodes
+        for name in ("planner", "dmax_adaptive")
     )
     gain = stats.ttest_rel(planner.score, rule.score).confidence_interval(0.95)
     assert gain.low > least * rule.score.mean()
-    assert planner.stranded.sum() <= (0 if difficulty == "known" else max(rule.stranded.sum() - 1, 1))
+    assert planner.stranded.sum() <= (
+        0 if difficulty == "known" else max(rule.stranded.sum() - 1, 1)
+    )
     assert not planner.timed_out.any()
 
 
 def rates_before(ahead: float) -> NDArray[Any]:
-    """Sensing of the first decisions of a survey that is known, with such an interest from the eighth place on."""
+    """Sensing of the first decisions of a survey that is known, with such an interest from the
+    eighth place on."""
     places = 64
     interest = np.full(places, 0.3)
     interest[8:40] = ahead

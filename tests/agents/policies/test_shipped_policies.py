@@ -31,7 +31,9 @@ FOLDERS = {
 
 def driven(name: str, mission: str) -> Episodes:
     env = HomewardVectorEnv(mission=mission)
-    return run_episodes(make_policy(name, env), Options(mission), episode_seeds(5, EPISODES)).episodes
+    return run_episodes(
+        make_policy(name, env), Options(mission), episode_seeds(5, EPISODES)
+    ).episodes
 
 
 @pytest.mark.parametrize(("agent", "mission"), FOLDERS)
@@ -42,19 +44,23 @@ def test_what_ships_loads_without_a_warning(agent: str, mission: str) -> None:
     assert not differences(policy.description, IDS[mission], env.batch.options, env.batch.known)
     assert {"command", "versions", "training"} <= set(policy.description)
     then, now = policy.description["made_with"], made_with(env.batch.options)
-    assert all(then[name] == now[name] for name in ("robot", "instruments", "route"))  # hashes stay the same
+    # hashes stay the same
+    assert all(then[name] == now[name] for name in ("robot", "instruments", "route"))
     assert " /" not in policy.description["command"]  # a path of somebody's machine
     assert len(read_curve(FOLDERS[agent, mission])) > 5
 
 
 @pytest.mark.parametrize(("of", "least"), LEAST_GAIN.items())
-def test_it_is_compared_with_the_adaptive_rule_and_strands_no_more(of: tuple[str, str], least: float) -> None:
+def test_it_is_compared_with_the_adaptive_rule_and_strands_no_more(
+    of: tuple[str, str], least: float
+) -> None:
     agent, mission = of
     ours, rule = driven(agent, mission), driven("dmax_adaptive", mission)
     gain = stats.ttest_rel(ours.score, rule.score).confidence_interval(0.95)
     assert gain.low > least * rule.score.mean()
     assert ours.stranded.sum() <= max(6, rule.stranded.sum())
-    assert ours.timed_out.mean() <= 0.02  # the one that starts from nothing sometimes stands on a survey
+    # the one that starts from nothing sometimes stands on a survey
+    assert ours.timed_out.mean() <= 0.02
 
 
 @pytest.mark.parametrize(("agent", "mission"), FOLDERS)
@@ -68,5 +74,7 @@ def test_its_card_tells_of_the_very_policy(agent: str, mission: str) -> None:
 
 
 def test_nothing_else_ships() -> None:
-    assert {folder.name for folder in SHIPPED.iterdir() if folder.is_dir()} == {one.name for one in FOLDERS.values()}
+    assert {folder.name for folder in SHIPPED.iterdir() if folder.is_dir()} == {
+        one.name for one in FOLDERS.values()
+    }
     assert set(LEAST_GAIN) == set(FOLDERS)

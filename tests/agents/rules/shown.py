@@ -14,16 +14,20 @@ FIRST = np.ones(1, np.bool_)
 
 
 def observed(**features: float) -> Observations:
-    """One observation of a mission on its way out, with everything that is not given at 0; all gauges show the same."""
+    """One observation of a mission on its way out, with everything that is not given at 0; all
+    gauges show the same."""
     row = np.zeros((1, len(NAMES)), np.float32)
     charge = features.get("energy", 1.0)
-    for name, value in ({"energy": charge, "metered": charge, "outbound": 1.0, "east": 1.0} | features).items():
+    for name, value in (
+        {"energy": charge, "metered": charge, "outbound": 1.0, "east": 1.0} | features
+    ).items():
         row[0, INDEX[name]] = value
     return row
 
 
 def under_way(known: Known, **features: float) -> Observations:
-    """As `observed`, a quarter of the time limit after the start, with the power and the speed that led there."""
+    """As `observed`, a quarter of the time limit after the start, with the power and the speed that
+    led there."""
     s = known.shared[0]
     time_s = 0.25 * s["max_decisions"] * s["decision_s"]
     used, way_m = 1.0 - features.get("energy", 1.0), features.get("distance", 0.0) * s["reach_m"]

@@ -17,10 +17,14 @@ from homeward.physics import ancillary_power
 from tests.agents.rules.shown import FIRST, episodes, observed
 
 
-def drive(rule: AdaptiveDmaxRule, ratios: NDArray[np.float64], sensing: NDArray[np.float64]) -> tuple[float, float]:
-    """Spare energy, and what it falls by per home cost, after decisions of given consumption over the model's.
+def drive(
+    rule: AdaptiveDmaxRule, ratios: NDArray[np.float64], sensing: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Spare energy, and what it falls by per home cost, after decisions of given consumption over
+    the model's.
 
-    Sensing, where it is on, takes what the file says times 1.1; the rest of the modelled energy takes its ratio.
+    Sensing, where it is on, takes what the file says times 1.1; the rest of the modelled energy
+    takes its ratio.
     """
     known = known_of(Options("Survey"))
     s, robot = known.shared[0], known.robot
@@ -56,7 +60,9 @@ def test_adaptive_keeps_more_back_where_consumption_varies() -> None:
     silent = np.zeros(60)
     no_reserve = drive(adaptive(0.0), steady, silent)[1]
     assert drive(adaptive(1.0), steady, silent)[1] == pytest.approx(no_reserve + 0.1, abs=1e-3)
-    assert drive(adaptive(1.0), varied, silent)[1] == pytest.approx(no_reserve + np.hypot(0.1, 0.3), abs=0.02)
+    assert drive(adaptive(1.0), varied, silent)[1] == pytest.approx(
+        no_reserve + np.hypot(0.1, 0.3), abs=0.02
+    )
 
 
 def test_a_mission_that_begins_finds_nothing_of_the_one_before() -> None:

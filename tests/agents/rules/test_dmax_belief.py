@@ -1,4 +1,5 @@
-"""The mapped rule with a belief: Eq. 8 where nothing is hidden, and a reserve that follows what is not known."""
+"""The mapped rule with a belief: Eq. 8 where nothing is hidden, and a reserve that follows what is
+not known."""
 
 from __future__ import annotations
 
@@ -28,9 +29,14 @@ def flat(mission: str = "OutAndBack", **options: Any) -> Options:
     return Options(mission, **given)
 
 
-def out(rule: BeliefDmaxRule, options: Options, decisions: int, count: int = 1) -> tuple[Outlook, Any]:
+def out(
+    rule: BeliefDmaxRule, options: Options, decisions: int, count: int = 1
+) -> tuple[Outlook, Any]:
     """Drive out at cruise without sensing; the last outlook, and the mission's records."""
-    env, known = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options)), known_of(options)
+    env, known = (
+        HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options)),
+        known_of(options),
+    )
     observations, _ = env.reset(seed=3)
     outlook = rule.look(observations, np.ones(count, np.bool_))
     action = encode_actions(known, known.shared["cruise_mps"][0], 0.0, np.full(count, GO))
@@ -53,7 +59,9 @@ def test_at_home_nothing_is_needed_but_to_go_on() -> None:
     outward_m = float(s["decision_s"] * s["cruise_mps"])
     assert outlook.left[0] == pytest.approx(1.0, abs=1e-6)
     assert outlook.home[0] == pytest.approx(0.0, abs=1e-9)
-    assert outlook.onwards[0] == pytest.approx(2.0 * outward_m * share_per_m(known, float(s["cruise_mps"])), rel=1e-3)
+    assert outlook.onwards[0] == pytest.approx(
+        2.0 * outward_m * share_per_m(known, float(s["cruise_mps"])), rel=1e-3
+    )
 
 
 def test_the_way_home_is_equation_8s() -> None:
@@ -63,16 +71,25 @@ def test_the_way_home_is_equation_8s() -> None:
     m, cruise_mps = records[0], float(known.shared["cruise_mps"][0])
     assert m["position_m"] > 300.0
     assert outlook.left[0] == pytest.approx(m["energy_j"] / m["capacity_j"], abs=1e-3)
-    assert outlook.home[0] == pytest.approx(m["position_m"] * share_per_m(known, cruise_mps), rel=2e-3)
+    assert outlook.home[0] == pytest.approx(
+        m["position_m"] * share_per_m(known, cruise_mps), rel=2e-3
+    )
 
 
 def test_to_go_on_includes_sensing() -> None:
     options = flat("Survey")
     known = known_of(options)
     s = known.shared[0]
-    outlooks = [out(BeliefDmaxRule(known, Pace(rate, 0.0, 1.0), 1.0), options, 0)[0].onwards[0] for rate in (0.0, 0.5)]
-    sensing_w = ancillary_power(known.robot, 0.5 * s["max_sensing_hz"]) - ancillary_power(known.robot, 0.0)
-    assert outlooks[1] - outlooks[0] == pytest.approx(s["decision_s"] * sensing_w / s["usable_j"], rel=1e-6)
+    outlooks = [
+        out(BeliefDmaxRule(known, Pace(rate, 0.0, 1.0), 1.0), options, 0)[0].onwards[0]
+        for rate in (0.0, 0.5)
+    ]
+    sensing_w = ancillary_power(known.robot, 0.5 * s["max_sensing_hz"]) - ancillary_power(
+        known.robot, 0.0
+    )
+    assert outlooks[1] - outlooks[0] == pytest.approx(
+        s["decision_s"] * sensing_w / s["usable_j"], rel=1e-6
+    )
 
 
 def test_a_slower_step_goes_less_far() -> None:
@@ -81,7 +98,8 @@ def test_a_slower_step_goes_less_far() -> None:
     s = known.shared[0]
     slow_mps = 0.5 * float(s["cruise_mps"])
     outlook, _ = out(BeliefDmaxRule(known, NO_SENSING, 1.0, slow_mps), options, 0)
-    per_m = share_per_m(known, slow_mps) + share_per_m(known, float(s["cruise_mps"]))  # out slowly, home at cruise
+    # out slowly, home at cruise
+    per_m = share_per_m(known, slow_mps) + share_per_m(known, float(s["cruise_mps"]))
     assert outlook.onwards[0] == pytest.approx(slow_mps * float(s["decision_s"]) * per_m, rel=1e-3)
 
 
@@ -106,14 +124,18 @@ def test_it_turns_where_energy_is_down_to_the_way_home_and_the_reserve() -> None
     rule = BeliefDmaxRule(known, NO_SENSING, 2.0)
     outlook, _ = out(rule, options, 12)
     needed = outlook.home + outlook.onwards + 2.0 * outlook.deviation
-    np.testing.assert_allclose(rule.margin_above_reserve_by(outlook), outlook.left - needed, atol=1e-15)
+    np.testing.assert_allclose(
+        rule.margin_above_reserve_by(outlook), outlook.left - needed, atol=1e-15
+    )
 
 
 def test_a_greater_reserve_never_turns_later() -> None:
     options = Options("OutAndBack")
     known = known_of(options)
     furthest = [
-        run_episodes(BeliefDmaxRule(known, NO_SENSING, deviations), options, episode_seeds(5, 20)).episodes.furthest_m
+        run_episodes(
+            BeliefDmaxRule(known, NO_SENSING, deviations), options, episode_seeds(5, 20)
+        ).episodes.furthest_m
         for deviations in (0.0, 3.0, 6.0)
     ]
     assert (furthest[1] <= furthest[0]).all() and (furthest[2] <= furthest[1]).all()

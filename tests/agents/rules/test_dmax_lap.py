@@ -1,4 +1,5 @@
-"""The rule of a patrol that measures its laps: what laps consumed is what the next one is expected to."""
+"""The rule of a patrol that measures its laps: what laps consumed is what the next one is expected
+to."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ def far(rule: LapRule) -> float:
 
 
 def stop_share(rule: LapRule) -> float:
-    """What a return saves of a pit stop at the far post, whose decisions before it is final are spent there."""
+    """What a return saves of a pit stop at the far post, whose decisions before it is final are
+    spent there."""
     s = rule._known.shared[0]
     saved_s = float(s["pit_stop_s"] - (s["return_decisions"] - 1) * s["decision_s"])
     assert saved_s > 0.0
@@ -43,7 +45,8 @@ def stop_share(rule: LapRule) -> float:
 
 
 def show(rule: LapRule, *posts: tuple[bool, float], begins: bool = True) -> Outlook:
-    """Show posts in turn, each with whether it is the far one and the energy there; returns the last outlook."""
+    """Show posts in turn, each with whether it is the far one and the energy there; returns the
+    last outlook."""
     if begins:
         rule.look(observed(), np.ones(1, np.bool_))
     for away, energy in posts:
@@ -68,7 +71,8 @@ def test_the_first_lap_serves_until_there_is_another(rule: LapRule) -> None:
     assert outlook.onwards[0] == pytest.approx(0.15 - stop_share(rule))
     assert outlook.deviation[0] == pytest.approx(UNSEEN * 0.15)
     outlook = show(rule, (True, 0.75), (False, 0.65), begins=False)
-    assert outlook.onwards[0] == pytest.approx(0.20 - stop_share(rule))  # without the first, which had no pit stop
+    # without the first, which had no pit stop
+    assert outlook.onwards[0] == pytest.approx(0.20 - stop_share(rule))
     assert outlook.deviation[0] == pytest.approx(UNSEEN * 0.20)
 
 
@@ -79,10 +83,13 @@ def test_mean_and_deviation_are_those_of_the_laps_after_the_first(rule: LapRule)
         energy -= lap
     outlook = show(rule, *posts)
     assert outlook.onwards[0] == pytest.approx(np.mean(laps[1:]) - stop_share(rule))
-    assert outlook.deviation[0] == pytest.approx(np.std(laps[1:], ddof=1), rel=1e-4)  # of single-precision energies
+    # of single-precision energies
+    assert outlook.deviation[0] == pytest.approx(np.std(laps[1:], ddof=1), rel=1e-4)
 
 
-def test_the_way_home_is_that_of_the_last_lap_less_what_was_spent_since_the_post(rule: LapRule) -> None:
+def test_the_way_home_is_that_of_the_last_lap_less_what_was_spent_since_the_post(
+    rule: LapRule,
+) -> None:
     show(rule, (True, 0.92), (False, 0.85))  # 0.07 for the way home
     assert show(rule, (True, 0.75), begins=False).home[0] == pytest.approx(0.07, abs=1e-6)
     on_its_way = observed(energy=0.72, distance=0.5 * far(rule))
@@ -117,8 +124,11 @@ def test_an_inexact_gauge_widens_the_reserve_with_what_was_used() -> None:
 
 
 @pytest.mark.parametrize(("spare", "turns"), [(1e-3, False), (-1e-3, True)])
-def test_it_turns_where_lap_and_reserve_no_longer_fit(rule: LapRule, spare: float, turns: bool) -> None:
-    """A second lap of x leaves 1 - 0.1 - x at home, and another one with its reserve consumes (1 + 0.1) x."""
+def test_it_turns_where_lap_and_reserve_no_longer_fit(
+    rule: LapRule, spare: float, turns: bool
+) -> None:
+    """A second lap of x leaves 1 - 0.1 - x at home, and another one with its reserve consumes (1 +
+    0.1) x."""
     lap = (0.9 + stop_share(rule) - spare) / (2.0 + UNSEEN)
     show(rule, (True, 0.95), (False, 0.9))
     rule.turns(at(rule, True, 0.9 - 0.5 * lap), np.zeros(1, np.bool_))

@@ -21,11 +21,15 @@ SEEDS = episode_seeds(2, 6)
 
 
 def patrol(docks: str = "0:15", **options: Any) -> Options:
-    return Options("Patrol", docks=docks, time_limit_s=LIMIT_S, **{"difficulty": "known", **options})
+    return Options(
+        "Patrol", docks=docks, time_limit_s=LIMIT_S, **{"difficulty": "known", **options}
+    )
 
 
 def run(name: str, options: Options) -> Episodes:
-    return run_episodes(make_policy(name, HomewardVectorEnv(**vars(options))), options, SEEDS).episodes
+    return run_episodes(
+        make_policy(name, HomewardVectorEnv(**vars(options))), options, SEEDS
+    ).episodes
 
 
 def shown(known: Any, **features: float) -> Any:
@@ -41,7 +45,9 @@ def energies(margin: float, spare: float, home: float = 0.0, round_trip: float =
 
 @pytest.mark.parametrize("docks", ["0:15", "60:15"])
 @pytest.mark.parametrize("name", AGENTS)
-def test_on_patrol_with_a_dock_every_agent_drives_for_more_than_a_charge_and_comes_home(name: str, docks: str) -> None:
+def test_on_patrol_with_a_dock_every_agent_drives_for_more_than_a_charge_and_comes_home(
+    name: str, docks: str
+) -> None:
     episodes = run(name, patrol(docks))
     without = run(name, Options("Patrol", difficulty="known"))
     assert episodes.home.all() and not episodes.timed_out.any()
@@ -53,7 +59,9 @@ def test_a_dock_on_the_way_leads_further_than_half_of_a_charge() -> None:
         options = Options("OutAndBack", difficulty="known", docks="1500:30", time_limit_s=LIMIT_S)
         episodes = run(name, options)
         assert episodes.home.all(), name
-        assert (episodes.score > run(name, Options("OutAndBack", difficulty="known")).score + 500.0).all(), name
+        assert (
+            episodes.score > run(name, Options("OutAndBack", difficulty="known")).score + 500.0
+        ).all(), name
 
 
 def test_it_charges_until_the_battery_lasts_for_the_time_left_or_is_full() -> None:
@@ -63,7 +71,9 @@ def test_it_charges_until_the_battery_lasts_for_the_time_left_or_is_full() -> No
 
     def stops(**features: float) -> bool:
         spare = features.pop("spare")
-        return bool(docking.stops(shown(known, **features), first, energies(spare - 0.04, spare), turned)[0])
+        return bool(
+            docking.stops(shown(known, **features), first, energies(spare - 0.04, spare), turned)[0]
+        )
 
     assert stops(spare=0.1, time=0.1)
     assert stops(spare=0.03, time=0.97)  # less than a round
@@ -88,6 +98,7 @@ def test_the_energy_must_suffice_to_the_last_dock_or_on_to_the_next() -> None:
         )  # fmt: skip
         return float(docking.margin(seen, energies(-short - 0.024, -short, home, 0.024))[0])
 
-    assert margin(500.0, 0.01) == pytest.approx(-0.01 + 0.1 - 0.1, abs=1e-6)  # as far to the dock ahead as home
+    # as far to the dock ahead as home
+    assert margin(500.0, 0.01) == pytest.approx(-0.01 + 0.1 - 0.1, abs=1e-6)
     assert margin(1100.0, 0.1) == pytest.approx(-0.124 + 0.2, abs=1e-6)  # back to the dock behind
     assert margin(1900.0, 0.2) == pytest.approx(-0.2 + 0.38 - 0.02, abs=1e-6)  # on to the one ahead

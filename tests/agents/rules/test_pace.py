@@ -13,7 +13,11 @@ def test_pace_senses_where_it_pays_and_stops_while_the_memory_is_full() -> None:
     out = none = np.zeros(1, np.bool_)
     assert pace.act(known, observed(interest=0.51), out, none).tolist() == [[4, 3, GO]]
     assert pace.act(known, observed(interest=0.49), out, none).tolist() == [[4, 0, GO]]
-    assert pace.act(known, observed(interest=0.51, backlog=0.81), out, none).tolist() == [[4, 0, STOP]]
-    assert pace.act(known, observed(interest=0.49, backlog=0.81), out, none).tolist() == [[4, 0, GO]]
+    assert pace.act(known, observed(interest=0.51, backlog=0.81), out, none).tolist() == [
+        [4, 0, STOP]
+    ]
+    assert pace.act(known, observed(interest=0.49, backlog=0.81), out, none).tolist() == [
+        [4, 0, GO]
+    ]
     assert pace.act(known, observed(interest=0.51), out, ~none).tolist() == [[4, 0, STOP]]
     assert NO_SENSING.act(known, observed(interest=2.0), out, none).tolist() == [[4, 0, GO]]

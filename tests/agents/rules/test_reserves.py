@@ -1,4 +1,5 @@
-"""Tuned parameters of the baselines: one for every mission, in the agent's own measure, and the one it is made with."""
+"""Tuned parameters of the baselines: one for every mission, in the agent's own measure, and the one
+it is made with."""
 
 from __future__ import annotations
 
@@ -18,7 +19,9 @@ DEVIATIONS = ("dmax_adaptive", "dmax_belief", "planner")
 
 
 def test_every_agent_is_tuned_for_every_mission() -> None:
-    assert {name: sorted(tuned) for name, tuned in RESERVES.items()} == dict.fromkeys(RESERVES, sorted(MISSIONS))
+    assert {name: sorted(tuned) for name, tuned in RESERVES.items()} == dict.fromkeys(
+        RESERVES, sorted(MISSIONS)
+    )
     assert sorted(PACES) == sorted(MISSIONS)
     assert set(RESERVES) == SWEPT.keys() - {"soc50"}  # whose reserve is its name
 
@@ -35,7 +38,9 @@ def test_an_agent_keeps_its_tuned_reserve(name: str, mission: str) -> None:
     policy, without = make_policy(name, env), make_policy(name, env, reserve=0.0)
     rule, bare = (one.rule if isinstance(one, Planner) else one for one in (policy, without))
     assert isinstance(rule, TurnBackRule) and isinstance(bare, TurnBackRule)
-    reserve = bare.margin_above_reserve(observed(), FIRST) - rule.margin_above_reserve(observed(), FIRST)
+    reserve = bare.margin_above_reserve(observed(), FIRST) - rule.margin_above_reserve(
+        observed(), FIRST
+    )
     size = rule.outlook.deviation if isinstance(rule, BelievingRule) else np.ones(1)
     assert isinstance(rule, BelievingRule) == (name in DEVIATIONS)
     assert reserve == pytest.approx(RESERVES[name][mission] * size, abs=1e-12)

@@ -1,4 +1,5 @@
-"""What all rules share: where they turn back, for one mission as for many, and that they come home."""
+"""What all rules share: where they turn back, for one mission as for many, and that they come
+home."""
 
 import numpy as np
 import pytest
@@ -24,7 +25,9 @@ def test_rules_turn_back_at_the_far_end_and_when_time_runs_out(name: str, missio
     end = float(s["length_m"] / s["reach_m"])
     assert mode(make_policy(name, env), observed(margin=1.0, distance=0.5 * end)) == GO
     assert mode(make_policy(name, env), observed(margin=1.0, distance=end)) == RETURN
-    assert mode(make_policy(name, env), observed(margin=1.0, distance=0.5 * end, time=0.9)) == RETURN
+    assert (
+        mode(make_policy(name, env), observed(margin=1.0, distance=0.5 * end, time=0.9)) == RETURN
+    )
 
 
 @pytest.mark.parametrize("name", RULES)

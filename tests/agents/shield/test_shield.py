@@ -29,7 +29,9 @@ def shielded(policy: Policy, options: Options, count: int) -> Run:
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_who_wanders_for_ever_comes_home(mission: str, action_type: str) -> None:
     options = Options(mission, action_type=action_type)
-    bare = run_episodes(Wanderer(known_of(options), np.random.default_rng(0)), options, episode_seeds(2, 64)).episodes
+    bare = run_episodes(
+        Wanderer(known_of(options), np.random.default_rng(0)), options, episode_seeds(2, 64)
+    ).episodes
     safe = shielded(Wanderer(known_of(options), np.random.default_rng(0)), options, 64).episodes
     assert not bare.home.any()
     assert safe.home.all()
@@ -46,7 +48,9 @@ class Careless(Policy):
     def act(self, observations: Observations, begun: NDArray[np.bool_]) -> NDArray[Any]:
         returns = observations[:, INDEX["energy"]] < 0.5
         speed_mps = np.where(returns, self._home_mps, self._known.shared["cruise_mps"][0])
-        return encode_actions(self._known, speed_mps, self._sensing_hz, np.where(returns, RETURN, GO))
+        return encode_actions(
+            self._known, speed_mps, self._sensing_hz, np.where(returns, RETURN, GO)
+        )
 
 
 @pytest.mark.parametrize(
@@ -74,7 +78,8 @@ def test_who_never_turns_is_turned_in_time(route: str) -> None:
     safe = shielded(Onward(known_of(options)), options, 200).episodes
     assert safe.home.all()
     assert (
-        np.median(safe.furthest_m) > (0.4 if route == "generated" else 0.33) * known_of(options).shared["length_m"][0]
+        np.median(safe.furthest_m)
+        > (0.4 if route == "generated" else 0.33) * known_of(options).shared["length_m"][0]
     )
 
 
@@ -88,9 +93,12 @@ def test_a_careful_rule_is_left_alone_where_all_is_known() -> None:
     np.testing.assert_array_equal(safe.energy_left_j, bare.energy_left_j)
 
 
-@pytest.mark.parametrize(("difficulty", "typical", "most"), [("known", 0.02, 0.03), ("uncertain", 0.17, 0.33)])
+@pytest.mark.parametrize(
+    ("difficulty", "typical", "most"), [("known", 0.02, 0.03), ("uncertain", 0.17, 0.33)]
+)
 def test_it_turns_back_late(difficulty: str, typical: float, most: float) -> None:
-    """Hardly more than the reserve is left in the battery, where it knows its robot and the wind."""
+    """Hardly more than the reserve is left in the battery, where it knows its robot and the
+    wind."""
     options = Options("OutAndBack", difficulty=difficulty)
     safe = shielded(Onward(known_of(options)), options, 100).episodes
     left = safe.energy_left_j / known_of(options).robot.usable_energy_j
@@ -120,7 +128,9 @@ def test_hardly_any_strands_whoever_drives(mission: str, difficulty: str) -> Non
     options = Options(mission, difficulty=difficulty)
     known, stranded = known_of(options), 0
     for reckless in (Onward(known), Wanderer(known, np.random.default_rng(1))):
-        episodes = run_episodes(Shield(reckless, known), options, range(8_100_000, 8_100_120)).episodes
+        episodes = run_episodes(
+            Shield(reckless, known), options, range(8_100_000, 8_100_120)
+        ).episodes
         stranded += int(episodes.stranded.sum())
         assert not episodes.timed_out.any()
     assert stranded <= 3
@@ -138,7 +148,8 @@ def test_no_agent_strands_more_with_a_shield(name: str) -> None:
 
 
 def driven(bare: Policy, options: Options, count: int) -> Iterator[tuple[Any, Any, Any]]:
-    """What is observed, what the policy wants and what the shield makes of it, decision by decision."""
+    """What is observed, what the policy wants and what the shield makes of it, decision by
+    decision."""
     env = HomewardVectorEnv(count, autoreset_mode="Disabled", **vars(options))
     known, wanted = env.batch.known, Heard(bare)
     shield, begun = Shield(wanted, known), np.ones(count, np.bool_)
@@ -205,15 +216,20 @@ def test_batches_equal_singles_and_nothing_is_left_of_missions_before(mission: s
 def test_actions_are_decoded_as_the_environment_takes_them(action_type: str) -> None:
     known = known_of(Options("Survey", action_type=action_type))
     for mode in (STOP, GO, RETURN):
-        commands = decode_actions(known, encode_actions(known, [0.1, 0.55, 1.0], [0.0, 50.0, 100.0], mode))
+        commands = decode_actions(
+            known, encode_actions(known, [0.1, 0.55, 1.0], [0.0, 50.0, 100.0], mode)
+        )
         assert commands.sensing_hz == pytest.approx([0.0, 50.0, 100.0], abs=1e-5)
         assert commands.speed_mps == pytest.approx([0.1, 0.55, 1.0], abs=1e-6)
-        assert commands.driven_mps == pytest.approx([0.0] * 3 if mode == STOP else [0.1, 0.55, 1.0], abs=1e-6)
+        assert commands.driven_mps == pytest.approx(
+            [0.0] * 3 if mode == STOP else [0.1, 0.55, 1.0], abs=1e-6
+        )
         assert commands.returns.tolist() == [mode == RETURN] * 3
 
 
 def test_numbers_far_from_the_prior_are_not_believed() -> None:
-    """Down a slope with the wind on its back a robot rolls by itself; what it then finds out need not be what it is."""
+    """Down a slope with the wind on its back a robot rolls by itself; what it then finds out need
+    not be what it is."""
     options = Options("OutAndBack", route="hidden_wind")
     policy = Shield(Wanderer(known_of(options), np.random.default_rng(0)), known_of(options))
     assert run_episodes(policy, options, episode_seeds(0, 250)).episodes.stranded.sum() <= 1
@@ -223,7 +239,9 @@ def test_the_less_risk_the_earlier_it_turns() -> None:
     options = Options("OutAndBack")
     known = known_of(options)
     furthest_m = [
-        run_episodes(Shield(Onward(known), known, risk=risk), options, range(40)).episodes.furthest_m.mean()
+        run_episodes(
+            Shield(Onward(known), known, risk=risk), options, range(40)
+        ).episodes.furthest_m.mean()
         for risk in (1e-1, 1e-3, 1e-6)
     ]
     assert furthest_m == sorted(furthest_m, reverse=True)

@@ -28,7 +28,12 @@ def save_drawn_policy(
         (0.5 * rng.standard_normal((after, before)).astype(np.float32), np.zeros(after, np.float32))
         for before, after in ((columns, 16), (16 + columns, outputs))
     ]
-    training = {"env": "homeward/Survey-v0", "robot": "husky", "action_type": action_type, "seed": 3}
+    training = {
+        "env": "homeward/Survey-v0",
+        "robot": "husky",
+        "action_type": action_type,
+        "seed": 3,
+    }
     going = ON_THE_GO if beliefs else {}
     save_policy(folder, layers, space, {"training": training} | going | description, inputs)
     return load_policy(folder, known)

@@ -1,4 +1,5 @@
-"""The environment of a policy's training is found in its file, or the file says that it is not there."""
+"""The environment of a policy's training is found in its file, or the file says that it is not
+there."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ def test_another_robot_than_the_trained_one_is_refused(tmp_path: Path) -> None:
     hashed = robot_hash(known_of(Options("Survey", robot="jackal")))
     policy = save_drawn_policy(tmp_path, made_with={"robot": hashed})
     with pytest.raises(
-        PolicyFileError, match=r"robot 'husky' has other parameters .* give the file of that one with --robot"
+        PolicyFileError,
+        match=r"robot 'husky' has other parameters .* give the file of that one with --robot",
     ):
         setting_of(policy)
     assert setting_of(policy, "jackal")[1].robot.name == "jackal"
@@ -36,7 +38,9 @@ def test_keywords_are_those_of_the_training(tmp_path: Path) -> None:
         "seed": 3, "steps": 1000,
     }  # fmt: skip
     options = options_of(save_drawn_policy(tmp_path, training=training))
-    assert options == Options("Patrol", robot="husky", difficulty="harsh", decision_s=60.0, discount=0.9)
+    assert options == Options(
+        "Patrol", robot="husky", difficulty="harsh", decision_s=60.0, discount=0.9
+    )
 
 
 def test_keywords_that_are_given_go_before_those_of_the_training(tmp_path: Path) -> None:
@@ -48,13 +52,17 @@ def test_keywords_that_are_given_go_before_those_of_the_training(tmp_path: Path)
 
 def test_the_setting_is_of_the_robot_that_the_policy_was_trained_on(tmp_path: Path) -> None:
     trained_in = known_of(Options("Survey", robot="husky"))
-    options, known = setting_of(save_drawn_policy(tmp_path, made_with={"robot": robot_hash(trained_in)}))
+    options, known = setting_of(
+        save_drawn_policy(tmp_path, made_with={"robot": robot_hash(trained_in)})
+    )
     assert (options.mission, options.robot) == ("Survey", "husky")
     assert known.shared.tobytes() == trained_in.shared.tobytes()
 
 
 @pytest.mark.parametrize("made_with", [None, {}, []])
-def test_a_policy_that_does_not_say_what_it_was_made_with_is_taken_at_its_word(made_with: Any, tmp_path: Path) -> None:
+def test_a_policy_that_does_not_say_what_it_was_made_with_is_taken_at_its_word(
+    made_with: Any, tmp_path: Path
+) -> None:
     assert setting_of(save_drawn_policy(tmp_path, made_with=made_with))[1].robot.name == "husky"
 
 

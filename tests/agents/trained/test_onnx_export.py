@@ -21,25 +21,43 @@ from homeward.envs.options import Options, known_of  # noqa: E402
 from tests.agents.trained.drawn import save_drawn_policy  # noqa: E402
 
 
-def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_file_says_what_goes_in_and_what_comes_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     save_drawn_policy(tmp_path)
     main(Args(tmp_path, tmp_path / "policy.onnx"))
     metadata = {one.key: one.value for one in onnx.load(tmp_path / "policy.onnx").metadata_props}
     assert [one["name"] for one in json.loads(metadata["inputs"])[INPUT]] == list(NAMES)
     assert list(json.loads(metadata["outputs"])) == list(OUTPUTS)
     assert (metadata["env"], metadata["robot"]) == ("homeward/Survey-v0", "husky")
-    assert float(metadata["decision_s"]) == known_of(Options("Survey", robot="husky")).shared["decision_s"][0]
+    assert (
+        float(metadata["decision_s"])
+        == known_of(Options("Survey", robot="husky")).shared["decision_s"][0]
+    )
     printed = capsys.readouterr().out
     assert all(name in printed for name in (*NAMES, *OUTPUTS))
 
 
 @pytest.mark.parametrize("beliefs", [False, True])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_a_file_that_decides_otherwise_is_refused(action_type: str, beliefs: bool, tmp_path: Path) -> None:
+def test_a_file_that_decides_otherwise_is_refused(
+    action_type: str, beliefs: bool, tmp_path: Path
+) -> None:
     policy = save_drawn_policy(tmp_path, action_type, beliefs)
     options, known = setting_of(policy)
-    check_equal(to_onnx(policy, options, known).SerializeToString(), policy, known, np.random.default_rng(0))
+    check_equal(
+        to_onnx(policy, options, known).SerializeToString(), policy, known, np.random.default_rng(0)
+    )
     weight, bias = policy.layers[-1]
-    other = NetworkPolicy((*policy.layers[:-1], (weight[::-1], bias)), policy.action_space, policy.description)
-    with pytest.raises(ExportError, match=r"onnxruntime commands another \w+ than the policy in \d+ of 2000"):
-        check_equal(to_onnx(other, options, known).SerializeToString(), policy, known, np.random.default_rng(0))
+    other = NetworkPolicy(
+        (*policy.layers[:-1], (weight[::-1], bias)), policy.action_space, policy.description
+    )
+    with pytest.raises(
+        ExportError, match=r"onnxruntime commands another \w+ than the policy in \d+ of 2000"
+    ):
+        check_equal(
+            to_onnx(other, options, known).SerializeToString(),
+            policy,
+            known,
+            np.random.default_rng(0),
+        )

@@ -34,7 +34,9 @@ def open_session(content: bytes) -> Any:
 
 @pytest.mark.parametrize("beliefs", [False, True])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_commands_are_those_of_the_original(action_type: str, beliefs: bool, tmp_path: Path) -> None:
+def test_commands_are_those_of_the_original(
+    action_type: str, beliefs: bool, tmp_path: Path
+) -> None:
     policy = save_drawn_policy(tmp_path, action_type, beliefs)
     options, known = setting_of(policy)
     session = open_session(to_onnx(policy, options, known).SerializeToString())
@@ -54,7 +56,9 @@ def test_commands_are_those_of_the_original(action_type: str, beliefs: bool, tmp
             np.testing.assert_array_equal(encoded, actions)
         else:
             np.testing.assert_allclose(encoded[:, :2], actions[:, :2], atol=1e-4)
-            np.testing.assert_array_equal(commands["mode"], np.minimum((1.5 * (actions[:, 2] + 1.0)).astype(int), 2))
+            np.testing.assert_array_equal(
+                commands["mode"], np.minimum((1.5 * (actions[:, 2] + 1.0)).astype(int), 2)
+            )
         modes |= set(commands["mode"].tolist())
         observations, *_ = env.step(actions)
     assert modes <= {0, 1, 2}
@@ -88,7 +92,9 @@ def test_columns_are_the_physical_quantities(tmp_path: Path) -> None:
     }
     for name, values in recorded.items():
         assert np.ptp(values) > 0.0 or name == "time"
-        np.testing.assert_allclose(physical[:, INDEX[name]], values, rtol=1e-5, atol=1e-5 * np.abs(values).max())
+        np.testing.assert_allclose(
+            physical[:, INDEX[name]], values, rtol=1e-5, atol=1e-5 * np.abs(values).max()
+        )
 
 
 def test_sizes_are_those_of_the_robot_and_the_mission() -> None:
@@ -111,7 +117,9 @@ def test_sizes_are_those_of_the_robot_and_the_mission() -> None:
 
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_no_quantity_is_without_a_size(mission: str) -> None:
-    assert all(one.size > 0.0 and np.isfinite(one.size) for one in quantities(known_of(Options(mission))))
+    assert all(
+        one.size > 0.0 and np.isfinite(one.size) for one in quantities(known_of(Options(mission)))
+    )
 
 
 def test_inputs_beyond_the_observation_space_are_clipped_to_it() -> None:
@@ -127,11 +135,15 @@ def test_inputs_beyond_the_observation_space_are_clipped_to_it() -> None:
     size, zero = np.array([(one.size, one.zero) for one in quantities(known)]).T
     speed_mps, *_ = session.run(list(OUTPUTS), {INPUT: (shown * size + zero).astype(np.float32)})
     (slowest, fastest), _ = limits(known)
-    assert speed_mps == pytest.approx(slowest + (fastest - slowest) * np.array([0.25, 0.25, 0.625, 0.75, 0.75]))
+    assert speed_mps == pytest.approx(
+        slowest + (fastest - slowest) * np.array([0.25, 0.25, 0.625, 0.75, 0.75])
+    )
 
 
 @pytest.mark.parametrize("beliefs", [False, True])
-def test_metadata_makes_the_policy_again_without_any_other_file(tmp_path: Path, beliefs: bool) -> None:
+def test_metadata_makes_the_policy_again_without_any_other_file(
+    tmp_path: Path, beliefs: bool
+) -> None:
     policy = save_drawn_policy(tmp_path, beliefs=beliefs)
     model = to_onnx(policy, *setting_of(policy))
     metadata = {one.key: one.value for one in model.metadata_props}
@@ -143,7 +155,9 @@ def test_metadata_makes_the_policy_again_without_any_other_file(tmp_path: Path, 
     assert list(json.loads(metadata["inputs"])) == ([INPUT, BELIEF] if beliefs else [INPUT])
     assert ("beliefs" in metadata) == beliefs
     if beliefs:
-        assert [one["name"] for one in json.loads(metadata["inputs"])[BELIEF]] == [name for name, _ in COLUMNS]
+        assert [one["name"] for one in json.loads(metadata["inputs"])[BELIEF]] == [
+            name for name, _ in COLUMNS
+        ]
 
 
 def test_decoded_actions_are_commands_in_columns() -> None:
@@ -151,4 +165,6 @@ def test_decoded_actions_are_commands_in_columns() -> None:
     (slowest, fastest), (fewest, most) = limits(known)
     commands = decode(np.array([[0, LEVELS - 1, 0], [LEVELS - 1, 0, 2], [1, 1, 1]]), known)
     assert commands[:2].tolist() == [[slowest, most, 0.0], [fastest, fewest, 2.0]]
-    assert commands[2] == pytest.approx([at_level(1, slowest, fastest), at_level(1, fewest, most), 1.0])
+    assert commands[2] == pytest.approx(
+        [at_level(1, slowest, fastest), at_level(1, fewest, most), 1.0]
+    )

@@ -1,4 +1,5 @@
-"""An exported file alone, on a robot without the project's checkout, decides what the policy decides."""
+"""An exported file alone, on a robot without the project's checkout, decides what the policy
+decides."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ def exported(mission: str, start: str, folder: Path) -> Path:
 
 @pytest.mark.parametrize("start", ["dmax", "scratch"])
 @pytest.mark.parametrize("mission", MISSIONS)
-def test_a_file_alone_decides_what_the_policy_decides(mission: str, start: str, tmp_path: Path) -> None:
+def test_a_file_alone_decides_what_the_policy_decides(
+    mission: str, start: str, tmp_path: Path
+) -> None:
     ours, known = load_onnx(exported(mission, start, tmp_path))
     policy = load_policy(shipped(mission, start), known)
     assert known.shared.tobytes() == setting_of(policy)[1].shared.tobytes()
@@ -63,7 +66,8 @@ def test_files_that_cannot_be_used_are_refused_in_one_line(tmp_path: Path) -> No
     del model.metadata_props[:]
     (tmp_path / "mute.onnx").write_bytes(model.SerializeToString())
     (tmp_path / "nonsense.onnx").write_bytes(b"nonsense")
-    foreign_letter = path.read_bytes().replace(b'"energy"', b'"\xe7nergy"', 1)  # of Latin-1, no UTF-8
+    # of Latin-1, no UTF-8
+    foreign_letter = path.read_bytes().replace(b'"energy"', b'"\xe7nergy"', 1)
     (tmp_path / "latin.onnx").write_bytes(foreign_letter)
     for name, said in (
         ("mute", "does not contain its environment"), ("latin", "does not contain its environment"),
@@ -76,7 +80,8 @@ def test_files_that_cannot_be_used_are_refused_in_one_line(tmp_path: Path) -> No
 
 
 def test_networks_that_no_export_writes_are_refused(tmp_path: Path) -> None:
-    """A loop may never end, values may grow to any size, and weights may be those of another file."""
+    """A loop may never end, values may grow to any size, and weights may be those of another
+    file."""
     path = exported("Patrol", "scratch", tmp_path)
 
     def refused(change: Callable[[Any], None], said: str) -> None:
@@ -93,7 +98,9 @@ def test_networks_that_no_export_writes_are_refused(tmp_path: Path) -> None:
     def grows(model: Any) -> None:
         names = ["observation", *(f"twice_{i}" for i in range(40))]
         for before, after in itertools.pairwise(names):
-            model.graph.node.append(onnx.helper.make_node("Concat", [before, before], [after], axis=1))
+            model.graph.node.append(
+                onnx.helper.make_node("Concat", [before, before], [after], axis=1)
+            )
 
     def reads(model: Any) -> None:
         model.graph.initializer[0].external_data.add(key="location", value="/etc/passwd")

@@ -1,4 +1,5 @@
-"""Policies as files: what is written is what is read, no code runs, and whatever is wrong with a file is said."""
+"""Policies as files: what is written is what is read, no code runs, and whatever is wrong with a
+file is said."""
 
 import hashlib
 import itertools
@@ -46,7 +47,10 @@ def draw_layers(*widths: int) -> list[Layer]:
     if len(pairs) > 1:
         pairs[-1][0] += widths[0]
     return [
-        (rng.standard_normal((outputs, inputs)).astype(np.float32), rng.standard_normal(outputs).astype(np.float32))
+        (
+            rng.standard_normal((outputs, inputs)).astype(np.float32),
+            rng.standard_normal(outputs).astype(np.float32),
+        )
         for inputs, outputs in pairs
     ]
 
@@ -73,7 +77,9 @@ def test_what_is_read_is_what_was_written(folder: Path, path: str) -> None:
 @pytest.mark.parametrize("going", [False, True])
 @pytest.mark.parametrize("start", ["scratch", "dmax"])
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
-def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: str, start: str, going: bool) -> None:
+def test_actions_are_those_of_the_trained_network(
+    tmp_path: Path, action_type: str, start: str, going: bool
+) -> None:
     from homeward.agents.learning.network import layers_of
     from homeward.agents.learning.ppo import inputs_of, make_model
     from homeward.agents.learning.settings import PPOSettings
@@ -88,10 +94,14 @@ def test_actions_are_those_of_the_trained_network(tmp_path: Path, action_type: s
     begun = np.ones(500, np.bool_)
     observations = np.random.default_rng(0).uniform(0.0, 1.0, (500, len(NAMES))).astype(np.float32)
     twin = inputs_of(settings, known)
-    expected, _ = model.predict(observations if twin is None else twin(observations, begun), deterministic=True)
+    expected, _ = model.predict(
+        observations if twin is None else twin(observations, begun), deterministic=True
+    )
     actions = policy.act(observations, begun)
     assert actions.dtype == (np.int64 if action_type == "discrete" else np.float32)
-    np.testing.assert_allclose(actions, sensing_on_the_go(expected) if going else expected, atol=1e-5)
+    np.testing.assert_allclose(
+        actions, sensing_on_the_go(expected) if going else expected, atol=1e-5
+    )
 
 
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
@@ -119,7 +129,10 @@ def test_an_agent_is_made_from_the_folder(folder: Path) -> None:
     observations, _ = env.reset(seed=0)
     env.step(make_policy("ppo", env, folder).act(observations, np.ones(3, np.bool_)))
     other = gym.make_vec(
-        "homeward/Survey-v0", num_envs=3, vectorization_mode="vector_entry_point", action_type="continuous"
+        "homeward/Survey-v0",
+        num_envs=3,
+        vectorization_mode="vector_entry_point",
+        action_type="continuous",
     )
     with pytest.raises(AgentError, match=r"acts in MultiDiscrete.*choose the action_type"):
         make_policy("ppo", other, folder)
@@ -156,7 +169,9 @@ def test_a_pickle_is_not_run(folder: Path) -> None:
 @pytest.mark.parametrize("kept", [0.0, 0.5, 0.999])
 def test_a_truncated_file_is_refused(folder: Path, name: str, kept: float) -> None:
     content = (folder / name).read_bytes()
-    (folder / name).write_bytes(content[: int(kept * len(content)) - 2 if kept == 0.999 else int(kept * len(content))])
+    (folder / name).write_bytes(
+        content[: int(kept * len(content)) - 2 if kept == 0.999 else int(kept * len(content))]
+    )
     with pytest.raises(PolicyFileError, match=f"{name} is truncated"):
         load_policy(folder)
 
@@ -164,7 +179,9 @@ def test_a_truncated_file_is_refused(folder: Path, name: str, kept: float) -> No
 @pytest.mark.parametrize("name", [WEIGHTS, DESCRIPTION])
 def test_a_missing_file_is_named(folder: Path, name: str) -> None:
     (folder / name).unlink()
-    with pytest.raises(PolicyFileError, match=f"cannot read .*{name}: No such file.*homeward train` wrote"):
+    with pytest.raises(
+        PolicyFileError, match=f"cannot read .*{name}: No such file.*homeward train` wrote"
+    ):
         load_policy(folder)
 
 
@@ -182,19 +199,24 @@ def test_a_missing_file_is_named(folder: Path, name: str) -> None:
         ({"network": {}}, "does not describe"),
     ],
 )
-def test_a_foreign_description_is_refused(folder: Path, changes: dict[str, Any], message: str) -> None:
+def test_a_foreign_description_is_refused(
+    folder: Path, changes: dict[str, Any], message: str
+) -> None:
     rewrite(folder, **changes)
     with pytest.raises(PolicyFileError, match=message):
         load_policy(folder)
 
 
 def test_a_policy_that_observed_otherwise_says_so_in_one_line(tmp_path: Path) -> None:
-    """As those that were trained before instruments and forecasts were observed: 26 features, others in part."""
+    """As those that were trained before instruments and forecasts were observed: 26 features,
+    others in part."""
     save_policy(tmp_path, draw_layers(26, 8, 13), DISCRETE, {"env": "homeward/Survey-v0"})
     before = ["energy", "distance", "grade_near", "grade_far", *NAMES[:22]]
     rewrite(tmp_path, observation_space={"type": "Box", "features": before})
     env = gym.make_vec("homeward/Survey-v0", num_envs=3, vectorization_mode="vector_entry_point")
-    with pytest.raises(AgentError, match=f"{DESCRIPTION}: the policy observes other features than .*: train again$"):
+    with pytest.raises(
+        AgentError, match=f"{DESCRIPTION}: the policy observes other features than .*: train again$"
+    ):
         make_policy("ppo", env, tmp_path)
 
 
@@ -219,14 +241,26 @@ def weights_of(layers: list[Layer]) -> bytes:
     ("weights", "message"),
     [
         (save({"other": np.zeros(3, np.float32)}), "does not describe"),
-        (weights_of([*draw_layers(len(NAMES), 8), *draw_layers(8, 13)]), "does not fit the one before"),
+        (
+            weights_of([*draw_layers(len(NAMES), 8), *draw_layers(8, 13)]),
+            "does not fit the one before",
+        ),
         (weights_of(draw_layers(len(NAMES) - 1, 8, 13)), "does not fit the one before"),
         (weights_of(draw_layers(len(NAMES), 8, 12)), "12 outputs do not fit"),
-        (weights_of([(w * np.float32(np.nan), b) for w, b in draw_layers(len(NAMES), 8, 13)]), "not a finite number"),
-        (weights_of([(w.astype(np.float64), b) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
+        (
+            weights_of([(w * np.float32(np.nan), b) for w, b in draw_layers(len(NAMES), 8, 13)]),
+            "not a finite number",
+        ),
+        (
+            weights_of([(w.astype(np.float64), b) for w, b in draw_layers(len(NAMES), 8, 13)]),
+            "does not fit",
+        ),
         (weights_of([(w[0], b) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
         (weights_of([(w, b[None]) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
-        (weights_of([(w, np.array(b[0])) for w, b in draw_layers(len(NAMES), 8, 13)]), "does not fit"),
+        (
+            weights_of([(w, np.array(b[0])) for w, b in draw_layers(len(NAMES), 8, 13)]),
+            "does not fit",
+        ),
     ],
 )
 def test_foreign_weights_are_refused(folder: Path, weights: bytes, message: str) -> None:
@@ -244,13 +278,19 @@ def believing(tmp_path: Path) -> Path:
 
 def test_a_policy_that_sees_beliefs_acts_only_with_what_is_known(believing: Path) -> None:
     observations, begun = np.zeros((2, len(NAMES)), np.float32), np.ones(2, np.bool_)
-    assert load_policy(believing, known_of(Options("Survey"))).act(observations, begun).shape == (2, 3)
+    assert load_policy(believing, known_of(Options("Survey"))).act(observations, begun).shape == (
+        2,
+        3,
+    )
     with pytest.raises(PolicyFileError, match="load it with known="):
         load_policy(believing).act(observations, begun)
 
 
 def test_a_policy_trained_with_docks_observes_them_and_acts_nowhere_else(tmp_path: Path) -> None:
-    docked, without = (HomewardVectorEnv(2, mission="Patrol", docks=docks, time_limit_s=9e3) for docks in ("0:15", ""))
+    docked, without = (
+        HomewardVectorEnv(2, mission="Patrol", docks=docks, time_limit_s=9e3)
+        for docks in ("0:15", "")
+    )
     known, begun = docked.batch.known, np.ones(2, np.bool_)
     inputs, observations = make_inputs(known), docked.reset(seed=0)[0]
     seen = inputs(observations, begun)
@@ -259,20 +299,28 @@ def test_a_policy_trained_with_docks_observes_them_and_acts_nowhere_else(tmp_pat
     features = names_of(True)
     save_policy(tmp_path, draw_layers(seen.shape[1], 8, 13), DISCRETE, {}, inputs, features)
     assert make_policy("ppo", docked, tmp_path).act(observations, begun).shape == (2, 3)
-    with pytest.raises(AgentError, match=rf"observes {len(features)} features, the environment \({len(NAMES)},\)"):
+    with pytest.raises(
+        AgentError, match=rf"observes {len(features)} features, the environment \({len(NAMES)},\)"
+    ):
         make_policy("ppo", without, tmp_path)
     with pytest.raises(AgentError, match="with docks there are more"):
         make_policy("ppo", docked)
 
 
-@pytest.mark.parametrize("inputs", [None, {}, {"columns": ["luck"]}, {"columns": [name for name, _ in COLUMNS]}])
+@pytest.mark.parametrize(
+    "inputs", [None, {}, {"columns": ["luck"]}, {"columns": [name for name, _ in COLUMNS]}]
+)
 def test_foreign_inputs_are_refused(believing: Path, inputs: Any) -> None:
     rewrite(believing, inputs=inputs)
-    with pytest.raises(PolicyFileError, match="names other inputs than this version has, train again"):
+    with pytest.raises(
+        PolicyFileError, match="names other inputs than this version has, train again"
+    ):
         load_policy(believing, known_of(Options("Survey")))
 
 
-@pytest.mark.parametrize("layers", ["1e400", "100000000000000000000", "-1", "2.5", '"two"', "[]", "null", "true"])
+@pytest.mark.parametrize(
+    "layers", ["1e400", "100000000000000000000", "-1", "2.5", '"two"', "[]", "null", "true"]
+)
 def test_a_count_of_layers_that_is_none_is_refused(folder: Path, layers: str) -> None:
     path = folder / "policy.json"
     data = json.loads(path.read_text())

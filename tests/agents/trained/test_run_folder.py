@@ -1,4 +1,5 @@
-"""The folder of a training run: what is begun, continued, replaced or refused, and that a kill leaves a checkpoint."""
+"""The folder of a training run: what is begun, continued, replaced or refused, and that a kill
+leaves a checkpoint."""
 
 from __future__ import annotations
 
@@ -36,7 +37,12 @@ CODE = {"homeward": "0.1.0", "physics": "a hash"}
 
 
 def opened(
-    folder: Path, code: dict[str, str] = CODE, *, resume: bool = False, replace: bool = False, **changes: Any
+    folder: Path,
+    code: dict[str, str] = CODE,
+    *,
+    resume: bool = False,
+    replace: bool = False,
+    **changes: Any,
 ) -> RunState:
     with locked(folder):
         return open_run(folder, SETTINGS | changes, code, resume=resume, replace=replace)
@@ -100,29 +106,51 @@ def test_a_finished_run_is_left_alone(finished: Path, resume: bool, replace: boo
     assert contents(finished) == before
 
 
-def test_more_steps_extend_a_run_the_folder_remembers_and_an_interruption_leaves_it_open(finished: Path) -> None:
+def test_more_steps_extend_a_run_the_folder_remembers_and_an_interruption_leaves_it_open(
+    finished: Path,
+) -> None:
     for _ in range(2):
-        refused(finished, f"holds this run, of {STEPS} steps: continue it with --resume", steps=2 * STEPS)
+        refused(
+            finished,
+            f"holds this run, of {STEPS} steps: continue it with --resume",
+            steps=2 * STEPS,
+        )
         assert opened(finished, steps=2 * STEPS, resume=True) is RunState.CONTINUED
         assert extended_from(finished) == [STEPS]
 
 
 def test_a_run_without_checkpoint_is_not_extended(finished: Path) -> None:
     (finished / CHECKPOINT).unlink()
-    refused(finished, "contains no checkpoint to continue from: choose another --out", steps=2 * STEPS, resume=True)
+    refused(
+        finished,
+        "contains no checkpoint to continue from: choose another --out",
+        steps=2 * STEPS,
+        resume=True,
+    )
 
 
 @pytest.mark.parametrize("resume", [False, True])
 def test_other_settings_need_another_folder(finished: Path, resume: bool) -> None:
     changes: dict[str, Any] = {"seed": 1, "difficulty": "known"}
-    refused(finished, r"with other settings \(difficulty 'uncertain', seed 0\): choose", resume=resume, **changes)
-    refused(finished, rf"with other settings \(steps {STEPS}\): choose", resume=resume, steps=STEPS - 1)
+    refused(
+        finished,
+        r"with other settings \(difficulty 'uncertain', seed 0\): choose",
+        resume=resume,
+        **changes,
+    )
+    refused(
+        finished, rf"with other settings \(steps {STEPS}\): choose", resume=resume, steps=STEPS - 1
+    )
 
 
 @pytest.mark.parametrize("resume", [False, True])
 def test_other_code_needs_another_folder(finished: Path, resume: bool) -> None:
     code = CODE | {"physics": "another"}
-    refused(finished, "made before a change of physics: choose another --out, or .* --replace", code=code)
+    refused(
+        finished,
+        "made before a change of physics: choose another --out, or .* --replace",
+        code=code,
+    )
 
 
 def test_a_run_of_an_early_version_was_made_with_other_code(finished: Path) -> None:
@@ -131,7 +159,9 @@ def test_a_run_of_an_early_version_was_made_with_other_code(finished: Path) -> N
 
 
 @pytest.mark.parametrize("changes", [{"seed": 1}, {"code": CODE | {"physics": "another"}}])
-def test_to_replace_removes_the_files_of_a_run_and_nothing_else(finished: Path, changes: dict[str, Any]) -> None:
+def test_to_replace_removes_the_files_of_a_run_and_nothing_else(
+    finished: Path, changes: dict[str, Any]
+) -> None:
     for part in (TENSORBOARD, WANDB, FIRST, LAST):
         (finished / part).mkdir()
         (finished / part / "file").touch()
@@ -143,14 +173,22 @@ def test_to_replace_removes_the_files_of_a_run_and_nothing_else(finished: Path, 
 
 
 @pytest.mark.parametrize("changes", [{}, {"seed": 1}])
-def test_fewer_steps_never_replace_a_longer_finished_run(finished: Path, changes: dict[str, Any]) -> None:
+def test_fewer_steps_never_replace_a_longer_finished_run(
+    finished: Path, changes: dict[str, Any]
+) -> None:
     says = f"trained on {STEPS} steps, which a run of 1 steps must not replace"
     refused(finished, says, steps=1, resume=True, replace=True, **changes)
 
 
 def test_fewer_steps_never_replace_a_run_that_is_being_extended(finished: Path) -> None:
     opened(finished, steps=3 * STEPS, resume=True)
-    refused(finished, "which a run of 2000 steps must not replace", steps=2 * STEPS, replace=True, seed=1)
+    refused(
+        finished,
+        "which a run of 2000 steps must not replace",
+        steps=2 * STEPS,
+        replace=True,
+        seed=1,
+    )
 
 
 @pytest.mark.parametrize("replace", [False, True])
@@ -164,7 +202,9 @@ def test_fewer_steps_never_replace_a_run_that_is_being_extended(finished: Path) 
         (RUN, '{"settings": {"steps": 1}, "extended_from": 5}', "does not describe"),
     ],
 )
-def test_a_foreign_folder_is_left_alone(tmp_path: Path, name: str, content: str, message: str, replace: bool) -> None:
+def test_a_foreign_folder_is_left_alone(
+    tmp_path: Path, name: str, content: str, message: str, replace: bool
+) -> None:
     (tmp_path / name).write_text(content)
     (tmp_path / CHECKPOINT).touch()
     refused(tmp_path, message, replace=replace)
@@ -172,7 +212,9 @@ def test_a_foreign_folder_is_left_alone(tmp_path: Path, name: str, content: str,
 
 
 @pytest.mark.parametrize("name", [RUN, DESCRIPTION])
-@pytest.mark.parametrize("content", ["[" * 100_000, '{"training": {"steps": 1e400}}', " " * 2_000_000])
+@pytest.mark.parametrize(
+    "content", ["[" * 100_000, '{"training": {"steps": 1e400}}', " " * 2_000_000]
+)
 def test_hostile_json_is_one_line(finished: Path, name: str, content: str) -> None:
     (finished / name).write_text(content)
     refused(finished, f"{name} (is damaged|does not describe a training run)", resume=True)
@@ -190,8 +232,13 @@ def test_two_trainings_do_not_share_a_folder(tmp_path: Path) -> None:
         "try:\n    locked(Path(sys.argv[1])).__enter__()\nexcept TrainingError as error:\n    print(error)"
     )
     with locked(tmp_path):
-        run = subprocess.run([sys.executable, "-c", second, tmp_path], capture_output=True, text=True, check=True)
-    assert run.stdout == f"another training is using {tmp_path}: wait for it, or choose another --out\n"
+        run = subprocess.run(
+            [sys.executable, "-c", second, tmp_path], capture_output=True, text=True, check=True
+        )
+    assert (
+        run.stdout
+        == f"another training is using {tmp_path}: wait for it, or choose another --out\n"
+    )
     with locked(tmp_path):  # free again
         pass
 

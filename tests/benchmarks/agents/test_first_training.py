@@ -19,11 +19,15 @@ def few_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(first_training, "EPISODES", 4)
 
 
-def test_the_example_has_ten_lines_and_runs(few_episodes: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_has_ten_lines_and_runs(
+    few_episodes: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert len(example().splitlines()) <= 10
     trained: list[int] = []
     monkeypatch.setattr(PPO, "learn", lambda model, steps: trained.append(steps))
-    text = program(2000).replace("unseen_episodes(model, env, 500)", "unseen_episodes(model, env, 2)")
+    text = program(2000).replace(
+        "unseen_episodes(model, env, 500)", "unseen_episodes(model, env, 2)"
+    )
     assert "seed=2000" in text and "seed=0" not in text
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
@@ -35,7 +39,10 @@ def test_the_example_has_ten_lines_and_runs(few_episodes: None, monkeypatch: pyt
 
 
 def test_rows_are_printed_and_kept(
-    few_episodes: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    few_episodes: None,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def made_up(seed: int) -> dict[str, Any]:
         return {"start": 0.0, "end": 1e4 if seed else 1.0, "wall_s": 40.0, "cpu_s": 20.0}
@@ -53,5 +60,7 @@ def test_what_cannot_run_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(TrainingError, match="--seeds 0 is not allowed"):
         main(Args(seeds=0))
     monkeypatch.setattr(first_training, "program", lambda seed: "raise ValueError('no example')")
-    with pytest.raises(TrainingError, match="the example fails with seed 7: ValueError: no example"):
+    with pytest.raises(
+        TrainingError, match="the example fails with seed 7: ValueError: no example"
+    ):
         run_seed(7)

@@ -1,4 +1,5 @@
-"""The benchmark of the estimator: its figures are what they say, and more energy changes no belief and no way home."""
+"""The benchmark of the estimator: its figures are what they say, and more energy changes no belief
+and no way home."""
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from homeward.agents.evaluation import episode_seeds
 from homeward.envs.options import Options
 from homeward.envs.vector import HomewardVectorEnv
 
-MIXTURE = Mixture(np.array([[0.2, 0.5, 0.3]]), np.array([[-1.0, 0.4, 3.0]]), np.array([[0.5, 1.0, 0.1]]))
+MIXTURE = Mixture(
+    np.array([[0.2, 0.5, 0.3]]), np.array([[-1.0, 0.4, 3.0]]), np.array([[0.5, 1.0, 0.1]])
+)
 
 
 @pytest.mark.parametrize("value", [-4.0, 0.3, 2.9, 7.0])
@@ -56,14 +59,20 @@ def test_the_mixture_has_the_moments_that_the_belief_answers_with() -> None:
     second = np.einsum("nk,nk->n", mixture.weight, mixture.sd**2 + mixture.mean**2)
     np.testing.assert_allclose(mixture.weight.sum(axis=1), 1.0)
     np.testing.assert_allclose(mixture.expected, total["cost_share"], rtol=1e-9)
-    np.testing.assert_allclose(np.sqrt(second - mixture.expected**2), total["cost_share_sd"], rtol=1e-6)
+    np.testing.assert_allclose(
+        np.sqrt(second - mixture.expected**2), total["cost_share_sd"], rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("difficulty", ["uncertain", "harsh"])
-def test_more_energy_changes_neither_what_is_read_nor_what_the_way_home_takes(difficulty: str) -> None:
+def test_more_energy_changes_neither_what_is_read_nor_what_the_way_home_takes(
+    difficulty: str,
+) -> None:
     observed, used_j = [], []
     for tops_up in (False, True):
-        env = HomewardVectorEnv(16, mission="OutAndBack", difficulty=difficulty, autoreset_mode="Disabled")
+        env = HomewardVectorEnv(
+            16, mission="OutAndBack", difficulty=difficulty, autoreset_mode="Disabled"
+        )
         observations, _ = env.reset(seed=3)
         for _ in range(20):
             observations, *_ = env.step(np.tile([4, 0, 1], (16, 1)))
@@ -84,7 +93,8 @@ def test_more_energy_changes_neither_what_is_read_nor_what_the_way_home_takes(di
 
 
 def test_missions_that_would_strand_come_home_and_what_they_take_is_forecast() -> None:
-    found = drive(Options("OutAndBack"), episode_seeds(1, 64), 60)  # for some more than half of the battery
+    # for some more than half of the battery
+    found = drive(Options("OutAndBack"), episode_seeds(1, 64), 60)
     assert found.home_share.size == 64
     assert (found.home_share > 0.5).any()
     assert found.forecasts["belief"].expected == pytest.approx(found.home_share, abs=0.2)
@@ -93,7 +103,21 @@ def test_missions_that_would_strand_come_home_and_what_they_take_is_forecast() -
 
 
 def test_the_tables_say_what_was_driven(capsys: pytest.CaptureFixture[str]) -> None:
-    main(Args(difficulties=("uncertain",), instruments="exact", weather="still", decisions=(5,), missions=20, seed=3))
+    main(
+        Args(
+            difficulties=("uncertain",),
+            instruments="exact",
+            weather="still",
+            decisions=(5,),
+            missions=20,
+            seed=3,
+        )
+    )
     printed = capsys.readouterr().out
-    for expected in ("20 missions, episode_seeds(3, 20)", "instruments exact, weather still", "ratio", "us per update"):
+    for expected in (
+        "20 missions, episode_seeds(3, 20)",
+        "instruments exact, weather still",
+        "ratio",
+        "us per update",
+    ):
         assert expected in printed

@@ -1,4 +1,5 @@
-"""The benchmark of plain PPO: only the discount differs from the defaults, and no seed is trained twice."""
+"""The benchmark of plain PPO: only the discount differs from the defaults, and no seed is trained
+twice."""
 
 import json
 from pathlib import Path
@@ -40,7 +41,10 @@ def test_no_two_seeds_share_a_mission() -> None:
         adapter = make_model(Options("OutAndBack"), seed).env
         assert isinstance(adapter, SB3Adapter)
         adapter.reset()
-        keys += [json.dumps(one.bit_generator.state, default=str) for one in adapter.missions.batch.generators]
+        keys += [
+            json.dumps(one.bit_generator.state, default=str)
+            for one in adapter.missions.batch.generators
+        ]
     assert len(set(keys)) == 2 * SIDE_BY_SIDE
 
 

@@ -51,7 +51,10 @@ def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
             write_run(tmp_path / "runs" / f"Survey-{start}-{seed}", start, seed, score)
     (tmp_path / "runs" / "learn.json").write_text(json.dumps([ROW, {**ROW, "start": "scratch"}]))
     main(Args(tmp_path / "runs", tmp_path / "out"))
-    assert sorted(folder.name for folder in (tmp_path / "out").iterdir()) == ["Survey", "Survey_scratch"]
+    assert sorted(folder.name for folder in (tmp_path / "out").iterdir()) == [
+        "Survey",
+        "Survey_scratch",
+    ]
     shipped = tmp_path / "out" / "Survey"
     policy, card = load_policy(shipped), (shipped / "card.md").read_text()
     assert policy.description["training"]["seed"] == 0
@@ -73,5 +76,7 @@ def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
 
 
 def test_nothing_to_ship_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(PolicyFileError, match=r"holds no learn.json: run benchmarks/agents/learn.py first"):
+    with pytest.raises(
+        PolicyFileError, match=r"holds no learn.json: run benchmarks/agents/learn.py first"
+    ):
         main(Args(tmp_path, tmp_path / "out"))

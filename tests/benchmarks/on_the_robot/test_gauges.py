@@ -1,4 +1,5 @@
-"""The benchmark of faulty gauges: its battery, way, gauges and instruments do what physics and their names say."""
+"""The benchmark of faulty gauges: its battery, way, gauges and instruments do what physics and
+their names say."""
 
 import csv
 import io
@@ -43,7 +44,14 @@ from benchmarks.on_the_robot.gauges.cell import (
     step,
     total_share,
 )
-from benchmarks.on_the_robot.gauges.drive import SHARES_OF_WAY, Case, Drive, Outcome, Point, run_drive
+from benchmarks.on_the_robot.gauges.drive import (
+    SHARES_OF_WAY,
+    Case,
+    Drive,
+    Outcome,
+    Point,
+    run_drive,
+)
 from benchmarks.on_the_robot.gauges.gauge import GAUGES, Gauge, shown_shares
 from benchmarks.on_the_robot.gauges.ground import Ground, draw_ground, home_energy_j, traction_w
 from benchmarks.on_the_robot.gauges.instruments import Conditions, Readings, draw_conditions, read
@@ -86,13 +94,20 @@ UPDATE_S = 6.0
 
 def at_25_c(sizes: Sizes) -> Sizes:
     """Packs as good as new, in air of 25 C."""
-    truth = replace(sizes.truth, temperature_c=[25.0, 25.0], capacity_share=[1.0, 1.0], resistance_factor=[1.0, 1.0])
+    truth = replace(
+        sizes.truth,
+        temperature_c=[25.0, 25.0],
+        capacity_share=[1.0, 1.0],
+        resistance_factor=[1.0, 1.0],
+    )
     return replace(sizes, truth=truth)
 
 
 def calm(sizes: Sizes) -> Sizes:
     """A level, even way without wind, stops or wander: the same power all along, out and home."""
-    truth = replace(sizes.truth, wind_mps=[0.0, 0.0], gust_share=0.0, standby_wander=0.0, speed_wander=0.0)
+    truth = replace(
+        sizes.truth, wind_mps=[0.0, 0.0], gust_share=0.0, standby_wander=0.0, speed_wander=0.0
+    )
     ground = replace(sizes.ground, patch_sd=0.0, stops_per_hour=0.0)
     robots = {name: replace(robot, grade_sd_rad=[0.0, 0.0]) for name, robot in sizes.robots.items()}
     return replace(sizes, truth=truth, ground=ground, robots=robots)
@@ -117,7 +132,9 @@ def exact(sizes: Sizes) -> Sizes:
         dropouts_per_h=0.0,
         single_dropouts_per_h=0.0,
     )
-    gauge = replace(sizes.gauge, counter_start_sd=0.0, counter_gain_sd=0.0, counter_offset_per_h=0.0)
+    gauge = replace(
+        sizes.gauge, counter_start_sd=0.0, counter_gain_sd=0.0, counter_offset_per_h=0.0
+    )
     return replace(sizes, instruments=instruments, gauge=gauge)
 
 
@@ -126,10 +143,14 @@ def rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def pack_of(chemistry: str, sizes: Sizes, seed: int = 0, pack_share: float = 1.0) -> tuple[Pack, Label]:
+def pack_of(
+    chemistry: str, sizes: Sizes, seed: int = 0, pack_share: float = 1.0
+) -> tuple[Pack, Label]:
     """A pack for a Husky, and its label."""
     place = sizes.robots["husky"]
-    label = label_of(place.preset, place.cells[chemistry], sizes.cells[chemistry].label_v, pack_share)
+    label = label_of(
+        place.preset, place.cells[chemistry], sizes.cells[chemistry].label_v, pack_share
+    )
     return draw_pack(chemistry, label, sizes, rng(seed)), label
 
 
@@ -149,7 +170,9 @@ def truth_of(sizes: Sizes, chemistry: str = "nmc", seed: int = 0) -> Truth:
     place = sizes.robots["husky"]
     pack, label = pack_of(chemistry, sizes, seed, pack_share=0.3)
     robot = draw_robot(place.preset, place.cruise_mps, sizes, rng(seed))
-    ground = draw_ground(robot, place.grade_sd_rad, label.energy_j / robot.standby_w, sizes, rng(seed))
+    ground = draw_ground(
+        robot, place.grade_sd_rad, label.energy_j / robot.standby_w, sizes, rng(seed)
+    )
     state = full_state(pack, 1.0)
     return Truth(robot, pack, ground, state, drive_out(pack, state, ground, UPDATE_S, sizes.truth))
 
@@ -167,7 +190,8 @@ def level() -> Truth:
 
 
 def steady_way(pack: Pack, cell_v: Floats, hours: float = 4.0) -> WayOut:
-    """A way on which the pack gives all that a counter expects of it at one current, with some voltage of a cell."""
+    """A way on which the pack gives all that a counter expects of it at one current, with some
+    voltage of a cell."""
     records = np.zeros((cell_v.size, RECORD_COLUMNS))
     records[:, TIME_S] = 3600.0 * hours * np.arange(1, cell_v.size + 1) / cell_v.size
     records[:, CURRENT_A] = pack.learned_ah / hours
@@ -175,7 +199,9 @@ def steady_way(pack: Pack, cell_v: Floats, hours: float = 4.0) -> WayOut:
     return WayOut(records, np.zeros((cell_v.size, STATE_COLUMNS)))
 
 
-def shown_on(way: WayOut, gauge: Gauge, sizes: Sizes, seed: int = 0, chemistry: str = "nmc") -> tuple[Floats, str]:
+def shown_on(
+    way: WayOut, gauge: Gauge, sizes: Sizes, seed: int = 0, chemistry: str = "nmc"
+) -> tuple[Floats, str]:
     """What a gauge shows on a way that begins with a full pack."""
     pack, _label = pack_of("nmc", at_25_c(SIZES))
     return shown_shares(gauge, chemistry, pack, 1.0, way, sizes, rng(seed))
@@ -188,7 +214,9 @@ def steady() -> WayOut:
     return steady_way(pack, np.full(2400, 3.6))
 
 
-def readings_of(soc: Sequence[float], volts: float = math.nan, amperes: float = math.nan) -> Readings:
+def readings_of(
+    soc: Sequence[float], volts: float = math.nan, amperes: float = math.nan
+) -> Readings:
     """Readings of a gauge, and of a meter where it has one, every 10 s."""
     updates = len(soc)
     nothing = np.full(updates, np.nan)
@@ -210,7 +238,9 @@ def readings_of(soc: Sequence[float], volts: float = math.nan, amperes: float = 
 def test_open_circuit_voltage_rises_with_charge_about_the_label(chemistry: str) -> None:
     cell = SIZES.cells[chemistry]
     curve_v = np.array(cell.curve_v)
-    voltages_v = np.array([open_circuit_v(CURVES[cell.curve], curve_v, share) for share in np.linspace(0.0, 1.0, 201)])
+    voltages_v = np.array(
+        [open_circuit_v(CURVES[cell.curve], curve_v, share) for share in np.linspace(0.0, 1.0, 201)]
+    )
     assert (np.diff(voltages_v) > 0.0).all()
     assert voltages_v.mean() == pytest.approx(cell.label_v, rel=0.1)
     assert voltages_v[0] < cell.cutoff_v + 0.2
@@ -263,11 +293,17 @@ def test_a_fresh_pack_gives_its_label_and_less_when_cold_fast_or_old(chemistry: 
     assert fresh_j == pytest.approx(label.energy_j, rel=0.02)
     assert given_j(pack, 4.0 * label_w) < 0.99 * fresh_j
     assert given_j(pack._replace(outside_c=-10.0), label_w) < 0.93 * fresh_j
-    old, _label = pack_of(chemistry, replace(sizes, truth=replace(sizes.truth, capacity_share=[0.8, 0.8])))
+    old, _label = pack_of(
+        chemistry, replace(sizes, truth=replace(sizes.truth, capacity_share=[0.8, 0.8]))
+    )
     assert given_j(old, label_w) == pytest.approx(0.8 * fresh_j, rel=0.03)
-    worn, _label = pack_of(chemistry, replace(sizes, truth=replace(sizes.truth, resistance_factor=[1.8, 1.8])))
+    worn, _label = pack_of(
+        chemistry, replace(sizes, truth=replace(sizes.truth, resistance_factor=[1.8, 1.8]))
+    )
     assert given_j(worn, label_w) < fresh_j
-    assert pack.learned_ah == pytest.approx(discharge(pack, full_state(pack, 1.0), label_w, sizes.truth.trip_s)[1])
+    assert pack.learned_ah == pytest.approx(
+        discharge(pack, full_state(pack, 1.0), label_w, sizes.truth.trip_s)[1]
+    )
 
 
 def test_discharge_leaves_its_state_and_gives_no_more_than_the_charge_allows() -> None:
@@ -306,7 +342,9 @@ def test_more_power_than_a_pack_can_give_collapses_its_voltage() -> None:
 
 
 def test_forces_have_the_right_signs() -> None:
-    robot = TrueRobot(10.0, 0.1, 0.5, gear_loss=0.25, copper_w_per_n2=0.02, standby_w=5.0, cruise_mps=1.0)
+    robot = TrueRobot(
+        10.0, 0.1, 0.5, gear_loss=0.25, copper_w_per_n2=0.02, standby_w=5.0, cruise_mps=1.0
+    )
 
     def power_w(grade_rad: float = 0.0, against_mps: float = 0.0, across_mps: float = 0.0) -> float:
         values = (grade_rad, robot.rolling_resistance, 1.0, against_mps, across_mps)
@@ -315,7 +353,9 @@ def test_forces_have_the_right_signs() -> None:
     force_n = 0.1 * 10.0 * 9.81 + 0.5
     assert power_w() == pytest.approx(1.25 * force_n + 0.02 * force_n**2)
     assert power_w(grade_rad=0.05) > power_w() > power_w(grade_rad=-0.05) > 0.0
-    assert power_w(against_mps=3.0) > power_w(across_mps=3.0) > power_w() > power_w(against_mps=-1.0)
+    assert (
+        power_w(against_mps=3.0) > power_w(across_mps=3.0) > power_w() > power_w(against_mps=-1.0)
+    )
     assert power_w(grade_rad=-0.1) >= 0.0
 
 
@@ -325,9 +365,17 @@ def test_the_way_has_the_spreads_that_its_sizes_say() -> None:
     ground = draw_ground(robot, [0.04, 0.04], 40_000.0, SIZES, rng(1))
     assert float(ground.grade_rad.std()) == pytest.approx(0.04, rel=0.25)
     assert ground.stop_s.max() <= SIZES.ground.stop_s[1]
-    assert np.count_nonzero(ground.stop_s) * 3600.0 / 40_000.0 == pytest.approx(SIZES.ground.stops_per_hour, rel=0.5)
-    assert ground.out_mps[ground.grade_rad > 0.06].mean() < ground.out_mps[ground.grade_rad < -0.06].mean()
-    assert ground.home_mps[ground.grade_rad > 0.06].mean() > ground.home_mps[ground.grade_rad < -0.06].mean()
+    assert np.count_nonzero(ground.stop_s) * 3600.0 / 40_000.0 == pytest.approx(
+        SIZES.ground.stops_per_hour, rel=0.5
+    )
+    assert (
+        ground.out_mps[ground.grade_rad > 0.06].mean()
+        < ground.out_mps[ground.grade_rad < -0.06].mean()
+    )
+    assert (
+        ground.home_mps[ground.grade_rad > 0.06].mean()
+        > ground.home_mps[ground.grade_rad < -0.06].mean()
+    )
     assert math.hypot(ground.east_m[0], ground.north_m[0]) == pytest.approx(ground.length_m)
     assert float(np.mean(ground.home_w / ground.mean_home_w)) == pytest.approx(1.0, abs=0.05)
 
@@ -351,7 +399,9 @@ def test_energy_left_is_what_a_steady_way_still_takes_until_the_cut_off(level: T
     way = level.way
     end_j = way.records[-1, ENERGY_J]
     for index in range(0, way.records.shape[0], 150):
-        left_j, _left_ah = discharge(level.pack, way.states[index], way.records[index, POWER_W], SIZES.truth.trip_s)
+        left_j, _left_ah = discharge(
+            level.pack, way.states[index], way.records[index, POWER_W], SIZES.truth.trip_s
+        )
         assert left_j == pytest.approx(end_j - way.records[index, ENERGY_J], abs=0.005 * end_j)
 
 
@@ -369,7 +419,10 @@ def test_energy_of_the_way_home_is_what_driving_home_takes(level: Truth) -> None
 
 def test_who_turns_at_once_gets_home_and_who_turns_late_does_not(hilly: Truth) -> None:
     updates = hilly.way.records.shape[0]
-    ends = [drive_home(hilly.pack, hilly.way, turn, hilly.ground, SIZES.truth) for turn in range(0, updates, 20)]
+    ends = [
+        drive_home(hilly.pack, hilly.way, turn, hilly.ground, SIZES.truth)
+        for turn in range(0, updates, 20)
+    ]
     last = drive_home(hilly.pack, hilly.way, updates - 1, hilly.ground, SIZES.truth)
     arrived = [end.arrived for end in ends]
     shares = np.array([end.share for end in ends if end.arrived])
@@ -381,10 +434,16 @@ def test_who_turns_at_once_gets_home_and_who_turns_late_does_not(hilly: Truth) -
 
 def test_a_counter_shows_the_true_charge_within_its_error(hilly: Truth) -> None:
     way, pack, gauge = hilly.way, hilly.pack, SIZES.gauge
-    drawn = np.cumsum(way.column(CURRENT_A) * np.diff(way.column(TIME_S), prepend=0.0)) / 3600.0 / pack.learned_ah
+    drawn = (
+        np.cumsum(way.column(CURRENT_A) * np.diff(way.column(TIME_S), prepend=0.0))
+        / 3600.0
+        / pack.learned_ah
+    )
     hours = way.column(TIME_S) / 3600.0
     sd = np.sqrt(
-        gauge.counter_start_sd**2 + (gauge.counter_gain_sd * drawn) ** 2 + (gauge.counter_offset_per_h * hours) ** 2
+        gauge.counter_start_sd**2
+        + (gauge.counter_gain_sd * drawn) ** 2
+        + (gauge.counter_offset_per_h * hours) ** 2
     )
     scaled = []
     for seed in range(40):
@@ -401,7 +460,9 @@ def test_a_counter_shows_the_true_charge_within_its_error(hilly: Truth) -> None:
 
 @pytest.mark.parametrize("chemistry", CHEMISTRIES)
 @pytest.mark.parametrize("gauge", ["linear_voltage", "pieces_voltage"])
-def test_a_gauge_by_voltage_falls_with_the_voltage_from_full_to_empty(gauge: Gauge, chemistry: str) -> None:
+def test_a_gauge_by_voltage_falls_with_the_voltage_from_full_to_empty(
+    gauge: Gauge, chemistry: str
+) -> None:
     pack, _label = pack_of("nmc", at_25_c(SIZES))
     ends_v = (SIZES.linear_map if gauge == "linear_voltage" else SIZES.pieces_map)[chemistry].v
     falling = steady_way(pack, np.linspace(ends_v[-1] + 0.1, ends_v[0] - 0.1, 2400))
@@ -416,10 +477,15 @@ def test_a_coarse_gauge_shows_whole_steps(steady: WayOut) -> None:
     seen = set()
     for seed in SEEDS:
         shown, fault = shown_on(steady, "coarse", SIZES, seed)
-        (coarse_step,) = [size for size in SIZES.gauge.coarse_steps if fault == f"steps of {size:.0%}"]
+        (coarse_step,) = [
+            size for size in SIZES.gauge.coarse_steps if fault == f"steps of {size:.0%}"
+        ]
         seen.add(coarse_step)
         assert np.round(shown / coarse_step) * coarse_step == pytest.approx(shown)
-        assert np.abs(shown - counted[seed]).max() <= 0.5 * coarse_step + 0.5 * SIZES.gauge.counter_step + 1e-9
+        assert (
+            np.abs(shown - counted[seed]).max()
+            <= 0.5 * coarse_step + 0.5 * SIZES.gauge.counter_step + 1e-9
+        )
     assert seen == set(SIZES.gauge.coarse_steps)
 
 
@@ -443,7 +509,9 @@ def test_a_late_gauge_lags_or_holds_for_as_long_as_it_says(steady: WayOut) -> No
 
 def test_a_late_gauge_counts_the_true_time_between_updates(steady: WayOut) -> None:
     """Updates wait for the end of a cell, so they are further apart than asked."""
-    sizes = replace(SIZES, gauge=replace(SIZES.gauge, late_held_share=1.0, late_hold_s=[120.0, 120.0]))
+    sizes = replace(
+        SIZES, gauge=replace(SIZES.gauge, late_held_share=1.0, late_hold_s=[120.0, 120.0])
+    )
     slow = WayOut(steady.records[1::2], steady.states[1::2])
     shown, _fault = shown_on(slow, "late", sizes)
     changes_s = 12.0 * np.flatnonzero(np.diff(shown))
@@ -512,7 +580,9 @@ def test_instruments_without_error_read_the_truth(hilly: Truth) -> None:
     cells = way.column(CELL).astype(int)
     assert readings.position_m[:, 0] == pytest.approx(hilly.ground.east_m[cells])
     assert readings.grade_rad == pytest.approx(hilly.ground.grade_rad[cells])
-    assert metered_share(readings, way.column(POWER_W), way.records.shape[0] - 1) == pytest.approx(1.0, abs=0.01)
+    assert metered_share(readings, way.column(POWER_W), way.records.shape[0] - 1) == pytest.approx(
+        1.0, abs=0.01
+    )
 
 
 def test_other_conditions_leave_all_other_errors_as_they_are(hilly: Truth) -> None:
@@ -550,14 +620,18 @@ def test_instruments_fail_as_often_and_err_as_much_as_stated(hilly: Truth) -> No
     assert {conditions.recorded for conditions in drawn} == {"voltage", "neither"}
     steps = [conditions.clock_step_s != 0.0 for conditions in drawn]
     assert sum(steps) / len(steps) == pytest.approx(SIZES.instruments.clock_step_share, abs=0.05)
-    assert {abs(conditions.clock_step_s) for conditions in drawn} == {0.0, SIZES.instruments.clock_step_s}
+    assert {abs(conditions.clock_step_s) for conditions in drawn} == {
+        0.0,
+        SIZES.instruments.clock_step_s,
+    }
     assert draw_conditions(True, SIZES.instruments, rng(0)).recorded == "voltage and current"
 
 
 def test_baselines_turn_where_their_rule_says() -> None:
     readings = readings_of([1.0, 0.8, 0.55, 0.54, 0.5, 0.49, 0.2])
     assert turn_at_half(readings, SIZES.rules) == 5
-    assert turn_at_reserve(readings, SIZES.rules) == 3  # 1.2 (1 - 0.54) = 0.552 >= 0.54; 1.2 (1 - 0.55) = 0.54 < 0.55
+    # 1.2 (1 - 0.54) = 0.552 >= 0.54; 1.2 (1 - 0.55) = 0.54 < 0.55
+    assert turn_at_reserve(readings, SIZES.rules) == 3
     readings.there[3:5] = False
     readings.soc[5] = np.nan
     assert turn_at_half(readings, SIZES.rules) == 6
@@ -583,7 +657,9 @@ def test_the_mirror_rule_takes_for_the_way_home_what_the_way_out_took() -> None:
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, 0.0, 3600.0])
-def test_the_mirror_rule_meters_right_with_uneven_updates_and_a_clock_that_steps(step_s: float) -> None:
+def test_the_mirror_rule_meters_right_with_uneven_updates_and_a_clock_that_steps(
+    step_s: float,
+) -> None:
     even = readings_of([math.nan] * 400, volts=20.0, amperes=5.0)
     times_s = np.cumsum(np.tile([1.1, 2.0, 1.1, 2.2], 100))
     uneven = replace(even, time_s=times_s + step_s * (times_s > 0.5 * times_s[-1]))
@@ -608,7 +684,10 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     """Rows of a file, without what depends on the computer's speed."""
     with path.open() as file:
         rows = list(csv.DictReader(file))
-    return [{name: text for name, text in row.items() if name not in ("seconds", "companion_s")} for row in rows]
+    return [
+        {name: text for name, text in row.items() if name not in ("seconds", "companion_s")}
+        for row in rows
+    ]
 
 
 def quick(path: Path, drives: int, jobs: int) -> Args:
@@ -624,11 +703,15 @@ def quick(path: Path, drives: int, jobs: int) -> Args:
     )
 
 
-def test_rows_depend_on_the_number_and_not_on_the_processes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_depend_on_the_number_and_not_on_the_processes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     alone = main(quick(tmp_path / "alone.csv", drives=1, jobs=1))
     both = main(quick(tmp_path / "both.csv", drives=2, jobs=2))
     (first,), (same, other) = rows_of(tmp_path / "alone.csv"), rows_of(tmp_path / "both.csv")
-    assert {name: text for name, text in same.items() if text} == {name: text for name, text in first.items() if text}
+    assert {name: text for name, text in same.items() if text} == {
+        name: text for name, text in first.items() if text
+    }
     assert first["empty_s"] != other["empty_s"]
     printed = capsys.readouterr().out
     assert "Stranded" in printed and "Coverage" in printed
@@ -689,7 +772,9 @@ def test_every_size_is_used() -> None:
     source = "\n".join(sources)
     sections = [getattr(SIZES, section.name) for section in fields(SIZES)]
     records = [
-        record for section in sections for record in (section.values() if isinstance(section, dict) else [section])
+        record
+        for section in sections
+        for record in (section.values() if isinstance(section, dict) else [section])
     ]
     names = {name.name for record in records if is_dataclass(record) for name in fields(record)}
     assert len(names) > 90
@@ -697,7 +782,8 @@ def test_every_size_is_used() -> None:
 
 
 def test_every_size_has_a_source_or_reason() -> None:
-    """On its line, on its section's line, or in a comment that names it; a curve's numbers on the line of its form."""
+    """On its line, on its section's line, or in a comment that names it; a curve's numbers on the
+    line of its form."""
     lines = FILE.read_text().splitlines()
     comments = "\n".join(line for line in lines if line.startswith("#"))
     header = ""
@@ -708,7 +794,12 @@ def test_every_size_has_a_source_or_reason() -> None:
         if "=" not in line or line.startswith("#"):
             continue
         name = line.split("=")[0].strip()
-        if "#" not in line and "#" not in header and name not in ("preset", "curve_v") and name not in comments:
+        if (
+            "#" not in line
+            and "#" not in header
+            and name not in ("preset", "curve_v")
+            and name not in comments
+        ):
             without.append(f"{header} {name}")
     assert without == []
 
@@ -743,7 +834,9 @@ def test_changed_sizes_have_an_effect(tmp_path: Path, steady: WayOut, level: Tru
 def test_homeward_accepts_the_robot_files(curve: Curve, tmp_path: Path) -> None:
     for name, chemistry, pack_share in product(SIZES.robots, CHEMISTRIES, SIZES.truth.pack_shares):
         place = SIZES.robots[name]
-        label = label_of(place.preset, place.cells[chemistry], SIZES.cells[chemistry].label_v, pack_share)
+        label = label_of(
+            place.preset, place.cells[chemistry], SIZES.cells[chemistry].label_v, pack_share
+        )
         pack = draw_pack(chemistry, label, SIZES, rng(1))
         measured_v = measured_curve(pack, SIZES, rng(2)) if curve == "measured" else None
         path = robot_file(tmp_path, place.preset, label, chemistry, curve, measured_v)
@@ -761,7 +854,9 @@ def test_homeward_accepts_the_robot_files(curve: Curve, tmp_path: Path) -> None:
 def test_a_chemistry_that_is_not_known_is_refused() -> None:
     place = SIZES.robots["husky"]
     known = replace(place, cells={**place.cells, "moon": 7})
-    sizes = replace(SIZES, robots={"husky": known}, cells={**SIZES.cells, "moon": SIZES.cells["nmc"]})
+    sizes = replace(
+        SIZES, robots={"husky": known}, cells={**SIZES.cells, "moon": SIZES.cells["nmc"]}
+    )
     assert "moon" in (refusal("chemistry", "moon", sizes) or "")
     assert accepted_curve(["nmc", "moon"], sizes) == "none"
 
@@ -770,14 +865,17 @@ def test_a_chemistry_that_is_not_known_is_refused() -> None:
 def test_a_measured_curve_rises_near_the_true_one(chemistry: str) -> None:
     pack, _label = pack_of(chemistry, SIZES)
     measured = measured_curve(pack, SIZES, rng(5))
-    true_v = [pack.cells * open_circuit_v(pack.curve, pack.curve_v, share) for share in measured[:, 0]]
+    true_v = [
+        pack.cells * open_circuit_v(pack.curve, pack.curve_v, share) for share in measured[:, 0]
+    ]
     assert measured.shape == (SIZES.curve.measured_points, 2)
     assert (np.diff(measured, axis=0) > 0.0).all()
     assert np.abs(measured[:, 1] - true_v).max() < 4.0 * SIZES.curve.measured_sd_v * pack.cells
 
 
 def made_up(number: int, covered: bool, stranded: bool, turned_at_once: bool = False) -> Drive:
-    """A drive whose energy left is 100 J and whose companion says 100 or 150 J, give or take 20 J."""
+    """A drive whose energy left is 100 J and whose companion says 100 or 150 J, give or take 20
+    J."""
     case = Case(number, 1, "husky", "nmc", "counter", True, 1.0, "none")
     said_j = 100.0 if covered else 150.0
     said = Estimate(said_j, said_j - 20.0, said_j + 20.0)
@@ -826,7 +924,8 @@ def test_coverage_and_error_count_the_points_that_there_are() -> None:
     assert rows[0] == ["left", "all", "", "-", "-", "67% (21% to 94%) n=3", "-", "-"]  # 2 in 3
     assert {row[0] for row in rows} == set(report.ALONG_WAY)
     errors = cells_of(report.error_table(DRIVES, SIZES, "made up"))
-    assert errors[0][5].startswith("+2% (") and errors[0][5].endswith("n=3")  # 50 J of 1000 J in one of three
+    # 50 J of 1000 J in one of three
+    assert errors[0][5].startswith("+2% (") and errors[0][5].endswith("n=3")
 
 
 def test_as_metered_scales_the_truth_by_the_meter() -> None:

@@ -17,7 +17,9 @@ from tests.envs.conditions.reading import ReadRobot
 DECISIONS = 3
 
 
-def drives(given: str, monkeypatch: pytest.MonkeyPatch) -> tuple[list[tuple[float, bool]], list[Any]]:
+def drives(
+    given: str, monkeypatch: pytest.MonkeyPatch
+) -> tuple[list[tuple[float, bool]], list[Any]]:
     """Results of two missions that are over after some decisions, and those decisions."""
     made: list[Any] = []
     whole = ReadRobot.drive
@@ -30,12 +32,16 @@ def drives(given: str, monkeypatch: pytest.MonkeyPatch) -> tuple[list[tuple[floa
     return list(driven(Args(missions=2), given)), made
 
 
-def test_who_is_not_home_scores_nothing_and_missions_are_those_of_the_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_is_not_home_scores_nothing_and_missions_are_those_of_the_seed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     found, made = drives("all", monkeypatch)
     assert found == [(0.0, False)] * 2 and len(made) == 2 * DECISIONS
 
 
-def test_who_heeds_the_advice_to_turn_heads_home_whatever_the_policy_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_heeds_the_advice_to_turn_heads_home_whatever_the_policy_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(Companion, "update", turned(Companion.update))
     for given, home in ((GIVEN[2], False), (GIVEN[3], True)):
         _, made = drives(given, monkeypatch)
@@ -53,7 +59,12 @@ def turned(update: Callable[..., Advice]) -> Callable[..., Advice]:
 
 @pytest.mark.parametrize(
     ("given", "route", "wind"),
-    [(GIVEN[0], True, True), (GIVEN[1], False, True), (GIVEN[2], False, False), (GIVEN[3], False, False)],
+    [
+        (GIVEN[0], True, True),
+        (GIVEN[1], False, True),
+        (GIVEN[2], False, False),
+        (GIVEN[3], False, False),
+    ],
 )
 def test_the_policy_knows_what_it_is_given(
     given: str, route: bool, wind: bool, monkeypatch: pytest.MonkeyPatch
@@ -80,7 +91,9 @@ def test_a_mission_or_number_that_cannot_be_driven_is_refused() -> None:
             main(args)
 
 
-def test_the_table_has_a_row_for_each(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_has_a_row_for_each(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Of four missions one strands."""
     monkeypatch.setattr(onboard, "driven", lambda args, given: [(10.0, False)] * 3 + [(0.0, True)])
     main(Args(missions=4))

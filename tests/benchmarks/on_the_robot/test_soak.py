@@ -1,4 +1,5 @@
-"""The soak of the companion on ROS 2: what cannot be run is said; tests/watch/ros2 runs what it runs."""
+"""The soak of the companion on ROS 2: what cannot be run is said; tests/watch/ros2 runs what it
+runs."""
 
 import pytest
 

@@ -1,4 +1,5 @@
-"""Time and memory over many updates: the robot obeys and is charged at home, and every part has its line."""
+"""Time and memory over many updates: the robot obeys and is charged at home, and every part has its
+line."""
 
 import re
 
@@ -9,11 +10,20 @@ from benchmarks.on_the_robot.updates import PARTS, Args, Driven, main
 from homeward.companion import Companion, CompanionError
 
 
-def test_every_part_of_the_updates_has_its_time_and_memory(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_part_of_the_updates_has_its_time_and_memory(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     main(Args(updates=40))
-    lines = re.findall(r"([\d,]+) updates, .* charges: ([\d.]+) ms in the mean, ([\d.]+) MB", capsys.readouterr().out)
-    assert [int(count) for count, _time, _memory in lines] == [4 * part for part in range(1, PARTS + 1)]
-    assert all(float(time_ms) > 0.0 and float(memory_mb) > 50.0 for _count, time_ms, memory_mb in lines)
+    lines = re.findall(
+        r"([\d,]+) updates, .* charges: ([\d.]+) ms in the mean, ([\d.]+) MB",
+        capsys.readouterr().out,
+    )
+    assert [int(count) for count, _time, _memory in lines] == [
+        4 * part for part in range(1, PARTS + 1)
+    ]
+    assert all(
+        float(time_ms) > 0.0 and float(memory_mb) > 50.0 for _count, time_ms, memory_mb in lines
+    )
     with pytest.raises(CompanionError, match=f"at least {PARTS} --updates"):
         main(Args(updates=PARTS - 1))
 

@@ -19,12 +19,17 @@ def turning(scrubbing_evidence: Evidence) -> Candidate:
     assert evidence.corrected is not None
     rng = np.random.default_rng(0)
     refit, corrected = (
-        EffectSet(model, evidence.runs, evidence.block, rng) for model in (evidence.fitted, evidence.corrected)
+        EffectSet(model, evidence.runs, evidence.block, rng)
+        for model in (evidence.fitted, evidence.corrected)
     )
     setting = Setting.of(evidence.fitted, evidence.runs)
     candidates = tuple(term for term in terms(setting, varying=False))
     bench = Bench(evidence.fitted, candidates, evidence.runs, setting.residual, evidence.block)
-    index = next(index for index, term in enumerate(candidates) if term.effect == "turning" and not term.flexible)
+    index = next(
+        index
+        for index, term in enumerate(candidates)
+        if term.effect == "turning" and not term.flexible
+    )
     return Candidate(0, corrected, refit, 0.0, lambda: (bench, index))
 
 
@@ -54,5 +59,9 @@ def test_what_is_like_a_slope_may_absorb_errors_of_slopes(turning: Candidate) ->
     assert followed(bench, index) == 0.0
     of_place = replace(bench, candidates=(replace(bench.candidates[index], axis="place"),))
     assert followed(of_place, 0) == 1.0
-    slopes = next(index for index, term in enumerate(bench.candidates) if term.hypothesis.map_channel == "grade_rad")
+    slopes = next(
+        index
+        for index, term in enumerate(bench.candidates)
+        if term.hypothesis.map_channel == "grade_rad"
+    )
     assert followed(bench, slopes) == 1.0

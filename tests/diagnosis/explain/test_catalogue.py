@@ -1,4 +1,5 @@
-"""Every effect is a hypothesis with words, a check and a test drive, and only the catalogue knows it by name."""
+"""Every effect is a hypothesis with words, a check and a test drive, and only the catalogue knows
+it by name."""
 
 import ast
 from pathlib import Path
@@ -33,14 +34,20 @@ NEW = Effect(
 def test_every_hypothesis_has_words_a_check_and_channels_that_are_tested(effect: str) -> None:
     one = CATALOGUE[effect]
     assert one.id == effect and one.entry.sentence.endswith(".") and one.otherwise
-    assert one.measurement[0].islower() and "{" not in one.measurement and not one.measurement.endswith(".")
+    assert (
+        one.measurement[0].islower()
+        and "{" not in one.measurement
+        and not one.measurement.endswith(".")
+    )
     assert set(one.channels) <= {channel.name for channel in TESTED} | {"wheel_difference_mps"}
     assert one.steady is not None or one.changes is not None
     assert set(one.entry.confused_with) <= set(CATALOGUE)
 
 
 def test_every_effect_of_the_physics_is_tried() -> None:
-    assert [effect.id for effect in EFFECTS] == [name for name, one in CATALOGUE.items() if one.physical]
+    assert [effect.id for effect in EFFECTS] == [
+        name for name, one in CATALOGUE.items() if one.physical
+    ]
 
 
 def test_every_file_holds_effects_of_one_kind() -> None:
@@ -53,7 +60,16 @@ def test_every_file_holds_effects_of_one_kind() -> None:
 
 def test_motor_current_shows_forces_at_the_wheels_and_the_clock() -> None:
     shown = {name for name, one in CATALOGUE.items() if one.of_current}
-    forces = {"inertia", "viscous", "wind", "surface", "air_temperature", "payload", "hidden_grade", "slip"}
+    forces = {
+        "inertia",
+        "viscous",
+        "wind",
+        "surface",
+        "air_temperature",
+        "payload",
+        "hidden_grade",
+        "slip",
+    }
     assert shown == forces | {"turning", "clock_lag"}
 
 
@@ -73,6 +89,8 @@ def test_no_other_module_of_the_diagnosis_knows_an_effect_by_its_name(root: Path
         f"{file.relative_to(root)}:{node.lineno} says {node.value!r}"
         for file in files
         for node in ast.walk(ast.parse(file.read_text("utf-8")))
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in CATALOGUE
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and node.value in CATALOGUE
     ]
     assert not wrong, "\n".join(wrong)

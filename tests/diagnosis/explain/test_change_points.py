@@ -9,7 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homeward.diagnosis.explain.change_points import Schedule, _groups, _refined, clearly_apart, may_change, search
+from homeward.diagnosis.explain.change_points import (
+    Schedule,
+    _groups,
+    _refined,
+    clearly_apart,
+    may_change,
+    search,
+)
 
 VALUES = st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=7, unique=True)
 
@@ -17,7 +24,9 @@ VALUES = st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=7, unique=True)
 @given(values=VALUES, data=st.data())
 def test_no_other_groups_leave_less(values: list[float], data: st.DataObject) -> None:
     value = np.sort(values)
-    times = np.array(data.draw(st.lists(st.integers(1, 5), min_size=len(value), max_size=len(value))))
+    times = np.array(
+        data.draw(st.lists(st.integers(1, 5), min_size=len(value), max_size=len(value)))
+    )
 
     def left(group: np.ndarray) -> float:
         centre = np.bincount(group, times * value) / np.bincount(group, times)
@@ -59,7 +68,9 @@ def noise(windows: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("first_w", "second_w"), [(5.0, 9.0), (5.0, 5.0)])
-def test_the_schedules_of_two_loads_are_among_the_parts_of_that_of_both(first_w: float, second_w: float) -> None:
+def test_the_schedules_of_two_loads_are_among_the_parts_of_that_of_both(
+    first_w: float, second_w: float
+) -> None:
     """Both are on for a while; where they are as large, the middle level is of either."""
     at = np.arange(600)
     first, second = (at // 50) % 2 == 1, (at > 225) & (at < 540)
@@ -75,7 +86,9 @@ def test_the_schedules_of_two_loads_are_among_the_parts_of_that_of_both(first_w:
 
 def test_what_begins_once_and_stays_changes_once_however_many_runs_follow() -> None:
     residual = noise(500) + 5.0 * (np.arange(500) >= 60)
-    (found,) = search("time", np.ones(500), residual, runs_of(100, 100, 100, 100, 100), signed=False)
+    (found,) = search(
+        "time", np.ones(500), residual, runs_of(100, 100, 100, 100, 100), signed=False
+    )
     assert found.changes == 1
 
 
@@ -96,7 +109,9 @@ def test_a_few_windows_less_of_a_load_that_is_rarely_on_are_another_schedule() -
 
 
 @pytest.mark.parametrize(("warms_up", "expected"), [(1.0, True), (-1.0, False)])
-def test_a_thermostat_may_switch_a_few_times_if_the_air_is_then_colder(warms_up: float, expected: bool) -> None:
+def test_a_thermostat_may_switch_a_few_times_if_the_air_is_then_colder(
+    warms_up: float, expected: bool
+) -> None:
     runs = runs_of(200, 200, temperature_c=np.linspace(-5.0, 5.0, 400) * warms_up)
     level = np.zeros(400, np.intp)
     level[:60] = level[90:120] = 1

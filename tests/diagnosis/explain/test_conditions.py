@@ -1,4 +1,5 @@
-"""The conditions are one table: values are reported, the first that fails ends the checks, and one can be left out."""
+"""The conditions are one table: values are reported, the first that fails ends the checks, and one
+can be left out."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -62,7 +63,9 @@ def test_an_unknown_name_is_refused_with_those_that_there_are(husky: Robot) -> N
 def test_the_result_carries_every_value_of_what_is_named(scrubbing: Analysis) -> None:
     (turning,) = scrubbing.diagnosis.missing_physics
     checked = {check.condition: check for check in turning.conditions}
-    assert set(checked) == {condition.name for condition in CONDITIONS if condition.applies_to == "every effect"}
+    assert set(checked) == {
+        condition.name for condition in CONDITIONS if condition.applies_to == "every effect"
+    }
     assert all(check.holds for check in turning.conditions)
     assert checked["gain"].limit == 0.1 <= checked["gain"].value
     assert Diagnosis.from_json(scrubbing.diagnosis.to_json()) == scrubbing.diagnosis

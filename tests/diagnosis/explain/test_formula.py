@@ -25,13 +25,16 @@ Hidden = Callable[[Robot, Channels], np.ndarray]
 
 
 def with_hidden(recordings: list[Recording], robot: Robot, hidden: Hidden) -> list[Recording]:
-    """The recordings with a heading, a payload that changes while standing or not, and a hidden power."""
+    """The recordings with a heading, a payload that changes while standing or not, and a hidden
+    power."""
     changed = []
     for run in recordings:
         channels = dict(run.channels)
         channels["heading_rad"] = np.angle(np.exp(1j * np.cumsum(channels["yaw_rate_radps"]) * 0.1))
         channels["payload_kg"] = 10.0 * (channels["time_s"] // 60.0 % 3.0)
-        channels["power_w"] = channels["power_w"] + carried(robot, channels) + hidden(robot, channels)
+        channels["power_w"] = (
+            channels["power_w"] + carried(robot, channels) + hidden(robot, channels)
+        )
         changed.append(dataclasses.replace(run, channels=channels))
     return changed
 
@@ -49,7 +52,9 @@ def carried(robot: Robot, channels: Channels) -> np.ndarray:
     return added
 
 
-def prepared(recordings: list[Recording], robot: Robot) -> tuple[Refit, Runs, np.ndarray, np.ndarray]:
+def prepared(
+    recordings: list[Recording], robot: Robot
+) -> tuple[Refit, Runs, np.ndarray, np.ndarray]:
     """The refit of some recordings, their windows, blocks and folds."""
     runs = average(usable_runs(recordings, robot)[0])
     fit = refit(runs, robot)
@@ -68,7 +73,11 @@ def weight_w(robot: Robot, channels: Channels) -> np.ndarray:
 
 
 def turning_squared(robot: Robot, channels: Channels) -> np.ndarray:
-    return 0.3 * weight_w(robot, channels) * (channels["yaw_rate_radps"] * robot.track_m / robot.max_speed_mps) ** 2
+    return (
+        0.3
+        * weight_w(robot, channels)
+        * (channels["yaw_rate_radps"] * robot.track_m / robot.max_speed_mps) ** 2
+    )
 
 
 def sensing_while_driving(robot: Robot, channels: Channels) -> np.ndarray:
@@ -76,7 +85,11 @@ def sensing_while_driving(robot: Robot, channels: Channels) -> np.ndarray:
 
 
 def northern_sector(robot: Robot, channels: Channels) -> np.ndarray:
-    return 0.04 * weight_w(robot, channels) * (np.abs(channels["heading_rad"] - np.pi / 2.0) < np.pi / 4.0)
+    return (
+        0.04
+        * weight_w(robot, channels)
+        * (np.abs(channels["heading_rad"] - np.pi / 2.0) < np.pi / 4.0)
+    )
 
 
 def payload_squared(robot: Robot, channels: Channels) -> np.ndarray:
@@ -108,7 +121,9 @@ def test_a_term_outside_the_catalogue_is_found_with_its_size(
 
 def test_two_terms_are_found_together(drive: Drive, husky: Robot) -> None:
     both = with_hidden(
-        drive(husky, minutes=4.0), husky, lambda *given: turning_squared(*given) + northern_sector(*given)
+        drive(husky, minutes=4.0),
+        husky,
+        lambda *given: turning_squared(*given) + northern_sector(*given),
     )
     found = proposed(both, husky)
     assert found is not None
@@ -121,9 +136,16 @@ def test_two_terms_are_found_together(drive: Drive, husky: Robot) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_follows_no_formula(seed: int, husky: Robot, drive: Drive) -> None:
-    robot = dataclasses.replace(husky, rolling_resistance=(0.8 + 0.15 * seed) * husky.rolling_resistance)
+    robot = dataclasses.replace(
+        husky, rolling_resistance=(0.8 + 0.15 * seed) * husky.rolling_resistance
+    )
     recordings = drive(robot, runs=4)[seed % 2 :]
-    assert proposed(with_hidden(recordings, robot, lambda _, channels: 0.0 * channels["speed_mps"]), husky) is None
+    assert (
+        proposed(
+            with_hidden(recordings, robot, lambda _, channels: 0.0 * channels["speed_mps"]), husky
+        )
+        is None
+    )
 
 
 def test_a_power_that_no_channel_tells_has_no_formula(drive: Drive, husky: Robot) -> None:
@@ -140,9 +162,15 @@ def test_unknown_physics_is_said_with_its_formula(drive: Drive, husky: Robot) ->
     analysis = analyse(with_hidden(drive(husky), husky, payload_squared), husky)
     diagnosis, evidence = analysis.diagnosis, analysis.evidence
     assert diagnosis.verdict == "unknown_physics" and diagnosis.missing_physics == ()
-    assert [(check.condition, check.holds) for check in diagnosis.together][-1] == ("channel", False)
+    assert [(check.condition, check.holds) for check in diagnosis.together][-1] == (
+        "channel",
+        False,
+    )
     assert evidence is not None and evidence.empirical is not None
-    assert evidence.empirical.text in diagnosis.summary and "a description, not a cause" in diagnosis.summary
+    assert (
+        evidence.empirical.text in diagnosis.summary
+        and "a description, not a cause" in diagnosis.summary
+    )
     assert all(place.condition.startswith("payload above") for place in diagnosis.where)
     assert diagnosis.next_experiment is not None and "payload above" in diagnosis.next_experiment
     assert diagnosis.fit is not None
@@ -153,7 +181,9 @@ def test_unknown_physics_is_said_with_its_formula(drive: Drive, husky: Robot) ->
 
 def test_the_formula_is_written_with_signs_and_units(drive: Drive, husky: Robot) -> None:
     found = proposed(
-        with_hidden(drive(husky), husky, lambda *given: -turning_squared(*given) + payload_squared(*given)),
+        with_hidden(
+            drive(husky), husky, lambda *given: -turning_squared(*given) + payload_squared(*given)
+        ),
         husky,
     )
     assert found is not None
@@ -170,13 +200,17 @@ def test_a_direction_and_its_opposite_share_the_cosine() -> None:
     functions = {name: values for _, name, values, _ in _sectors(heading_rad)}
     for degrees in range(0, 180, 45):
         ahead, behind = (functions[f"cos(heading - {at} deg)+"] for at in (degrees, degrees + 180))
-        np.testing.assert_allclose(ahead - behind, functions[f"cos(heading - {degrees} deg)"], atol=1e-12)
+        np.testing.assert_allclose(
+            ahead - behind, functions[f"cos(heading - {degrees} deg)"], atol=1e-12
+        )
         np.testing.assert_allclose(ahead * behind, 0.0, atol=1e-12)
 
 
 def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> None:
-    """Errors of all candidates at once are those of the plain held-out fits, where no bound is in the way."""
-    unknown = dataclasses.replace(husky, drag_ns2_per_m2=0.0)  # so that drag has no bound within reach
+    """Errors of all candidates at once are those of the plain held-out fits, where no bound is in
+    the way."""
+    # so that drag has no bound within reach
+    unknown = dataclasses.replace(husky, drag_ns2_per_m2=0.0)
     fit, runs, _, fold = prepared(with_hidden(drive(husky), husky, turning_squared), unknown)
     library = candidates(fit, runs)
     scores = Search(library, fit, runs, fold, correlation=1.0).scores(library.parts, [])
@@ -192,8 +226,12 @@ def test_the_search_agrees_with_fits_one_by_one(drive: Drive, husky: Robot) -> N
         assert scores[one] == pytest.approx(expected, abs=3e-3 * n)  # 0.3 % of the squared error
 
 
-def test_candidates_are_products_of_different_channels_each_once(drive: Drive, husky: Robot) -> None:
-    fit, runs, _, _ = prepared(with_hidden(drive(husky, minutes=4.0), husky, turning_squared), husky)
+def test_candidates_are_products_of_different_channels_each_once(
+    drive: Drive, husky: Robot
+) -> None:
+    fit, runs, _, _ = prepared(
+        with_hidden(drive(husky, minutes=4.0), husky, turning_squared), husky
+    )
     library = candidates(fit, runs)
     texts = library.texts
     assert len(texts) == len(set(texts)) > 1000
@@ -208,15 +246,25 @@ def test_a_candidate_is_what_its_formula_says(
     track_m: float, turning: str, short_fit: Refit, short_runs: Runs, husky: Robot
 ) -> None:
     robot, windows = dataclasses.replace(husky, track_m=track_m), len(short_runs.observed)
-    fit = dataclasses.replace(short_fit, parameters=dataclasses.replace(short_fit.parameters, nominal=robot))
-    warm_c, soc, far_m = np.linspace(-5.0, 45.0, windows), np.linspace(1.0, 0.3, windows), np.linspace(-4, 9.0, windows)
+    fit = dataclasses.replace(
+        short_fit, parameters=dataclasses.replace(short_fit.parameters, nominal=robot)
+    )
+    warm_c, soc, far_m = (
+        np.linspace(-5.0, 45.0, windows),
+        np.linspace(1.0, 0.3, windows),
+        np.linspace(-4, 9.0, windows),
+    )
     payload_kg = np.linspace(0.0, 10.0, windows)
     own = {"temperature_c": warm_c, "soc": soc, "base_distance_m": far_m, "payload_kg": payload_kg}
     runs = dataclasses.replace(short_runs, context={**short_runs.context, **own})
     v, w, a, grade, hz = (
-        runs.context[name] for name in ("speed_mps", "yaw_rate_radps", "accel_mps2", "grade_rad", "sensing_hz")
+        runs.context[name]
+        for name in ("speed_mps", "yaw_rate_radps", "accel_mps2", "grade_rad", "sensing_hz")
     )
-    scale_s = {"B / v_max": track_m / robot.max_speed_mps, "v_max / g": robot.max_speed_mps / GRAVITY_MPS2}[turning]
+    scale_s = {
+        "B / v_max": track_m / robot.max_speed_mps,
+        "v_max / g": robot.max_speed_mps / GRAVITY_MPS2,
+    }[turning]
     passed_s = runs.elapsed_s
     expected = {
         "v / v_max": v / robot.max_speed_mps, f"|w| {turning}": np.abs(w) * scale_s,

@@ -1,4 +1,5 @@
-"""A gauge that counts is believed, one that follows the voltage is not, and nothing is drawn from too little."""
+"""A gauge that counts is believed, one that follows the voltage is not, and nothing is drawn from
+too little."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -22,7 +23,8 @@ from tests.diagnosis.explain.test_channel_effects import drawn_faster, with_char
 
 Drive = Callable[..., list[Recording]]
 Array = NDArray[np.float64]
-Shows = Callable[[Array, Array], Array]  # what a gauge shows of the charge left and of the voltage of a cell
+# what a gauge shows of the charge left and of the voltage of a cell
+Shows = Callable[[Array, Array], Array]
 
 OHM = 0.07  # loses 1 to 2 % of the energy of a Husky, less than would be named
 STEPS_IN_10_S = 100
@@ -41,7 +43,9 @@ def rough_counter(charge: Array, cell_v: Array) -> Array:
 
 def reset_counter(charge: Array, cell_v: Array) -> Array:
     """Set 8 % up in mid-run, as on a restart of a Nissan Leaf's battery monitor."""
-    return np.asarray(np.round(charge - 0.1 + 0.08 * (np.arange(len(charge)) > len(charge) // 2), 2))
+    return np.asarray(
+        np.round(charge - 0.1 + 0.08 * (np.arange(len(charge)) > len(charge) // 2), 2)
+    )
 
 
 def stuck_counter(charge: Array, cell_v: Array) -> Array:
@@ -50,20 +54,27 @@ def stuck_counter(charge: Array, cell_v: Array) -> Array:
 
 
 def map_of(empty_v: float, full_v: float) -> Shows:
-    """A percentage that a driver computes from the mean voltage of ten seconds, with volts of a cell at 0 and 100 %."""
+    """A percentage that a driver computes from the mean voltage of ten seconds, with volts of a
+    cell at 0 and 100 %."""
 
     def shows(charge: Array, cell_v: Array) -> Array:
-        mean_v = uniform_filter1d(cell_v, STEPS_IN_10_S, mode="nearest", origin=(STEPS_IN_10_S - 1) // 2)
+        mean_v = uniform_filter1d(
+            cell_v, STEPS_IN_10_S, mode="nearest", origin=(STEPS_IN_10_S - 1) // 2
+        )
         return np.round(np.interp(mean_v, [empty_v, full_v], [0.0, 1.0]), 2)
 
     return shows
 
 
-HUSARION, LFP_MAP = map_of(3.2, 4.14), map_of(2.8, 3.4)  # of Husarion's Panther; cut-off, and rest after charging
+# of Husarion's Panther; cut-off, and rest after charging
+HUSARION, LFP_MAP = map_of(3.2, 4.14), map_of(2.8, 3.4)
 
 
-def with_battery(runs: Sequence[Recording], robot: Robot, shows: Shows, with_voltage: bool = True) -> list[Recording]:
-    """The runs with gauge and voltage of a robot's battery as it empties from 95 %, behind a resistance."""
+def with_battery(
+    runs: Sequence[Recording], robot: Robot, shows: Shows, with_voltage: bool = True
+) -> list[Recording]:
+    """The runs with gauge and voltage of a robot's battery as it empties from 95 %, behind a
+    resistance."""
     recordings = []
     for seed, run in enumerate(runs):
         of = dict(run.channels)
@@ -72,8 +83,14 @@ def with_battery(runs: Sequence[Recording], robot: Robot, shows: Shows, with_vol
         charge = charge_share(robot.curve, np.maximum(0.95 - drawn_j / robot.usable_energy_j, 0.0))
         inside_v = open_circuit_v(robot.curve, charge)
         current_a = 2.0 * power_w / (inside_v + np.sqrt(inside_v**2 - 4.0 * OHM * power_w))
-        volts = inside_v - OHM * current_a + 0.01 * np.random.default_rng(seed).standard_normal(len(power_w))
-        electric = {"voltage_v": volts, "current_a": current_a} if with_voltage else {"power_w": power_w}
+        volts = (
+            inside_v
+            - OHM * current_a
+            + 0.01 * np.random.default_rng(seed).standard_normal(len(power_w))
+        )
+        electric = (
+            {"voltage_v": volts, "current_a": current_a} if with_voltage else {"power_w": power_w}
+        )
         of |= electric | {"soc": shows(charge, volts / robot.cells_in_series)}
         recordings.append(dataclasses.replace(run, channels=of))
     return recordings
@@ -101,7 +118,12 @@ def larger(nmc: Robot) -> Robot:
 @pytest.mark.parametrize("with_voltage", [True, False])
 @pytest.mark.parametrize(
     ("shows", "words"),
-    [(counter, ""), (rough_counter, ""), (reset_counter, "jumps by +8%"), (stuck_counter, "stays for")],
+    [
+        (counter, ""),
+        (rough_counter, ""),
+        (reset_counter, "jumps by +8%"),
+        (stuck_counter, "stays for"),
+    ],
 )
 def test_a_counter_is_believed_whatever_it_shows_of_the_charge(
     shows: Shows, words: str, with_voltage: bool, short_drive: Drive, nmc: Robot
@@ -113,9 +135,17 @@ def test_a_counter_is_believed_whatever_it_shows_of_the_charge(
 
 
 @pytest.mark.parametrize(("with_voltage", "follows"), [(True, "voltage"), (False, "load")])
-@pytest.mark.parametrize(("chemistry", "cells", "shows"), [("nmc", 7, HUSARION), ("lfp", 8, LFP_MAP)])
+@pytest.mark.parametrize(
+    ("chemistry", "cells", "shows"), [("nmc", 7, HUSARION), ("lfp", 8, LFP_MAP)]
+)
 def test_a_map_of_the_voltage_is_not(
-    chemistry: str, cells: int, shows: Shows, with_voltage: bool, follows: str, short_drive: Drive, larger: Robot
+    chemistry: str,
+    cells: int,
+    shows: Shows,
+    with_voltage: bool,
+    follows: str,
+    short_drive: Drive,
+    larger: Robot,
 ) -> None:
     robot = dataclasses.replace(larger, chemistry=chemistry, cells_in_series=cells)
     gauge = judged(with_battery(short_drive(robot), robot, shows, with_voltage), robot)
@@ -135,7 +165,9 @@ def test_a_distrusted_gauge_is_said_and_changes_nothing(short_drive: Drive, larg
     assert Diagnosis.from_json(diagnosis.to_json()) == diagnosis
 
 
-def test_a_capacity_above_the_rated_one_is_asked_about_and_not_written(short_drive: Drive, nmc: Robot) -> None:
+def test_a_capacity_above_the_rated_one_is_asked_about_and_not_written(
+    short_drive: Drive, nmc: Robot
+) -> None:
     rated_less = dataclasses.replace(nmc, rated_energy_j=nmc.rated_energy_j / 1.4)
     analysis = analyse(with_battery(short_drive(nmc), nmc, counter), rated_less)
     diagnosis = analysis.diagnosis
@@ -146,11 +178,21 @@ def test_a_capacity_above_the_rated_one_is_asked_about_and_not_written(short_dri
 
 
 @pytest.mark.parametrize("share", [0.45, 0.1])
-def test_of_a_part_of_a_battery_only_the_energy_drawn_is_stated(share: float, short_drive: Drive, nmc: Robot) -> None:
+def test_of_a_part_of_a_battery_only_the_energy_drawn_is_stated(
+    share: float, short_drive: Drive, nmc: Robot
+) -> None:
     """Its gauge falls 40 % too fast, by less than half of its charge."""
-    robot = dataclasses.replace(nmc, rated_energy_j=1.77e4 * 1.4 / share, chemistry="flat", cells_in_series=0)
+    robot = dataclasses.replace(
+        nmc, rated_energy_j=1.77e4 * 1.4 / share, chemistry="flat", cells_in_series=0
+    )
     runs, gauge = weigh_gauge(
-        average([signals(run, robot) for run in with_charge(short_drive(robot), robot, [1.0 - 1.0 / 1.4] * 4)]), robot
+        average(
+            [
+                signals(run, robot)
+                for run in with_charge(short_drive(robot), robot, [1.0 - 1.0 / 1.4] * 4)
+            ]
+        ),
+        robot,
     )
     assert gauge is not None and gauge.covered == pytest.approx(share, abs=0.02)
     assert "58 kJ were drawn in all: no capacity" in gauge.says
@@ -167,11 +209,16 @@ FADED = {"ageing": {"lost_share": 0.08}}
     [
         (PEUKERT, True, "by it, power_w counts what"),
         (PEUKERT, False, "by it, power_w is without what"),
-        (FADED, True, "whether power_w counts what"),  # a gauge and a battery's capacity may be off by as much
+        # a gauge and a battery's capacity may be off by as much
+        (FADED, True, "whether power_w counts what"),
     ],
 )
 def test_the_charge_decides_whether_power_counts_what_the_battery_loses(
-    effects: dict[str, dict[str, float]], counted: bool, words: str, short_drive: Drive, husky: Robot
+    effects: dict[str, dict[str, float]],
+    counted: bool,
+    words: str,
+    short_drive: Drive,
+    husky: Robot,
 ) -> None:
     small = dataclasses.replace(husky, rated_energy_j=1.2e5)
     holding = dataclasses.replace(small, effects=effects)

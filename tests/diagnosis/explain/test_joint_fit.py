@@ -1,4 +1,5 @@
-"""Groups and effects fitted together get both right, within their bounds, and can be refitted on a part."""
+"""Groups and effects fitted together get both right, within their bounds, and can be refitted on a
+part."""
 
 import dataclasses
 from typing import Any
@@ -33,7 +34,9 @@ def as_recorded(runs: Runs, robot: Robot, noise_w: float = 0.0) -> Runs:
 
 @pytest.fixture(scope="module")
 def true(husky: Robot) -> Robot:
-    return dataclasses.replace(husky, rolling_resistance=HARD * husky.rolling_resistance, effects=TURNING)
+    return dataclasses.replace(
+        husky, rolling_resistance=HARD * husky.rolling_resistance, effects=TURNING
+    )
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +55,9 @@ def corrected(runs: Runs, husky: Robot) -> Corrected:
     return fitted(runs, husky, "turning")
 
 
-def test_without_noise_groups_and_effect_are_exact(short_runs: Runs, husky: Robot, true: Robot) -> None:
+def test_without_noise_groups_and_effect_are_exact(
+    short_runs: Runs, husky: Robot, true: Robot
+) -> None:
     found = fitted(as_recorded(short_runs, true), husky, "turning")
     assert found.values[0] == pytest.approx(0.3, rel=1e-4)
     assert found.theta[ROLLING] == pytest.approx(true.rolling_resistance * true.mass_kg, rel=1e-4)
@@ -61,7 +66,9 @@ def test_without_noise_groups_and_effect_are_exact(short_runs: Runs, husky: Robo
 
 def test_the_interval_holds_the_true_size_and_the_error_of_the_meter(corrected: Corrected) -> None:
     value = corrected.parameters_of(0)["scrub"]
-    assert value.ci95[0] < 0.3 < value.ci95[1] and value.unit == CATALOGUE["turning"].entry.switch.unit
+    assert (
+        value.ci95[0] < 0.3 < value.ci95[1] and value.unit == CATALOGUE["turning"].entry.switch.unit
+    )
     # A known gain error of half a per cent is in it: two standard errors at least.
     assert 0.02 * 0.3 < value.ci95[1] - value.ci95[0] < 0.2 * 0.3
 
@@ -70,11 +77,15 @@ def test_what_is_not_there_is_at_its_bound(short_runs: Runs, husky: Robot) -> No
     """Less is drawn in turns than anything predicts; a scrub has no negative size."""
     plain = as_recorded(short_runs, husky)
     excess = predict(short_runs, dataclasses.replace(husky, effects=TURNING)) - plain.observed
-    found = fitted(dataclasses.replace(plain, observed=plain.observed - 0.3 * excess), husky, "turning")
+    found = fitted(
+        dataclasses.replace(plain, observed=plain.observed - 0.3 * excess), husky, "turning"
+    )
     assert found.values[0] == 0.0 and found.ci95[0][0] == 0.0
 
 
-def test_a_contribution_is_what_the_model_loses_without_its_term(corrected: Corrected, runs: Runs) -> None:
+def test_a_contribution_is_what_the_model_loses_without_its_term(
+    corrected: Corrected, runs: Runs
+) -> None:
     without = corrected.parameters.predict(runs, corrected.theta)
     np.testing.assert_allclose(corrected.contribution[0], corrected.predicted - without, atol=1e-9)
     straight = (runs.context["yaw_rate_radps"] == 0.0) & (runs.context["accel_mps2"] == 0.0)
@@ -86,10 +97,15 @@ def test_the_jacobian_is_the_derivative_of_the_prediction(corrected: Corrected, 
     for index in (ROLLING, MASS):
         moved = corrected.theta.copy()
         moved[index] += step * corrected.parameters.scale[index]
-        slope = (corrected.model.predict(runs, moved, corrected.values) - corrected.predicted) / step
+        slope = (
+            corrected.model.predict(runs, moved, corrected.values) - corrected.predicted
+        ) / step
         column = corrected.groups.jacobian[:, index]
         np.testing.assert_allclose(column, slope, atol=0.02 * np.abs(column).max())
-    slope = (corrected.model.predict(runs, corrected.theta, corrected.values + step) - corrected.predicted) / step
+    slope = (
+        corrected.model.predict(runs, corrected.theta, corrected.values + step)
+        - corrected.predicted
+    ) / step
     np.testing.assert_allclose(corrected.beside[:, 0], slope, atol=0.02 * np.abs(slope).max())
     assert corrected.jacobian.shape == (len(runs.observed), len(corrected.theta) + 1)
     np.testing.assert_allclose(corrected.replayed(runs), corrected.predicted, atol=1e-9)
@@ -110,7 +126,8 @@ def test_a_part_is_fitted_to_what_it_holds(corrected: Corrected, runs: Runs, hus
 def test_a_part_that_is_like_all_takes_one_replay(
     corrected: Corrected, runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A diagnosis refits every hypothesis on every fold: a second step would take as long again, for nothing."""
+    """A diagnosis refits every hypothesis on every fold: a second step would take as long again,
+    for nothing."""
     replays, predict_once = [], Model.predict
 
     def counted(model: Model, *arguments: Any, **keywords: Any) -> Array:
@@ -129,7 +146,9 @@ def test_a_group_that_a_rising_function_contains_is_held(runs: Runs, husky: Robo
     (flexible,) = rising(one, Setting.of(fit, runs))
     held = fit_model(fit, [flexible], runs, cut_blocks(runs.run)).groups
     assert held.held.tolist() == [group.name == "sample_energy" for group in held.parameters.groups]
-    assert held.theta[1] == pytest.approx(husky.sensing_j_per_sample + husky.computer_j_per_sample, rel=1e-4)
+    assert held.theta[1] == pytest.approx(
+        husky.sensing_j_per_sample + husky.computer_j_per_sample, rel=1e-4
+    )
 
 
 def observed_over(rise: Array, runs: Runs, robot: Robot) -> Array:
@@ -139,7 +158,8 @@ def observed_over(rise: Array, runs: Runs, robot: Robot) -> Array:
 
 
 def fitted_over_ground(runs: Runs, robot: Robot, at_work: Array, axis: Axis) -> Corrected:
-    """The drives fitted with rough ground whose sizes are `at_work` there, shape (windows, sizes)."""
+    """The drives fitted with rough ground whose sizes are `at_work` there, shape (windows,
+    sizes)."""
     fit = refit(runs, robot)
     setting = Setting.of(fit, runs)
     surface = CATALOGUE["surface"]
@@ -163,10 +183,13 @@ def fitted_over_ground(runs: Runs, robot: Robot, at_work: Array, axis: Axis) -> 
 def test_a_change_of_the_ground_is_a_share_of_the_rolling_resistance_fitted_with_it(
     rise: float, short_runs: Runs, husky: Robot
 ) -> None:
-    """From 60 s on. So are its bounds: on much smoother ground a refit finds a fraction of the resistance."""
+    """From 60 s on. So are its bounds: on much smoother ground a refit finds a fraction of the
+    resistance."""
     at_work = (short_runs.time_s > 60.0).astype(np.float64)
     observed = observed_over(rise * at_work, short_runs, husky)
-    found = fitted_over_ground(dataclasses.replace(short_runs, observed=observed), husky, at_work[:, None], axis="time")
+    found = fitted_over_ground(
+        dataclasses.replace(short_runs, observed=observed), husky, at_work[:, None], axis="time"
+    )
     assert found.theta[ROLLING] == pytest.approx(husky.rolling_resistance * husky.mass_kg, rel=0.01)
     (share,) = found.parameters_of(0).values()
     assert share.value == pytest.approx(rise, rel=0.03)
@@ -181,7 +204,8 @@ def test_a_change_of_the_ground_is_a_share_of_the_rolling_resistance_fitted_with
 def test_ground_that_differs_all_along_leaves_the_rolling_resistance_where_it_was(
     short_runs: Runs, husky: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Sizes of a profile add up to C_rr m, and only their sum is known. Its 24 sizes take no replays of their own."""
+    """Sizes of a profile add up to C_rr m, and only their sum is known. Its 24 sizes take no
+    replays of their own."""
     replays, predict_once = [], Model.predict
 
     def counted(model: Model, *arguments: Any, **keywords: Any) -> Array:
@@ -201,25 +225,33 @@ def test_ground_that_differs_all_along_leaves_the_rolling_resistance_where_it_wa
     of_rolling_kg = found.model.terms[0].of_rolling_kg
     assert of_rolling_kg is not None
     estimate = _known(refit(runs, hilly), found, runs, cut_blocks(runs.run))[ROLLING]
-    assert estimate.status == "confounded" and estimate.mixed_with == ("surface",) and not estimate.off
+    assert (
+        estimate.status == "confounded" and estimate.mixed_with == ("surface",) and not estimate.off
+    )
     by_all = found.beside.sum(axis=1) / of_rolling_kg * found.parameters.scale[ROLLING]
     np.testing.assert_allclose(by_all, found.groups.jacobian[:, ROLLING], rtol=1e-9)
 
 
 def test_a_mass_on_level_ground_is_immaterial(short_runs: Runs, husky: Robot) -> None:
     level = [dataclasses.replace(run, grade_rad=0.0 * run.grade_rad) for run in short_runs.signals]
-    for runs, expected in ((short_runs, False), (dataclasses.replace(short_runs, signals=level), True)):
+    for runs, expected in (
+        (short_runs, False),
+        (dataclasses.replace(short_runs, signals=level), True),
+    ):
         fit = refit(as_recorded(runs, husky, noise_w=0.1), husky)
         assert immaterial(fit, runs)[MASS] == expected
         assert not immaterial(fit, runs)[ROLLING]
 
 
 def test_an_effect_far_from_the_refit_is_named_by_its_joint_replay() -> None:
-    """Over hills a refit without regeneration is so far off that forces change sign in other windows."""
+    """Over hills a refit without regeneration is so far off that forces change sign in other
+    windows."""
     given = load_robot("jackal")
     given = dataclasses.replace(given, rolling_resistance=0.5 * given.rolling_resistance)
     robot = dataclasses.replace(given, effects={"regeneration": {"share": 0.7, "up_to_w": 1e3}})
-    recorded = [Recording(f"run{seed}.csv", str(seed), hills.drive(robot, seed)) for seed in (100, 101, 102)]
+    recorded = [
+        Recording(f"run{seed}.csv", str(seed), hills.drive(robot, seed)) for seed in (100, 101, 102)
+    ]
     (regeneration,) = diagnose(recorded, given).missing_physics
     assert regeneration.effect == "regeneration"
     assert regeneration.parameters["share"].value == pytest.approx(0.7, rel=0.05)
@@ -230,7 +262,9 @@ def test_a_load_on_top_also_makes_turning_harder_where_that_is_flexible(
     in_file: float, short_runs: Runs, husky: Robot
 ) -> None:
     turns = dataclasses.replace(husky, effects=TURNING)
-    given = dataclasses.replace(husky, effects={"turning": {"scrub": in_file}}) if in_file else husky
+    given = (
+        dataclasses.replace(husky, effects={"turning": {"scrub": in_file}}) if in_file else husky
+    )
     recorded = as_recorded(short_runs, turns)
     fit = refit(recorded, given)
     setting = Setting.of(fit, recorded)

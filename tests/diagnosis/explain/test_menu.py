@@ -49,7 +49,9 @@ def test_a_turning_robot_heads_where_it_has_turned_to(husky: Robot) -> None:
     assert wheels_mps.max() == pytest.approx(0.5 * husky.max_speed_mps)
     assert (spot.speed_mps == 0.0).all()
     loop = NAMED["other_ground"].signals(husky, "W", 20.0)
-    np.testing.assert_allclose(np.gradient(loop.context["heading_rad"], loop.time_s), loop.yaw_rate_radps, rtol=0.01)
+    np.testing.assert_allclose(
+        np.gradient(loop.context["heading_rad"], loop.time_s), loop.yaw_rate_radps, rtol=0.01
+    )
 
 
 def test_a_known_mass_is_more_of_the_mass_and_of_what_rolls(short_fit: Refit) -> None:
@@ -58,7 +60,9 @@ def test_a_known_mass_is_more_of_the_mass_and_of_what_rolls(short_fit: Refit) ->
     heavier = short_fit.theta.copy()
     heavier[MASS] += KNOWN_MASS * short_fit.parameters.nominal.mass_kg
     heavier[ROLLING] *= heavier[MASS] / short_fit.theta[MASS]  # C_rr stays as it is
-    np.testing.assert_allclose(loaded.plain[on_top], short_fit.parameters.predict(loaded.runs, heavier)[on_top])
+    np.testing.assert_allclose(
+        loaded.plain[on_top], short_fit.parameters.predict(loaded.runs, heavier)[on_top]
+    )
     np.testing.assert_allclose(
         loaded.plain[~on_top], short_fit.parameters.predict(loaded.runs, short_fit.theta)[~on_top]
     )

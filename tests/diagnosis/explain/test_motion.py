@@ -30,11 +30,14 @@ On = Callable[[int, Mapping[str, np.ndarray]], np.ndarray]
 def test_motion_accounts_for_a_load_that_it_switches(
     on: On, by_motion: bool, short_drive: Callable[..., list[Recording]], husky: Robot
 ) -> None:
-    """Boosted trees know the minute of a run by the history of its motion, and nothing of another run's."""
+    """Boosted trees know the minute of a run by the history of its motion, and nothing of another
+    run's."""
     recordings = []
     for number, run in enumerate(short_drive(husky)):
         power_w = run.channels["power_w"] + 40.0 * on(number, run.channels)
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
     runs = average(usable_runs(recordings, husky)[0])
-    gained = largest_by_motion(refit(runs, husky), runs, cut_blocks(runs.run), rng=np.random.default_rng(0))
+    gained = largest_by_motion(
+        refit(runs, husky), runs, cut_blocks(runs.run), rng=np.random.default_rng(0)
+    )
     assert gained > 1.0 if by_motion else gained < 0.5

@@ -44,8 +44,11 @@ MINUTES: Mapping[str, float] = {"slip": 4.0, "motor_heating": 8.0}
 
 
 def chattering(runs: list[Recording]) -> list[Recording]:
-    """The runs of a drive that chatters in a band of speeds, which no effect of the catalogue does."""
-    return with_power(runs, lambda of: of["power_w"] + 60.0 * (np.abs(of["speed_mps"] - 0.55) < 0.1))
+    """The runs of a drive that chatters in a band of speeds, which no effect of the catalogue
+    does."""
+    return with_power(
+        runs, lambda of: of["power_w"] + 60.0 * (np.abs(of["speed_mps"] - 0.55) < 0.1)
+    )
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -77,7 +80,9 @@ def test_both_effects_of_a_pair_are_named(short_drive: Drive, husky: Robot) -> N
     assert {one.effect for one in diagnosis.missing_physics} == set(hidden)
 
 
-def test_an_effect_that_a_channel_shows_is_named_beside_a_load_that_drifts(short_drive: Drive, husky: Robot) -> None:
+def test_an_effect_that_a_channel_shows_is_named_beside_a_load_that_drifts(
+    short_drive: Drive, husky: Robot
+) -> None:
     """The drift, up to twice what turning draws, correlates the residual over most of a run."""
     drifting = []
     for number, run in enumerate(short_drive(husky, effects={"turning": {"scrub": 0.3}})):
@@ -93,19 +98,34 @@ def test_an_effect_that_a_channel_shows_is_named_beside_a_load_that_drifts(short
 def test_a_noisy_meter_does_not_hide_an_effect(drive: Drive, husky: Robot) -> None:
     """Its noise is most of the squared error, of which the effect explains less than a tenth."""
     rng = np.random.default_rng(1)
-    runs = drive(husky, runs=4, minutes=4.0, effects={"compute": {"power_w": 29.0, "base_share": 1.0}})
-    noisy = with_power(runs, lambda of: of["power_w"] + 60.0 * rng.standard_normal(len(of["power_w"])))
+    runs = drive(
+        husky, runs=4, minutes=4.0, effects={"compute": {"power_w": 29.0, "base_share": 1.0}}
+    )
+    noisy = with_power(
+        runs, lambda of: of["power_w"] + 60.0 * rng.standard_normal(len(of["power_w"]))
+    )
     (found,) = diagnose(noisy, husky).missing_physics
     assert found.effect == "compute"
-    assert found.evidence.held_out_gain is not None and found.evidence.held_out_gain < thresholds.SMALLEST_GAIN_TO_NAME
+    assert (
+        found.evidence.held_out_gain is not None
+        and found.evidence.held_out_gain < thresholds.SMALLEST_GAIN_TO_NAME
+    )
 
 
-def test_a_load_switched_on_part_way_is_found_with_its_time(short_drive: Drive, husky: Robot) -> None:
-    runs = with_power(short_drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0))
+def test_a_load_switched_on_part_way_is_found_with_its_time(
+    short_drive: Drive, husky: Robot
+) -> None:
+    runs = with_power(
+        short_drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0)
+    )
     analysis = analyse(runs, husky)
     diagnosis = analysis.diagnosis
-    assert diagnosis.file is not None and "is confounded with a fault of the meter" in diagnosis.file.why
-    assert not analysis.corrected.effects  # a load that is there half of the time is none of all the time
+    assert (
+        diagnosis.file is not None
+        and "is confounded with a fault of the meter" in diagnosis.file.why
+    )
+    # a load that is there half of the time is none of all the time
+    assert not analysis.corrected.effects
     first = diagnosis.missing_physics[0]
     assert first.effect == "standby" and "sensor_offset" in first.confused_with
     assert first.parameters["power_w"].value == pytest.approx(25.0, rel=0.1)
@@ -118,10 +138,13 @@ def test_a_load_switched_on_part_way_is_found_with_its_time(short_drive: Drive, 
 def test_a_load_that_switches_is_found_with_its_rhythm_and_in_the_cold_is_likeliest_a_thermostat(
     air_c: float, is_cold: bool, short_drive: Drive, husky: Robot
 ) -> None:
-    runs = with_power(short_drive(husky), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 40.0 < 12.0))
+    runs = with_power(
+        short_drive(husky), lambda of: of["power_w"] + 25.0 * (of["time_s"] % 40.0 < 12.0)
+    )
     runs = [
         dataclasses.replace(
-            run, channels={**run.channels, "temperature_c": np.full(len(run.channels["time_s"]), air_c)}
+            run,
+            channels={**run.channels, "temperature_c": np.full(len(run.channels["time_s"]), air_c)},
         )
         for run in runs
     ]
@@ -140,25 +163,36 @@ def warming(runs: list[Recording], from_c: float, to_c: float) -> list[Recording
     """The runs of a day on which the air warms up."""
     edges_c = np.linspace(from_c, to_c, len(runs) + 1)
     return [
-        dataclasses.replace(run, channels={**run.channels, "temperature_c": np.linspace(a, b, len(run))})
+        dataclasses.replace(
+            run, channels={**run.channels, "temperature_c": np.linspace(a, b, len(run))}
+        )
         for run, a, b in zip(runs, edges_c[:-1], edges_c[1:], strict=True)
     ]
 
 
-def heated(runs: list[Recording], on_s: tuple[tuple[float, float], ...], power_w: float) -> list[Recording]:
+def heated(
+    runs: list[Recording], on_s: tuple[tuple[float, float], ...], power_w: float
+) -> list[Recording]:
     """The runs with a load that is on in some stretches of the first."""
 
     def on(time_s: np.ndarray) -> np.ndarray:
-        return np.asarray(np.any([(time_s >= start) & (time_s < end) for start, end in on_s], axis=0))
+        return np.asarray(
+            np.any([(time_s >= start) & (time_s < end) for start, end in on_s], axis=0)
+        )
 
     return [*with_power(runs[:1], lambda of: of["power_w"] + power_w * on(of["time_s"])), *runs[1:]]
 
 
 def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
-    """Of a load with three sizes there are schedules with three levels, but none of something that switches."""
+    """Of a load with three sizes there are schedules with three levels, but none of something that
+    switches."""
     three = with_power(
         drive(husky, minutes=4.0),
-        lambda of: of["power_w"] + 25.0 * (of["time_s"] % 100.0 < 30.0) + 25.0 * (of["time_s"] % 100.0 < 60.0),
+        lambda of: (
+            of["power_w"]
+            + 25.0 * (of["time_s"] % 100.0 < 30.0)
+            + 25.0 * (of["time_s"] % 100.0 < 60.0)
+        ),
     )
     runs = average(usable_runs(three, husky)[0])
     fit = refit(runs, husky)
@@ -166,36 +200,58 @@ def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
     setting = Setting.of(fit, runs, residual)
     found = search("time", np.ones(len(residual)), residual, runs, signed=False)
     assert max(one.levels for one in found) > 2
-    levels = {one.schedule.levels for one in CATALOGUE["intermittent_load"].forms(setting, True) if one.schedule}
+    levels = {
+        one.schedule.levels
+        for one in CATALOGUE["intermittent_load"].forms(setting, True)
+        if one.schedule
+    }
     assert levels <= {2}
 
 
-def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(short_drive: Drive, husky: Robot) -> None:
+def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(
+    short_drive: Drive, husky: Robot
+) -> None:
     runs = []
     for run in short_drive(husky):
         way_m = np.cumsum(run.channels["speed_mps"] * np.gradient(run.channels["time_s"]))
         base_m = np.minimum(way_m, way_m[-1] - way_m)
-        steps_w = 15.0 * np.floor(np.minimum(4.0 * np.sqrt(np.maximum(base_m, 0.0) / base_m.max()), 3.0))
+        steps_w = 15.0 * np.floor(
+            np.minimum(4.0 * np.sqrt(np.maximum(base_m, 0.0) / base_m.max()), 3.0)
+        )
         power_w = run.channels["power_w"] + steps_w
-        runs.append(dataclasses.replace(run, channels={**run.channels, "base_distance_m": base_m, "power_w": power_w}))
+        runs.append(
+            dataclasses.replace(
+                run, channels={**run.channels, "base_distance_m": base_m, "power_w": power_w}
+            )
+        )
     first = diagnose(runs, husky).missing_physics[0]
     assert first.effect == "radio"
     assert first.where[0].condition.startswith("further from base than")
 
 
-def test_a_radio_in_a_room_takes_as_much_over_a_few_metres(short_drive: Drive, husky: Robot) -> None:
+def test_a_radio_in_a_room_takes_as_much_over_a_few_metres(
+    short_drive: Drive, husky: Robot
+) -> None:
     runs = []
     for run in short_drive(husky):
         base_m = 2.5 - 2.5 * np.cos(run.channels["time_s"] / 9.0)
         power_w = run.channels["power_w"] + 1.2 * base_m**2
-        runs.append(dataclasses.replace(run, channels={**run.channels, "base_distance_m": base_m, "power_w": power_w}))
+        runs.append(
+            dataclasses.replace(
+                run, channels={**run.channels, "base_distance_m": base_m, "power_w": power_w}
+            )
+        )
     first = diagnose(runs, husky).missing_physics[0]
     assert first.effect == "radio"
     assert first.parameters["w_per_km2"].value == pytest.approx(1.2e6, rel=0.1)
 
 
-def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(short_drive: Drive, husky: Robot) -> None:
-    runs = with_power(short_drive(husky), lambda of: np.interp(of["time_s"] - 3.6, of["time_s"], of["power_w"]))
+def test_a_late_power_clock_is_an_instrument_and_changes_no_robot(
+    short_drive: Drive, husky: Robot
+) -> None:
+    runs = with_power(
+        short_drive(husky), lambda of: np.interp(of["time_s"] - 3.6, of["time_s"], of["power_w"])
+    )
     analysis = analyse(runs, husky)
     first = analysis.diagnosis.missing_physics[0]
     assert first.effect == "clock_lag"
@@ -214,7 +270,9 @@ def test_a_late_power_clock_is_named_beside_inertia_however_late_it_seems_alone(
     assert inertia.parameters["mass_factor"].value == pytest.approx(2.5, rel=0.1)
 
 
-def test_a_meter_that_soon_reads_too_much_was_right_before(short_drive: Drive, husky: Robot) -> None:
+def test_a_meter_that_soon_reads_too_much_was_right_before(
+    short_drive: Drive, husky: Robot
+) -> None:
     """However long a fault lasts, the robot is as it was read before it began."""
     recordings = []
     for run, since in zip(short_drive(husky, runs=3), (0.4, 0.0, 0.0), strict=True):
@@ -223,7 +281,9 @@ def test_a_meter_that_soon_reads_too_much_was_right_before(short_drive: Drive, h
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
     analysis = analyse(recordings, husky)
     assert [one.effect for one in analysis.diagnosis.missing_physics] == ["sensor_gain"]
-    assert analysis.diagnosis.missing_physics[0].parameters["gain"].value == pytest.approx(0.25, abs=0.02)
+    assert analysis.diagnosis.missing_physics[0].parameters["gain"].value == pytest.approx(
+        0.25, abs=0.02
+    )
     assert analysis.diagnosis.parameters_off == ()
 
 
@@ -241,7 +301,9 @@ def test_a_parameter_beside_the_size_is_fitted_and_written(
     for one in analysis.diagnosis.missing_physics:
         for name, value in one.parameters.items():
             assert value.ci95[0] < effects[one.effect][name] < value.ci95[1]
-            assert analysis.corrected.effects[one.effect][name] == pytest.approx(effects[one.effect][name], rel=0.1)
+            assert analysis.corrected.effects[one.effect][name] == pytest.approx(
+                effects[one.effect][name], rel=0.1
+            )
 
 
 def test_a_limit_that_is_never_reached_is_at_its_default(short_drive: Drive, husky: Robot) -> None:
@@ -251,7 +313,9 @@ def test_a_limit_that_is_never_reached_is_at_its_default(short_drive: Drive, hus
     assert corrected.effects["regeneration"].get("up_to_w", NO_LIMIT_W) == NO_LIMIT_W
 
 
-def test_the_corrected_robot_drives_in_the_environments(scrubbing: Analysis, tmp_path: Path) -> None:
+def test_the_corrected_robot_drives_in_the_environments(
+    scrubbing: Analysis, tmp_path: Path
+) -> None:
     write_outputs(scrubbing, tmp_path)
     written = tomllib.loads((tmp_path / "corrected.toml").read_text())
     assert written["effects"]["turning"]["scrub"] == pytest.approx(0.3, rel=0.1)
@@ -262,10 +326,14 @@ def test_the_corrected_robot_drives_in_the_environments(scrubbing: Analysis, tmp
     assert Diagnosis.from_json((tmp_path / "diagnosis.json").read_text()) == scrubbing.diagnosis
 
 
-def test_turning_of_a_robot_without_a_known_track_is_named_with_an_interval_for_its_track(short_drive: Drive) -> None:
+def test_turning_of_a_robot_without_a_known_track_is_named_with_an_interval_for_its_track(
+    short_drive: Drive,
+) -> None:
     trackless = load_robot("rusti")
     assert trackless.track_m == 0.0
-    analysis = analyse(short_drive(trackless, track_m=0.5, effects={"turning": {"scrub": 0.3}}), trackless)
+    analysis = analyse(
+        short_drive(trackless, track_m=0.5, effects={"turning": {"scrub": 0.3}}), trackless
+    )
     (named,) = analysis.diagnosis.missing_physics
     assert named.effect == "turning"
     for name, true in (("scrub", 0.3), ("track_m", 0.5)):
@@ -274,7 +342,9 @@ def test_turning_of_a_robot_without_a_known_track_is_named_with_an_interval_for_
     assert analysis.corrected.track_m == pytest.approx(named.parameters["track_m"].value, rel=1e-5)
 
 
-def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(short_drive: Drive, husky: Robot) -> None:
+def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(
+    short_drive: Drive, husky: Robot
+) -> None:
     creeping: list[Recording] = []
     for run in short_drive(husky):
         start_w = 10.0 * len(creeping)
@@ -285,12 +355,17 @@ def test_a_zero_that_creeps_through_all_runs_is_a_fault_of_the_sensor(short_driv
     assert diagnosis.missing_physics[0].parameters["offset"].value == pytest.approx(40.0, rel=0.1)
 
 
-def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(short_drive: Drive, husky: Robot) -> None:
-    """Turning, which the catalogue knows, and a drive that chatters in a band of speeds, which it does not."""
+def test_what_a_named_effect_leaves_is_said_where_it_depends_on_a_channel(
+    short_drive: Drive, husky: Robot
+) -> None:
+    """Turning, which the catalogue knows, and a drive that chatters in a band of speeds, which it
+    does not."""
     runs = chattering(short_drive(husky, effects={"turning": {"scrub": 0.5}}))
     analysis = analyse(runs, husky)
     assert [one.effect for one in analysis.diagnosis.missing_physics] == ["turning"]
-    assert {"recorded", "motion together"} <= {check.condition for check in analysis.diagnosis.together if check.holds}
+    assert {"recorded", "motion together"} <= {
+        check.condition for check in analysis.diagnosis.together if check.holds
+    }
     assert analysis.evidence is not None
     assert analysis.evidence.remaining is not None
     assert "m/s" in analysis.evidence.remaining.location.condition
@@ -320,7 +395,9 @@ def test_bursts_at_random_that_no_channel_tells_are_unknown_physics_and_not_a_ch
     for run in short_drive(husky):
         time_s, read_w = run.channels["time_s"], run.channels["power_w"].copy()
         for start_s in np.cumsum(rng.exponential(9.0, 40)):
-            read_w += rng.exponential(40.0) * ((time_s >= start_s) & (time_s < start_s + rng.uniform(2.0, 8.0)))
+            read_w += rng.exponential(40.0) * (
+                (time_s >= start_s) & (time_s < start_s + rng.uniform(2.0, 8.0))
+            )
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": read_w}))
     assert diagnose(recordings, husky).verdict == "unknown_physics"
 
@@ -342,13 +419,17 @@ def test_ground_that_changes_all_the_time_in_places_that_are_met_again_is_no_hyp
         residual = runs.observed - fit.predicted
         setting = Setting.of(fit, runs, residual)
         forms = CATALOGUE["surface"].forms(setting, True)
-        return {one.schedule.changes for one in forms if one.schedule is not None and one.axis == "time"}
+        return {
+            one.schedule.changes for one in forms if one.schedule is not None and one.axis == "time"
+        }
 
     assert max(ground(place_known=False)) > 6
     assert max(ground(place_known=True), default=0) <= 6
 
 
-def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(drive: Drive, husky: Robot) -> None:
+def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
+    drive: Drive, husky: Robot
+) -> None:
     """Motion, which causes the one, does not explain the other."""
     runs = drive(husky, runs=3, minutes=4.0, effects={"breakaway": {"start_j": 60.0}})
     since_s = (150.0, 100.0, 100.0)
@@ -370,14 +451,19 @@ def test_a_payload_taken_up_in_mid_run_is_named_with_its_mass(drive: Drive, husk
     """
     loaded = dataclasses.replace(husky, effects={"payload": {"mass_kg": 10.0}})
     recordings = []
-    for run, since_s in zip(drive(husky, runs=4, minutes=4.0), (96.0, 120.0, 144.0, np.inf), strict=True):
+    for run, since_s in zip(
+        drive(husky, runs=4, minutes=4.0), (96.0, 120.0, 144.0, np.inf), strict=True
+    ):
         more_w = replayed_w(loaded, run) - replayed_w(husky, run)
-        recordings += with_power([run], lambda of, w=more_w, s=since_s: of["power_w"] + w * (of["time_s"] >= s))  # type: ignore[misc]
+        power_w = run.channels["power_w"] + more_w * (run.channels["time_s"] >= since_s)
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
     (payload,) = diagnose(recordings, husky).missing_physics
     assert payload.effect == "payload"
     assert payload.parameters["mass_kg"].value == pytest.approx(10.0, rel=0.15)
     assert [place.condition.split()[0] for place in payload.where] == ["after"] * 3
-    assert [place.start_s for place in payload.where] == pytest.approx([96.0, 120.0, 144.0], abs=20.0)
+    assert [place.start_s for place in payload.where] == pytest.approx(
+        [96.0, 120.0, 144.0], abs=20.0
+    )
 
 
 def test_a_rougher_stretch_of_the_way_is_named_where_it_lies(drive: Drive, husky: Robot) -> None:
@@ -387,8 +473,14 @@ def test_a_rougher_stretch_of_the_way_is_named_where_it_lies(drive: Drive, husky
     for run in drive(husky, runs=3, minutes=6.0):
         way_m = np.cumsum(np.abs(run.channels["speed_mps"]) * np.gradient(run.channels["time_s"]))
         base_m = np.minimum(way_m, way_m[-1] - way_m)
-        more_w = (replayed_w(rough, run) - replayed_w(husky, run)) * ((base_m > 40.0) & (base_m < 75.0))
-        of = {**run.channels, "base_distance_m": base_m, "power_w": run.channels["power_w"] + more_w}
+        more_w = (replayed_w(rough, run) - replayed_w(husky, run)) * (
+            (base_m > 40.0) & (base_m < 75.0)
+        )
+        of = {
+            **run.channels,
+            "base_distance_m": base_m,
+            "power_w": run.channels["power_w"] + more_w,
+        }
         recordings.append(dataclasses.replace(run, channels=of))
     (surface,) = diagnose(recordings, husky).missing_physics
     assert surface.effect == "surface"

@@ -1,4 +1,5 @@
-"""One effect is a simpler explanation than several wrong parameters, and one wrong parameter than an effect."""
+"""One effect is a simpler explanation than several wrong parameters, and one wrong parameter than
+an effect."""
 
 import dataclasses
 from collections.abc import Callable
@@ -19,7 +20,9 @@ def windows(recordings: list[Recording], robot: Robot) -> Runs:
     return average(usable_runs(recordings, robot)[0])
 
 
-def test_slip_that_a_refit_takes_up_is_named_and_the_parameters_are_left_alone(drive: Drive, husky: Robot) -> None:
+def test_slip_that_a_refit_takes_up_is_named_and_the_parameters_are_left_alone(
+    drive: Drive, husky: Robot
+) -> None:
     true = dataclasses.replace(husky, effects={"slip": {"per_load": 0.5}})
     analysis = analyse(drive(true), husky)
     (slip,) = analysis.diagnosis.missing_physics
@@ -44,7 +47,9 @@ def test_slip_that_a_refit_takes_up_is_named_and_the_parameters_are_left_alone(d
     ],
     ids=" ".join,
 )
-def test_numbers_that_are_off_are_no_effect(drive: Drive, husky: Robot, wrong: dict[str, float]) -> None:
+def test_numbers_that_are_off_are_no_effect(
+    drive: Drive, husky: Robot, wrong: dict[str, float]
+) -> None:
     """A mass that is off changes C_rr m too: together they count as one number."""
     changed = {name: factor * getattr(husky, name) for name, factor in wrong.items()}
     runs = windows(drive(husky), dataclasses.replace(husky, **changed))

@@ -1,4 +1,5 @@
-"""What a search finds in noise it finds again in every placebo, and predicts nothing of what was held out."""
+"""What a search finds in noise it finds again in every placebo, and predicts nothing of what was
+held out."""
 
 import dataclasses
 from collections.abc import Callable
@@ -47,7 +48,9 @@ def best(bench: Bench) -> tuple[int, float]:
     return int(np.argmax(scores)), independent
 
 
-def test_the_best_of_all_recorded_causes_is_rarely_significant_in_noise(fit: tuple[Refit, Runs]) -> None:
+def test_the_best_of_all_recorded_causes_is_rarely_significant_in_noise(
+    fit: tuple[Refit, Runs],
+) -> None:
     p_values = []
     for seed in range(12):
         bench = bench_of(fit, slow_noise(fit, seed), "steady")
@@ -85,7 +88,11 @@ def test_a_step_and_a_load_that_comes_and_goes_are_beyond_chance(fit: tuple[Refi
     for bench, effect in ((step, "standby"), (telegraph, "intermittent_load")):
         _, independent = best(bench)
         chosen = max(
-            (index for index, one in enumerate(bench.candidates) if one.effect == effect and one.schedule),
+            (
+                index
+                for index, one in enumerate(bench.candidates)
+                if one.effect == effect and one.schedule
+            ),
             key=bench.share,
         )
         assert bench.share(chosen) > 0.3
@@ -98,11 +105,19 @@ def test_steps_stand_out_from_a_drift_and_levels_that_follow_the_drift_do_not(
 ) -> None:
     def evidence(residual: np.ndarray) -> list[tuple[str, float]]:
         bench = bench_of(fit, residual, "time")
-        followed = [index for index, one in enumerate(bench.candidates) if one.schedule and bench.share(index) > 0.2]
-        return [(bench.candidates[index].effect, bench.innovations_bic(index)) for index in followed]
+        followed = [
+            index
+            for index, one in enumerate(bench.candidates)
+            if one.schedule and bench.share(index) > 0.2
+        ]
+        return [
+            (bench.candidates[index].effect, bench.innovations_bic(index)) for index in followed
+        ]
 
     runs = fit[1]
-    drift = slow_noise(fit, 0, 0.97) + noise * np.random.default_rng(0).standard_normal(len(runs.observed))
+    drift = slow_noise(fit, 0, 0.97) + noise * np.random.default_rng(0).standard_normal(
+        len(runs.observed)
+    )
     of_drift = evidence(drift)
     of_steps = evidence(drift + 12.0 * (np.floor(runs.time_s / 37.0) % 2))
     assert of_drift
@@ -113,7 +128,8 @@ def test_steps_stand_out_from_a_drift_and_levels_that_follow_the_drift_do_not(
 def test_hypotheses_of_one_load_with_one_schedule_explain_as_much_of_what_was_held_out(
     drive: Drive, husky: Robot
 ) -> None:
-    """Levels that several penalties find are searched in each fold too, whichever of them a hypothesis has."""
+    """Levels that several penalties find are searched in each fold too, whichever of them a
+    hypothesis has."""
     recordings = drive(husky, minutes=4.0, effects={"inertia": {"mass_factor": 1.5}})
     runs = average(usable_runs(recordings, husky)[0])
     on = runs.time_s > 100.0 + 50.0 * (runs.run == 0)
@@ -123,7 +139,9 @@ def test_hypotheses_of_one_load_with_one_schedule_explain_as_much_of_what_was_he
     shares = {
         one.effect: bench.share(index)
         for index, one in enumerate(bench.candidates)
-        if one.schedule is not None and one.schedule.levels == 2 and np.mean((one.schedule.level > 0) == on) > 0.98
+        if one.schedule is not None
+        and one.schedule.levels == 2
+        and np.mean((one.schedule.level > 0) == on) > 0.98
     }
     assert shares["standby"] == pytest.approx(shares["sensor_offset"], abs=0.02)
 

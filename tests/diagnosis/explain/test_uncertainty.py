@@ -1,4 +1,5 @@
-"""What is known together only is said together, and the range is that of the trips that were recorded."""
+"""What is known together only is said together, and the range is that of the trips that were
+recorded."""
 
 import dataclasses
 from collections.abc import Callable
@@ -14,7 +15,8 @@ Drive = Callable[..., list[Recording]]
 
 
 def on_level_ground(drives: list[Recording], robot: Robot, cold: bool = False) -> list[Recording]:
-    """The same motion of a robot on the level, with noise of 3 W, while a frosty day gets warmer if told so."""
+    """The same motion of a robot on the level, with noise of 3 W, while a frosty day gets warmer if
+    told so."""
     found = []
     for seed, one in enumerate(drives):
         of = {**one.channels, "grade_rad": np.zeros(len(one))}
@@ -29,14 +31,22 @@ def on_level_ground(drives: list[Recording], robot: Robot, cold: bool = False) -
     return found
 
 
-def test_of_a_mass_that_no_slope_shows_only_its_product_with_inertia_is_known(short_drive: Drive, husky: Robot) -> None:
+def test_of_a_mass_that_no_slope_shows_only_its_product_with_inertia_is_known(
+    short_drive: Drive, husky: Robot
+) -> None:
     true = dataclasses.replace(husky, effects={"inertia": {"mass_factor": 0.8}})
     heavier = dataclasses.replace(husky, mass_kg=1.2 * husky.mass_kg)
     analysis = analyse(on_level_ground(short_drive(husky), true), heavier)
     (product,) = analysis.diagnosis.products
     assert product.of == ("m / Gamma", "inertia mass_factor")
-    assert product.value.value == pytest.approx(0.8 * husky.mass_kg / husky.traction_efficiency, rel=0.05)
-    mass = next(one for one in analysis.evidence.estimates if one.group.name == "mass") if analysis.evidence else None
+    assert product.value.value == pytest.approx(
+        0.8 * husky.mass_kg / husky.traction_efficiency, rel=0.05
+    )
+    mass = (
+        next(one for one in analysis.evidence.estimates if one.group.name == "mass")
+        if analysis.evidence
+        else None
+    )
     assert mass is not None and mass.fitted is None and "m / Gamma" not in {
         one.group for one in analysis.diagnosis.parameters_off
     }  # fmt: skip
@@ -48,7 +58,10 @@ def test_of_a_mass_that_no_slope_shows_only_its_product_with_the_scrub_of_turnin
     true = dataclasses.replace(husky, effects={"turning": {"scrub": 0.3}})
     heavier = dataclasses.replace(husky, mass_kg=1.2 * husky.mass_kg)
     turned = [  # at the tenths of rad/s that were meant: noise of the rate is no turning
-        dataclasses.replace(run, channels={**run.channels, "yaw_rate_radps": run.channels["yaw_rate_radps"].round(1)})
+        dataclasses.replace(
+            run,
+            channels={**run.channels, "yaw_rate_radps": run.channels["yaw_rate_radps"].round(1)},
+        )
         for run in short_drive(husky)
     ]
     diagnosis = diagnose(on_level_ground(turned, true), heavier)
@@ -63,7 +76,8 @@ def test_of_a_mass_that_no_slope_shows_only_its_product_with_the_scrub_of_turnin
 def test_of_computing_that_grows_with_the_rate_only_the_share_that_any_sensing_takes_is_known(
     short_drive: Drive, husky: Robot
 ) -> None:
-    """What grows with the rate may as well be energy per sample: no part of it is called measured."""
+    """What grows with the rate may as well be energy per sample: no part of it is called
+    measured."""
     true = dataclasses.replace(husky, effects={"compute": {"power_w": 60.0, "base_share": 0.7}})
     analysis = analyse(short_drive(true), husky)
     (computing,) = analysis.diagnosis.missing_physics
@@ -74,11 +88,16 @@ def test_of_computing_that_grows_with_the_rate_only_the_share_that_any_sensing_t
     any_sensing = known["compute base_share", "compute power_w"]
     assert any_sensing.ci95[0] <= 42.0 <= any_sensing.ci95[1]
     assert "P_anc, per sample" not in {one.group for one in analysis.diagnosis.parameters}
-    assert {"P_anc, idle part", "C_rr m / Gamma"} <= {one.group for one in analysis.diagnosis.parameters}
+    assert {"P_anc, idle part", "C_rr m / Gamma"} <= {
+        one.group for one in analysis.diagnosis.parameters
+    }
 
 
-def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(short_drive: Drive, husky: Robot) -> None:
-    """A robot that draws more of everything, or a battery that holds less at any temperature that was met."""
+def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(
+    short_drive: Drive, husky: Robot
+) -> None:
+    """A robot that draws more of everything, or a battery that holds less at any temperature that
+    was met."""
     true = dataclasses.replace(husky, effects={"cold_battery": {"per_k": 0.008, "warm_c": 30.0}})
     diagnosis = diagnose(on_level_ground(short_drive(husky), true, cold=True), husky)
     (cold,) = diagnosis.missing_physics
@@ -91,17 +110,25 @@ def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(shor
     assert any(one.of == ("C_rr m / Gamma", "cold_battery per_k") for one in diagnosis.products)
 
 
-def test_the_range_is_that_of_the_recorded_trips(scrubbing: Analysis, short_drive: Drive, husky: Robot) -> None:
+def test_the_range_is_that_of_the_recorded_trips(
+    scrubbing: Analysis, short_drive: Drive, husky: Robot
+) -> None:
     """Turning costs range on trips with turns, while d_max on the level hardly knows of it."""
     recordings, analysis = short_drive(husky, effects={"turning": {"scrub": 0.3}}), scrubbing
     found = analysis.diagnosis.range
     assert found is not None
-    said_j = sum(float(np.sum(analysis.per_sample(one.name)) * 0.1) for one in recordings)  # by corrected.toml
+    # by corrected.toml
+    said_j = sum(float(np.sum(analysis.per_sample(one.name)) * 0.1) for one in recordings)
     drawn_j = sum(float(np.sum(one.channels["power_w"]) * 0.1) for one in recordings)
     driven_m = sum(float(np.sum(one.channels["speed_mps"]) * 0.1) for one in recordings)
     assert found.recorded_m == pytest.approx(husky.usable_energy_j * driven_m / drawn_j, rel=0.01)
-    assert found.file_m == pytest.approx(found.recorded_m, rel=0.01) and found.nominal_m > 1.1 * found.file_m
+    assert (
+        found.file_m == pytest.approx(found.recorded_m, rel=0.01)
+        and found.nominal_m > 1.1 * found.file_m
+    )
     assert found.ci95[0] < found.recorded_m < found.ci95[1]
-    assert found.file_m == pytest.approx(analysis.corrected.usable_energy_j * driven_m / said_j, rel=0.01)
+    assert found.file_m == pytest.approx(
+        analysis.corrected.usable_energy_j * driven_m / said_j, rel=0.01
+    )
     with pytest.raises(KeyError):
         analysis.per_sample("unknown.csv")

@@ -8,8 +8,12 @@ from scipy.optimize import lsq_linear
 from homeward.diagnosis.fit.bounded import bounded
 
 
-@given(seed=st.integers(0, 10_000), columns=st.integers(1, 6), wide=st.sampled_from([0.01, 0.3, 10.0]))
-def test_the_best_weights_within_bounds_are_those_of_least_squares(seed: int, columns: int, wide: float) -> None:
+@given(
+    seed=st.integers(0, 10_000), columns=st.integers(1, 6), wide=st.sampled_from([0.01, 0.3, 10.0])
+)
+def test_the_best_weights_within_bounds_are_those_of_least_squares(
+    seed: int, columns: int, wide: float
+) -> None:
     """Whatever the units of the columns."""
     rng = np.random.default_rng(seed)
     matrix, target = rng.standard_normal((40, columns)), rng.standard_normal(40)

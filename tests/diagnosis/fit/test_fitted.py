@@ -17,12 +17,16 @@ def test_a_column_that_explains_the_rest_predicts_windows_that_were_not_fitted(
     column = np.sin(short_runs.time_s / 7.0)
     observed = short_fit.predicted + 12.0 * column
     chosen = short_runs.run < 2
-    np.testing.assert_allclose(with_columns(short_fit, chosen, observed, column[:, None]), observed, atol=1e-4)
+    np.testing.assert_allclose(
+        with_columns(short_fit, chosen, observed, column[:, None]), observed, atol=1e-4
+    )
     without = with_columns(short_fit, chosen, observed, np.empty((len(observed), 0)))
     assert np.std(observed - without) > 5.0
 
 
-def test_groups_stay_within_their_bounds_beside_further_columns(short_fit: Refit, short_runs: Runs) -> None:
+def test_groups_stay_within_their_bounds_beside_further_columns(
+    short_fit: Refit, short_runs: Runs
+) -> None:
     """Idle power is no less than zero, however much less is recorded."""
     observed = short_fit.predicted - 1000.0
     everything = np.ones(len(observed), dtype=bool)
@@ -32,7 +36,9 @@ def test_groups_stay_within_their_bounds_beside_further_columns(short_fit: Refit
     np.testing.assert_allclose(with_offset, observed, atol=0.1)
 
 
-@pytest.mark.parametrize(("name", "lacks"), [("grade_rad", "mass"), ("sensing_hz", "sample_energy")])
+@pytest.mark.parametrize(
+    ("name", "lacks"), [("grade_rad", "mass"), ("sensing_hz", "sample_energy")]
+)
 def test_a_group_is_excited_by_what_changes_its_prediction(
     name: str, lacks: str, short_fit: Refit, husky: Robot, short_runs: Runs
 ) -> None:

@@ -1,4 +1,5 @@
-"""Blocks outlast the autocorrelation of a residual, and folds hold out whole runs where there are enough."""
+"""Blocks outlast the autocorrelation of a residual, and folds hold out whole runs where there are
+enough."""
 
 import dataclasses
 from collections.abc import Callable
@@ -24,7 +25,9 @@ def in_runs(lengths: list[int]) -> Index:
     return np.repeat(np.arange(len(lengths)), lengths)
 
 
-@given(lengths=st.lists(st.integers(1, 400), min_size=1, max_size=12), phi=st.sampled_from([0.0, 0.9]))
+@given(
+    lengths=st.lists(st.integers(1, 400), min_size=1, max_size=12), phi=st.sampled_from([0.0, 0.9])
+)
 def test_blocks_are_numbered_stretches_within_one_run(lengths: list[int], phi: float) -> None:
     run = in_runs(lengths)
     block = cut_blocks(run, autoregressive(phi, len(run)))
@@ -64,7 +67,11 @@ def test_folds_are_whole_runs_where_there_are_enough(
     count: int, drive: Callable[..., list[Recording]], husky: Robot
 ) -> None:
     (one,) = drive(husky, runs=1, minutes=0.5)
-    runs = average(usable_runs([dataclasses.replace(one, name=f"{i}", sha256=f"{i}") for i in range(count)], husky)[0])
+    runs = average(
+        usable_runs(
+            [dataclasses.replace(one, name=f"{i}", sha256=f"{i}") for i in range(count)], husky
+        )[0]
+    )
     fold, held_out_by = cut_folds(runs, cut_blocks(runs.run))
     assert held_out_by == "run" and len(fold) == len(runs.observed)
     assert all(len(np.unique(fold[runs.run == run])) == 1 for run in range(count))
@@ -75,7 +82,9 @@ def test_folds_are_whole_runs_where_there_are_enough(
 @pytest.mark.parametrize("count", [1, 2])
 def test_folds_of_one_or_two_runs_are_series_of_blocks(count: int, short_runs: Runs) -> None:
     chosen = short_runs.run < count
-    runs = dataclasses.replace(short_runs, signals=short_runs.signals[:count], run=short_runs.run[chosen])
+    runs = dataclasses.replace(
+        short_runs, signals=short_runs.signals[:count], run=short_runs.run[chosen]
+    )
     block = cut_blocks(runs.run)
     fold, held_out_by = cut_folds(runs, block)
     assert held_out_by == "block" and len(fold) == int(chosen.sum())

@@ -1,4 +1,5 @@
-"""Held-out errors are of what a fit has not seen, and their intervals are as wide as they should be."""
+"""Held-out errors are of what a fit has not seen, and their intervals are as wide as they should
+be."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -29,7 +30,9 @@ def rng() -> np.random.Generator:
 
 
 def windows(observed: Array, unit: str = "W", **context: Array) -> Any:
-    return SimpleNamespace(observed=observed, duration_s=np.full(len(observed), 0.5), unit=unit, context=context)
+    return SimpleNamespace(
+        observed=observed, duration_s=np.full(len(observed), 0.5), unit=unit, context=context
+    )
 
 
 def test_each_window_is_predicted_by_a_fit_to_the_other_folds() -> None:
@@ -46,9 +49,13 @@ def test_each_window_is_predicted_by_a_fit_to_the_other_folds() -> None:
 
 def test_the_bootstrap_interval_of_a_mean_is_the_analytic_one() -> None:
     values = rng().standard_normal(COUNT)
-    low, high = bootstrap(np.stack([values, np.ones(COUNT)]), rng(), lambda drawn: drawn[0] / drawn[1])
+    low, high = bootstrap(
+        np.stack([values, np.ones(COUNT)]), rng(), lambda drawn: drawn[0] / drawn[1]
+    )
     half = 1.96 * values.std() / np.sqrt(COUNT)
-    assert (low, high) == pytest.approx((values.mean() - half, values.mean() + half), abs=0.1 * half)
+    assert (low, high) == pytest.approx(
+        (values.mean() - half, values.mean() + half), abs=0.1 * half
+    )
 
 
 def test_the_bootstrap_interval_covers_the_truth_about_as_often_as_it_says() -> None:
@@ -70,7 +77,9 @@ def test_a_gain_is_a_share_of_the_squared_error(share: float, factor: float) -> 
 
 def test_the_interval_of_a_gain_is_wider_where_few_blocks_hold_it() -> None:
     observed = rng().standard_normal(COUNT)
-    everywhere = gain(observed, np.zeros(COUNT), 0.5 * observed + 0.3 * rng().permutation(observed), BLOCK, rng())
+    everywhere = gain(
+        observed, np.zeros(COUNT), 0.5 * observed + 0.3 * rng().permutation(observed), BLOCK, rng()
+    )
     at_once = gain(observed, np.zeros(COUNT), np.where(BLOCK < 10, observed, 0.0), BLOCK, rng())
     for one in (everywhere, at_once):
         assert one.ci95[0] < one.share < one.ci95[1]
@@ -81,7 +90,8 @@ def test_bic_counts_windows_and_parameters() -> None:
     """Of white noise every window counts: n log(4) for half the error, less log(n) a parameter."""
     error = rng().standard_normal(COUNT)
     found = [
-        delta_bic(error, np.zeros(COUNT), 0.5 * error, np.zeros(COUNT, dtype=np.intp), freedom) for freedom in (0, 1, 5)
+        delta_bic(error, np.zeros(COUNT), 0.5 * error, np.zeros(COUNT, dtype=np.intp), freedom)
+        for freedom in (0, 1, 5)
     ]
     assert found[0] == pytest.approx(COUNT * np.log(4.0), rel=0.1)
     assert found[0] - found[1] == pytest.approx(np.log(COUNT), rel=0.05)
@@ -105,13 +115,20 @@ def test_the_better_of_two_predictions() -> None:
 def test_predictions_that_are_equally_good_are_told_apart_as_often_as_the_level_says() -> None:
     generator = rng()
     p_values = [
-        better(generator.standard_normal(COUNT), generator.standard_normal(COUNT), np.zeros(COUNT), BLOCK)
+        better(
+            generator.standard_normal(COUNT),
+            generator.standard_normal(COUNT),
+            np.zeros(COUNT),
+            BLOCK,
+        )
         for _ in range(400)
     ]
     assert np.mean(np.array(p_values) <= 0.1) == pytest.approx(0.1, abs=0.05)
 
 
-def test_the_range_of_a_trip_that_is_predicted_a_quarter_too_dear_is_eighty_per_cent_accurate() -> None:
+def test_the_range_of_a_trip_that_is_predicted_a_quarter_too_dear_is_eighty_per_cent_accurate() -> (
+    None
+):
     observed, trip = np.full(8, 100.0), np.repeat([0, 1], 4)
     predicted = np.where(trip == 0, 125.0, 100.0)
     assert range_accuracy_pct(predicted, windows(observed), trip) == pytest.approx(90.0)
@@ -134,7 +151,9 @@ def test_errors_of_a_prediction() -> None:
     assert score(observed + 1.0, windows(np.full(COUNT, 5.0)), BLOCK, trip, rng()).r2 is None
 
 
-def test_trees_find_what_depends_on_a_channel_and_only_from_what_they_are_shown(short_runs: Runs) -> None:
+def test_trees_find_what_depends_on_a_channel_and_only_from_what_they_are_shown(
+    short_runs: Runs,
+) -> None:
     nominal = np.zeros(len(short_runs.observed))
     speed = short_runs.context["speed_mps"]
     runs = dataclasses.replace(short_runs, observed=np.where(np.abs(speed - 0.5) < 0.1, 50.0, 0.0))

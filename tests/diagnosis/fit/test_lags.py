@@ -1,4 +1,5 @@
-"""Lags of a slope and drifts of a clock are found with their size and sign, and none where there are none."""
+"""Lags of a slope and drifts of a clock are found with their size and sign, and none where there
+are none."""
 
 import numpy as np
 import pytest
@@ -37,20 +38,29 @@ def test_what_is_no_late_slope_is_not_corrected(spoil: Spoil, husky: Robot) -> N
 
 
 @pytest.mark.parametrize("drift_s", [1.5, -1.5])
-def test_a_clock_that_falls_back_is_set_forward_and_one_that_runs_ahead_back(drift_s: float, husky: Robot) -> None:
+def test_a_clock_that_falls_back_is_set_forward_and_one_that_runs_ahead_back(
+    drift_s: float, husky: Robot
+) -> None:
     plain, _ = read(lambda of, rng: only(of, "grade_rad"), husky)
-    runs, _ = read(lambda of, rng: late(only(of, "grade_rad"), "power_w", drift_s * of["time_s"] / 250.0), husky)
+    runs, _ = read(
+        lambda of, rng: late(only(of, "grade_rad"), "power_w", drift_s * of["time_s"] / 250.0),
+        husky,
+    )
     fixed, drifts = without_drift(runs, husky)
     assert list(drifts) == [run.name for run in runs]
     assert list(drifts.values()) == pytest.approx([drift_s] * len(runs), abs=0.2)
     for true, spoilt, mended in zip(plain, runs, fixed, strict=True):
         middle = slice(50, -50)
-        before, after = (float(np.std((one.observed - true.observed)[middle])) for one in (spoilt, mended))
+        before, after = (
+            float(np.std((one.observed - true.observed)[middle])) for one in (spoilt, mended)
+        )
         assert after < 0.5 * before
 
 
 def test_a_short_run_has_no_drift(husky: Robot) -> None:
-    runs, _ = read(lambda of, rng: late(only(of, "grade_rad"), "power_w", of["time_s"] / 100.0), husky)
+    runs, _ = read(
+        lambda of, rng: late(only(of, "grade_rad"), "power_w", of["time_s"] / 100.0), husky
+    )
     short = [run.only(run.time_s < 90.0) for run in runs]
     assert without_drift(short, husky) == (short, {})
 
@@ -71,7 +81,9 @@ def test_columns_are_those_of_the_drive(husky: Robot) -> None:
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("drift_s", [0.0, 0.4, 2.0])
 def test_a_drifting_clock_is_set_right(name: str, drift_s: float) -> None:
-    runs = recordings(name, lambda c, rng: late(only(c, "grade_rad"), "power_w", drift_s * c["time_s"] / 250.0))
+    runs = recordings(
+        name, lambda c, rng: late(only(c, "grade_rad"), "power_w", drift_s * c["time_s"] / 250.0)
+    )
     robot = load_robot(name)
     _, drifts = without_drift([signals(one, robot) for one in runs], robot)
     assert len(drifts) == (3 if drift_s else 0)

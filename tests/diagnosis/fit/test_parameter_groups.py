@@ -26,7 +26,9 @@ from homeward.physics import ancillary_power, preset_names
 def of_current(runs: Runs, amperes_per_watt: float = 0.01) -> Runs:
     """The same runs, had motor current been recorded."""
     signals = [dataclasses.replace(run, unit="A") for run in runs.signals]
-    return dataclasses.replace(runs, unit="A", signals=signals, observed=amperes_per_watt * runs.observed)
+    return dataclasses.replace(
+        runs, unit="A", signals=signals, observed=amperes_per_watt * runs.observed
+    )
 
 
 @pytest.mark.parametrize("name", sorted(preset_names()))
@@ -55,7 +57,9 @@ def test_the_robot_of_a_theta_has_its_numbers(husky: Robot, short_runs: Runs) ->
 def test_another_idle_power_is_shared_out_as_before(husky: Robot) -> None:
     parts = ("sensing_idle_w", "communication_w", "controller_w")
     double = with_ancillary(husky, 120.0, 1.4)
-    assert [getattr(double, one) for one in parts] == pytest.approx([2.0 * getattr(husky, one) for one in parts])
+    assert [getattr(double, one) for one in parts] == pytest.approx(
+        [2.0 * getattr(husky, one) for one in parts]
+    )
     assert double.computer_j_per_sample == pytest.approx(1.4)
     assert with_ancillary(husky, 60.0, 0.7) is husky
     none = dataclasses.replace(husky, sensing_idle_w=0.0, communication_w=0.0, controller_w=0.0)
@@ -64,15 +68,21 @@ def test_another_idle_power_is_shared_out_as_before(husky: Robot) -> None:
 
 def test_an_effect_brings_its_track_to_a_robot_without_one(husky: Robot) -> None:
     turning = {"turning": {"scrub": 0.3, "track_m": 0.8}}
-    found = with_effects_of(dataclasses.replace(husky, effects={"standby": {"power_w": 5.0}}), turning)
+    found = with_effects_of(
+        dataclasses.replace(husky, effects={"standby": {"power_w": 5.0}}), turning
+    )
     assert found.track_m == 0.8
     assert found.effects == {"standby": {"power_w": 5.0}, "turning": {"scrub": 0.3}}
     assert with_effects_of(husky, {"turning": {"scrub": 0.3}}).track_m == husky.track_m
 
 
-def test_predictions_are_those_of_the_robot_with_its_effects(husky: Robot, short_runs: Runs) -> None:
+def test_predictions_are_those_of_the_robot_with_its_effects(
+    husky: Robot, short_runs: Runs
+) -> None:
     problem = parameters(short_runs, husky)
-    np.testing.assert_allclose(problem.predict(short_runs, problem.start), predict(short_runs, husky))
+    np.testing.assert_allclose(
+        problem.predict(short_runs, problem.start), predict(short_runs, husky)
+    )
     turning = {"turning": {"scrub": 0.3}}
     np.testing.assert_allclose(
         problem.predict(short_runs, problem.start, WithEffects(turning)),
@@ -81,13 +91,16 @@ def test_predictions_are_those_of_the_robot_with_its_effects(husky: Robot, short
 
 
 def test_derivatives_are_those_of_the_force_balance(husky: Robot, short_runs: Runs) -> None:
-    """By hand where the robot drives on the level: P = P_idle + e f + (C_rr m g + c v^2) v / Gamma."""
+    """By hand where the robot drives on the level: P = P_idle + e f + (C_rr m g + c v^2) v /
+    Gamma."""
     level = [dataclasses.replace(run, grade_rad=0.0 * run.grade_rad, accel_mps2=0.0 * run.grade_rad) for run in
              short_runs.signals]  # fmt: skip
     runs = dataclasses.replace(short_runs, signals=level)
     problem = parameters(runs, husky)
     predicted = problem.predict(runs, problem.start)
-    found = derivatives(problem, problem.start, predicted, lambda theta: problem.predict(runs, theta))
+    found = derivatives(
+        problem, problem.start, predicted, lambda theta: problem.predict(runs, theta)
+    )
     per_unit = [column / scale for column, scale in zip(found, problem.scale, strict=True)]
     powers = [np.concatenate([
         cut.means(np.maximum(run.speed_mps, 0.0) ** power) for run, cut in zip(level, runs.windows, strict=True)
@@ -114,19 +127,27 @@ def test_derivatives_at_a_bound_step_inside(husky: Robot, short_runs: Runs) -> N
 
 
 @pytest.mark.parametrize("motor_loss", [0.047, 0.3])
-def test_a_group_is_known_whatever_losses_the_file_assumes(motor_loss: float, husky: Robot, short_runs: Runs) -> None:
+def test_a_group_is_known_whatever_losses_the_file_assumes(
+    motor_loss: float, husky: Robot, short_runs: Runs
+) -> None:
     """Only mass over efficiency is determined, and neither of the two."""
     runs = dataclasses.replace(short_runs, observed=predict(short_runs, husky))
     fit = refit(runs, dataclasses.replace(husky, motor_loss=motor_loss))
     known = {one.group.symbol: one.fitted for one in estimates(fit, runs, cut_blocks(runs.run))}
     assert known["m / Gamma"] == pytest.approx(husky.mass_kg / husky.traction_efficiency, rel=1e-3)
-    assert (fit.theta[MASS] == pytest.approx(husky.mass_kg, rel=1e-3)) == (motor_loss == husky.motor_loss)
+    assert (fit.theta[MASS] == pytest.approx(husky.mass_kg, rel=1e-3)) == (
+        motor_loss == husky.motor_loss
+    )
 
 
-def test_groups_of_current_do_not_depend_on_a_thrust_that_no_file_gives(husky: Robot, short_runs: Runs) -> None:
+def test_groups_of_current_do_not_depend_on_a_thrust_that_no_file_gives(
+    husky: Robot, short_runs: Runs
+) -> None:
     unknown = dataclasses.replace(husky, traction_n_per_a=0.0)
     given = of_current(short_runs)
-    runs = dataclasses.replace(given, observed=predict(given, dataclasses.replace(husky, rest_current_a=0.5)))
+    runs = dataclasses.replace(
+        given, observed=predict(given, dataclasses.replace(husky, rest_current_a=0.5))
+    )
     found = {}
     for robot in (husky, unknown):
         fit = refit(runs, robot)

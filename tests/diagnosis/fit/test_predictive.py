@@ -1,4 +1,5 @@
-"""The fit made to predict: what drives show is found, what they do not show stays, and later drives are predicted."""
+"""The fit made to predict: what drives show is found, what they do not show stays, and later drives
+are predicted."""
 
 import dataclasses
 
@@ -31,19 +32,27 @@ CAR = dataclasses.replace(
 DRIVES, SECONDS, STEP_S = 10, 240.0, 0.5
 
 
-def drives(robot: Robot, seed: int, warm_c: np.ndarray, noise_w: float = 300.0, hilly: bool = True) -> list[Recording]:
+def drives(
+    robot: Robot, seed: int, warm_c: np.ndarray, noise_w: float = 300.0, hilly: bool = True
+) -> list[Recording]:
     """Drives with stops between speeds, over hills or on the level, each in its own weather."""
     rng = np.random.default_rng(seed)
     recordings = []
     for number, temperature_c in enumerate(warm_c):
         time_s = np.arange(0.0, SECONDS, STEP_S)
-        goals_mps = np.repeat(rng.choice([0.0, 8.0, 14.0, 20.0], len(time_s) // 40 + 1), 40)[: len(time_s)]
+        goals_mps = np.repeat(rng.choice([0.0, 8.0, 14.0, 20.0], len(time_s) // 40 + 1), 40)[
+            : len(time_s)
+        ]
         speed = np.zeros(len(time_s))
         for index in range(1, len(time_s)):
-            speed[index] = speed[index - 1] + np.clip(goals_mps[index] - speed[index - 1], -1.2 * STEP_S, STEP_S)
+            speed[index] = speed[index - 1] + np.clip(
+                goals_mps[index] - speed[index - 1], -1.2 * STEP_S, STEP_S
+            )
         grade = 0.03 * np.sin(np.cumsum(speed) * STEP_S / 150.0) * hilly
         given = {"grade_rad": grade, "temperature_c": np.full(len(time_s), temperature_c)}
-        power_w = replay(robot, time_s, speed, **given).power_w + rng.normal(0.0, noise_w, len(time_s))
+        power_w = replay(robot, time_s, speed, **given).power_w + rng.normal(
+            0.0, noise_w, len(time_s)
+        )
         channels = {"time_s": time_s, "speed_mps": speed, "power_w": power_w, **given}
         recordings.append(Recording(f"drive{number}.csv", str(number), channels))
     return recordings
@@ -55,7 +64,9 @@ def runs_of(recordings: list[Recording], robot: Robot) -> Runs:
 
 def fitted(recordings: list[Recording], robot: Robot) -> tuple[Predictive, Runs]:
     runs = runs_of(recordings, robot)
-    return fit_predictive(runs, robot, robot, lambda changed: predict(runs, changed), runs.run), runs
+    return fit_predictive(
+        runs, robot, robot, lambda changed: predict(runs, changed), runs.run
+    ), runs
 
 
 TRUE = dataclasses.replace(
@@ -87,7 +98,13 @@ def test_a_file_from_the_winter_predicts_the_summer(winter: tuple[Predictive, Ru
 
 def test_what_the_drives_show_is_found_within_its_interval(winter: tuple[Predictive, Runs]) -> None:
     fit, runs = winter
-    wide = dict(zip(fit.numbers, np.sqrt(np.diag(fit.covariance(runs, cut_blocks(runs.run)))).tolist(), strict=True))
+    wide = dict(
+        zip(
+            fit.numbers,
+            np.sqrt(np.diag(fit.covariance(runs, cut_blocks(runs.run)))).tolist(),
+            strict=True,
+        )
+    )
     gamma = TRUE.traction_efficiency
     true = {
         "mass": TRUE.mass_kg / gamma, INERTIA: 1.05 * TRUE.mass_kg / gamma, HEATER: 150.0, SET_POINT: 16.0,
@@ -101,14 +118,16 @@ def test_what_the_drives_show_is_found_within_its_interval(winter: tuple[Predict
 def test_only_the_product_of_regeneration_and_efficiency_is_known_and_it_is_right(
     winter: tuple[Predictive, Runs],
 ) -> None:
-    """A file that assumes losses of 14.5 % instead of 8 % would need a share above all: losses move with it."""
+    """A file that assumes losses of 14.5 % instead of 8 % would need a share above all: losses move
+    with it."""
     fit, _ = winter
     product = fit.numbers[REGENERATION] * (1.0 - fit.numbers[LOSSES])
     assert product == pytest.approx(0.8 * TRUE.traction_efficiency, rel=0.05)
 
 
 def test_what_the_drives_do_not_show_stays_where_it_was() -> None:
-    """On the level at one temperature, without braking to speak of, nothing is known of slopes, heaters or turning."""
+    """On the level at one temperature, without braking to speak of, nothing is known of slopes,
+    heaters or turning."""
     level = drives(CAR, 2, np.full(3, 10.0), hilly=False)
     for one in level:
         one.channels["speed_mps"][:] = 10.0
@@ -128,7 +147,9 @@ def test_of_motor_current_the_current_at_rest_is_in_the_file() -> None:
     of_current = dataclasses.replace(runs, unit="A")
     observed = dataclasses.replace(of_current, observed=predict(of_current, amps_robot))
     plain = dataclasses.replace(amps_robot, rest_current_a=0.0)
-    fit = fit_predictive(observed, plain, plain, lambda robot: predict(observed, robot), observed.run)
+    fit = fit_predictive(
+        observed, plain, plain, lambda robot: predict(observed, robot), observed.run
+    )
     assert fit.changed.rest_current_a == pytest.approx(1.5, rel=0.1)
     assert LOSSES not in fit.numbers and REGENERATION not in fit.numbers
 
@@ -136,21 +157,33 @@ def test_of_motor_current_the_current_at_rest_is_in_the_file() -> None:
 def test_numbers_and_robot_are_one(winter: tuple[Predictive, Runs]) -> None:
     """A robot of an effect's own numbers keeps those that are not fitted."""
     fit, _ = winter
-    limited = dataclasses.replace(CAR, effects={"regeneration": {"share": 0.1, "up_to_w": 20_000.0}})
+    limited = dataclasses.replace(
+        CAR, effects={"regeneration": {"share": 0.1, "up_to_w": 20_000.0}}
+    )
     robot = robot_of(limited, fit.numbers)
-    assert robot.effects["regeneration"] == {"share": fit.numbers[REGENERATION], "up_to_w": 20_000.0}
+    assert robot.effects["regeneration"] == {
+        "share": fit.numbers[REGENERATION],
+        "up_to_w": 20_000.0,
+    }
     assert robot.mass_kg / robot.traction_efficiency == pytest.approx(fit.numbers["mass"])
-    accelerated_kg = robot.effects["inertia"]["mass_factor"] * robot.mass_kg / robot.traction_efficiency
+    accelerated_kg = (
+        robot.effects["inertia"]["mass_factor"] * robot.mass_kg / robot.traction_efficiency
+    )
     assert accelerated_kg == pytest.approx(fit.numbers[INERTIA])
 
 
 def test_what_was_measured_at_the_wheels_narrows_the_fit() -> None:
-    """On the level, two noisy drives of a car whose tyres are soft say little; the losses of the drive stay unknown."""
-    soft = dataclasses.replace(CAR, rolling_resistance=0.02, effects={"viscous": {"drag_ns_per_m": 5.0}})
+    """On the level, two noisy drives of a car whose tyres are soft say little; the losses of the
+    drive stay unknown."""
+    soft = dataclasses.replace(
+        CAR, rolling_resistance=0.02, effects={"viscous": {"drag_ns_per_m": 5.0}}
+    )
     recordings = drives(soft, 5, np.array([20.0, 20.0]), noise_w=8000.0, hilly=False)
     car = dataclasses.replace(soft, rolling_resistance=CAR.rolling_resistance)
     names = "rolling", "drag", "mass", "viscous.drag_ns_per_m"
-    measured = Uncertainty(fitted=names, covariance=tuple(map(tuple, np.diag([1e-4] * 4))), of="force")
+    measured = Uncertainty(
+        fitted=names, covariance=tuple(map(tuple, np.diag([1e-4] * 4))), of="force"
+    )
     wide, runs = fitted(recordings, car)
     narrow, _ = fitted(recordings, dataclasses.replace(car, uncertainty=measured))
 

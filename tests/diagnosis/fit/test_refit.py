@@ -58,21 +58,32 @@ def test_a_part_of_the_windows_is_fitted_as_if_it_were_all(husky: Robot, short_r
     other = np.where(chosen, predict(runs, planted(husky)), 1e6)
     again = fit.fitted_to(chosen, other)
     np.testing.assert_allclose(again.predicted[chosen], other[chosen], rtol=0.01)
-    np.testing.assert_allclose(again.theta, fit.fitted_to(chosen, np.where(chosen, other, 0.0)).theta)
+    np.testing.assert_allclose(
+        again.theta, fit.fitted_to(chosen, np.where(chosen, other, 0.0)).theta
+    )
 
 
 def test_a_group_that_is_held_stays_as_the_file_says(husky: Robot, short_runs: Runs) -> None:
-    runs = of(short_runs, dataclasses.replace(husky, rolling_resistance=1.3 * husky.rolling_resistance))
+    runs = of(
+        short_runs, dataclasses.replace(husky, rolling_resistance=1.3 * husky.rolling_resistance)
+    )
     held = np.zeros(len(NAMES), dtype=bool)
     held[NAMES.index("mass")] = True
     fit = holding(refit(runs, husky), runs, held)
     assert fit.theta[MASS] == husky.mass_kg and not fit.jacobian[:, MASS].any()
-    assert fit.moved(np.ones(len(NAMES)))[MASS] == husky.mass_kg  # rounding of a step does not move it
-    assert fit.theta[ROLLING] == pytest.approx(1.3 * husky.rolling_resistance * husky.mass_kg, rel=1e-4)
+    # rounding of a step does not move it
+    assert fit.moved(np.ones(len(NAMES)))[MASS] == husky.mass_kg
+    assert fit.theta[ROLLING] == pytest.approx(
+        1.3 * husky.rolling_resistance * husky.mass_kg, rel=1e-4
+    )
 
 
-def test_no_fit_leaves_what_is_physical_and_one_at_a_bound_measures_nothing(husky: Robot, short_runs: Runs) -> None:
-    true = dataclasses.replace(husky, mass_kg=9.0 * husky.mass_kg, rolling_resistance=husky.rolling_resistance / 9.0)
+def test_no_fit_leaves_what_is_physical_and_one_at_a_bound_measures_nothing(
+    husky: Robot, short_runs: Runs
+) -> None:
+    true = dataclasses.replace(
+        husky, mass_kg=9.0 * husky.mass_kg, rolling_resistance=husky.rolling_resistance / 9.0
+    )
     runs = of(short_runs, true)
     fit = refit(runs, husky)
     assert (fit.theta >= fit.parameters.low).all() and (fit.theta <= fit.parameters.high).all()
@@ -83,7 +94,8 @@ def test_no_fit_leaves_what_is_physical_and_one_at_a_bound_measures_nothing(husk
 
 def test_a_drag_of_zero_is_no_bound(husky: Robot, short_runs: Runs) -> None:
     none = of(short_runs, dataclasses.replace(husky, drag_ns2_per_m2=0.0))
-    less_w = np.maximum(short_runs.context["speed_mps"], 0.0) ** 3  # as a drag below zero would take
+    # as a drag below zero would take
+    less_w = np.maximum(short_runs.context["speed_mps"], 0.0) ** 3
     runs = dataclasses.replace(none, observed=none.observed - less_w)
     heavy = dataclasses.replace(husky, drag_ns2_per_m2=5.0)
     fit = refit(runs, heavy)

@@ -68,7 +68,8 @@ def test_predicted_power_is_that_of_the_model(husky: Robot) -> None:
 
 @pytest.mark.parametrize("levels", [(0.0, 10.0), (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0)])
 def test_a_recorded_load_is_carried(levels: tuple[float, ...], husky: Robot) -> None:
-    """Each sample as a robot of that mass draws, also where there are more loads than are replayed."""
+    """Each sample as a robot of that mass draws, also where there are more loads than are
+    replayed."""
     load_kg = np.repeat(levels, -(-1200 // len(levels)))[:1200]
     found = power_w(run(husky, payload_kg=load_kg), husky)
     for level in levels:
@@ -77,7 +78,9 @@ def test_a_recorded_load_is_carried(levels: tuple[float, ...], husky: Robot) -> 
         np.testing.assert_allclose(found[load_kg == level], own[load_kg == level])
 
 
-def test_motor_current_is_thrust_over_the_thrust_of_an_ampere_and_none_at_rest(husky: Robot) -> None:
+def test_motor_current_is_thrust_over_the_thrust_of_an_ampere_and_none_at_rest(
+    husky: Robot,
+) -> None:
     steady = run(husky, speed_mps=np.where(TIME_S < 60.0, 0.0, 0.5))
     found = current_a(steady, dataclasses.replace(husky, rest_current_a=0.3))
     force_n = float(rolling_force(husky)) + husky.drag_ns2_per_m2 * 0.5**2
@@ -88,12 +91,17 @@ def test_motor_current_is_thrust_over_the_thrust_of_an_ampere_and_none_at_rest(h
 def test_an_ampere_pushes_less_the_more_is_lost_by_friction(husky: Robot) -> None:
     """What is lost in the motor lowers its voltage."""
     assert thrust_n_per_a(dataclasses.replace(husky, friction_loss=0.0)) == husky.traction_n_per_a
-    assert thrust_n_per_a(dataclasses.replace(husky, friction_loss=0.5)) == husky.traction_n_per_a / 2.0
+    assert (
+        thrust_n_per_a(dataclasses.replace(husky, friction_loss=0.5))
+        == husky.traction_n_per_a / 2.0
+    )
     assert thrust_n_per_a(dataclasses.replace(husky, motor_loss=0.5)) == thrust_n_per_a(husky)
 
 
 def test_on_the_spot_the_wheels_turn_too(husky: Robot) -> None:
-    turns = run(husky, speed_mps=np.where(TIME_S < 60.0, 0.0, -0.4), yaw_rate_radps=np.full(1200, 0.6))
+    turns = run(
+        husky, speed_mps=np.where(TIME_S < 60.0, 0.0, -0.4), yaw_rate_radps=np.full(1200, 0.6)
+    )
     found = wheels_mps(turns, husky)
     assert found[:500] == pytest.approx(0.3 * husky.track_m)
     assert found[700:] == pytest.approx(0.4)
@@ -111,7 +119,9 @@ def test_true_speeds_are_replayed_where_the_odometer_errs(husky: Robot) -> None:
     runs = average([run(husky), run(husky, "other")])
     found = predict(runs, husky, met=WithEffects(speed_factors=[1.0, 1.1]))
     one = runs.signals[1]
-    faster = dataclasses.replace(one, speed_mps=1.1 * one.speed_mps, accel_mps2=1.1 * one.accel_mps2)
+    faster = dataclasses.replace(
+        one, speed_mps=1.1 * one.speed_mps, accel_mps2=1.1 * one.accel_mps2
+    )
     np.testing.assert_allclose(found[runs.run == 0], predict(runs, husky)[runs.run == 0])
     np.testing.assert_allclose(found[runs.run == 1], runs.windows[1].means(power_w(faster, husky)))
 
@@ -123,9 +133,13 @@ def test_wind_and_rough_ground_are_met_where_they_are(husky: Robot) -> None:
     runs = average([run(robot)])
     rough = (runs.time_s > 60.0).astype(float)
     moving = np.abs(runs.context["speed_mps"]) > 0.1
-    windy = predict(runs, robot, met=WithEffects(headwind_mps=[np.full(1200, 3.0)], roughness=0.0 * rough))
+    windy = predict(
+        runs, robot, met=WithEffects(headwind_mps=[np.full(1200, 3.0)], roughness=0.0 * rough)
+    )
     smooth = predict(runs, robot, met=WithEffects(roughness=0.0 * rough))
     bumpy = predict(runs, robot, met=WithEffects(roughness=rough))
     assert (windy[moving] > smooth[moving] + 1.0).all()
     np.testing.assert_allclose(bumpy[runs.time_s < 59.0], smooth[runs.time_s < 59.0])
-    assert (bumpy[moving & (runs.time_s > 61.0)] > smooth[moving & (runs.time_s > 61.0)] + 1.0).all()
+    assert (
+        bumpy[moving & (runs.time_s > 61.0)] > smooth[moving & (runs.time_s > 61.0)] + 1.0
+    ).all()

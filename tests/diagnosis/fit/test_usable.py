@@ -137,7 +137,11 @@ def test_the_same_recording_counts_once(husky: Robot) -> None:
     one = recording(drive())
     runs, (finding,) = usable_runs([one, dataclasses.replace(one, name="copy.csv")], husky)
     assert [run.name for run in runs] == ["run.csv"]
-    assert (finding.recording, finding.text, finding.refused) == ("copy.csv", "is the same as run.csv", True)
+    assert (finding.recording, finding.text, finding.refused) == (
+        "copy.csv",
+        "is the same as run.csv",
+        True,
+    )
 
 
 def test_power_is_preferred_to_current_whichever_comes_first(husky: Robot) -> None:
@@ -152,7 +156,9 @@ def test_a_channel_that_only_some_runs_have_is_named(husky: Robot) -> None:
     sensing_hz: Array = np.tile([0.0, 10.0], 1250)
     given = [recording({**drive(), "sensing_hz": sensing_hz}, "a.csv"), recording(drive(), "b.csv")]
     texts = {one.recording: one.text for one in usable_runs(given, husky)[1]}
-    assert texts == {"b.csv": "lacks sensing_hz, which other runs have; its sensing rate is assumed to be 0"}
+    assert texts == {
+        "b.csv": "lacks sensing_hz, which other runs have; its sensing rate is assumed to be 0"
+    }
 
 
 @pytest.mark.parametrize(("factor", "asks"), [(1.5, False), (3.0, True), (0.3, True)])
@@ -163,7 +169,9 @@ def test_a_robot_that_draws_far_more_or_less_than_its_file_says_may_be_another(
     assert any("is this the right robot" in one for one in texts) == asks
 
 
-def test_a_motor_current_asks_for_no_other_robot_where_the_thrust_of_an_ampere_is_unknown(husky: Robot) -> None:
+def test_a_motor_current_asks_for_no_other_robot_where_the_thrust_of_an_ampere_is_unknown(
+    husky: Robot,
+) -> None:
     unknown = dataclasses.replace(husky, traction_n_per_a=0.0)
     assert not any("is this the right robot" in text for text in said(amperes(drive()), unknown))
 
@@ -177,7 +185,10 @@ def test_of_several_runs_the_sensor_and_the_clock_are_mended(husky: Robot) -> No
     runs, findings = usable_runs(late[:2], husky)
     texts = [one.text for one in findings]
     assert sum("the sensor is tilted" in one for one in texts) == 1
-    assert sum("the clock of power falls back by 2 s against that of motion" in one for one in texts) == 2
+    assert (
+        sum("the clock of power falls back by 2 s against that of motion" in one for one in texts)
+        == 2
+    )
     (plain, *_), _ = usable_runs(recordings("husky", lambda of, rng: of)[:1], husky)
     assert float(np.mean(runs[0].grade_rad - plain.grade_rad)) == pytest.approx(0.0, abs=2e-3)
     assert np.corrcoef(runs[0].observed, plain.observed)[0, 1] > 0.99

@@ -43,11 +43,14 @@ def test_of_bursts_acceleration_is_that_of_the_motion() -> None:
 
 
 def test_energy_and_way_are_kept() -> None:
-    """Current that flows in bursts of stamps is no more than it was: a mean is over time, not over samples."""
+    """Current that flows in bursts of stamps is no more than it was: a mean is over time, not over
+    samples."""
     time_s = bursts()
     amps = np.where(np.arange(len(time_s)) % 2, 3.0, 1.0)
     volts = 25.0 - amps
-    even, _ = on_even_clock(recording(time_s, voltage_v=volts, current_a=amps, speed_mps=amps), TICK_S)
+    even, _ = on_even_clock(
+        recording(time_s, voltage_v=volts, current_a=amps, speed_mps=amps), TICK_S
+    )
     power_w = even.channels["voltage_v"] * even.channels["current_a"]
     used_s = TICK_S * len(power_w)
     inside = time_s <= time_s[0] + used_s
@@ -72,5 +75,7 @@ def test_a_heading_turns_on_through_north_and_what_is_not_recorded_stays_unknown
 def test_a_gap_is_not_filled() -> None:
     time_s = bursts()
     time_s = np.where(time_s > time_s[400], time_s + 60.0, time_s)
-    even, _ = on_even_clock(dataclasses.replace(recording(time_s, speed_mps=np.ones(len(time_s)))), TICK_S)
+    even, _ = on_even_clock(
+        dataclasses.replace(recording(time_s, speed_mps=np.ones(len(time_s)))), TICK_S
+    )
     assert np.max(np.diff(even.channels["time_s"])) > 50.0

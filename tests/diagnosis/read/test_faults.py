@@ -17,14 +17,16 @@ def channels() -> Channels:
 
 
 def mended(channels: Channels, husky: Robot) -> tuple[Channels, list[str], dict[str, float]]:
-    """Channels and notes of the recording without its faults, and errors of interpolated channels."""
+    """Channels and notes of the recording without its faults, and errors of interpolated
+    channels."""
     found, error = without_faults(Recording("run.csv", "0", channels), husky)
     assert all("\n" not in note for note in found.notes)
     return dict(found.channels), list(found.notes), error
 
 
 def unlike(after: Channels, before: Channels, name: str) -> list[int]:
-    """Samples of a channel that are not as they were, all of them left out; other channels are unchanged."""
+    """Samples of a channel that are not as they were, all of them left out; other channels are
+    unchanged."""
     for other in before.keys() - {name}:
         np.testing.assert_array_equal(after[other], before[other])
     changed = np.flatnonzero(after[name] != before[name])
@@ -71,18 +73,27 @@ def test_a_peak_of_two_samples_is_no_spike(channels: Channels, husky: Robot) -> 
     assert mended(peak, husky)[1] == []
 
 
-def test_a_meter_that_shows_nothing_while_the_robot_drives_is_left_out(channels: Channels, husky: Robot) -> None:
+def test_a_meter_that_shows_nothing_while_the_robot_drives_is_left_out(
+    channels: Channels, husky: Robot
+) -> None:
     """At rest the robot may be switched off."""
     start = driving(channels, 30)
-    spoilt = {**channels, "power_w": np.where(channels["speed_mps"] == 0.0, 0.0, channels["power_w"])}
+    spoilt = {
+        **channels,
+        "power_w": np.where(channels["speed_mps"] == 0.0, 0.0, channels["power_w"]),
+    }
     spoilt["power_w"][start : start + 15] = 0.0
     after, notes, _ = mended(spoilt, husky)
     assert unlike(after, spoilt, "power_w") == list(range(start, start + 15))
     assert notes == ["power reads exactly zero in 15 samples of driving: they are left out"]
 
 
-def test_a_meter_that_reads_zero_at_any_low_load_is_believed(channels: Channels, husky: Robot) -> None:
-    power_w = np.where(channels["power_w"] < np.quantile(channels["power_w"], 0.5), 0.0, channels["power_w"])
+def test_a_meter_that_reads_zero_at_any_low_load_is_believed(
+    channels: Channels, husky: Robot
+) -> None:
+    power_w = np.where(
+        channels["power_w"] < np.quantile(channels["power_w"], 0.5), 0.0, channels["power_w"]
+    )
     assert mended({**channels, "power_w": power_w}, husky)[1] == []
 
 
@@ -93,21 +104,32 @@ def test_power_that_flows_back_for_long_while_the_robot_stands_is_charging(
     """A capacitor gives back for a moment."""
     spoilt = parked(channels, seconds)
     after, notes, _ = mended(spoilt, husky)
-    assert unlike(after, spoilt, "power_w") == (list(range(SAMPLES, len(spoilt["time_s"]))) if found else [])
-    assert notes == ([f"power flows back for {seconds:.3g} s while the robot stands: charging is left out"] * found)
+    assert unlike(after, spoilt, "power_w") == (
+        list(range(SAMPLES, len(spoilt["time_s"]))) if found else []
+    )
+    assert notes == (
+        [f"power flows back for {seconds:.3g} s while the robot stands: charging is left out"]
+        * found
+    )
 
 
 @pytest.mark.parametrize("every", [5, 10])
-def test_of_a_held_power_only_fresh_readings_count(every: int, channels: Channels, husky: Robot) -> None:
+def test_of_a_held_power_only_fresh_readings_count(
+    every: int, channels: Channels, husky: Robot
+) -> None:
     spoilt = held(channels, "power_w", every)
     after, notes, _ = mended(spoilt, husky)
     fresh = np.flatnonzero(np.isfinite(after["power_w"]))
     assert fresh.tolist() == list(range(0, SAMPLES, every))
     np.testing.assert_array_equal(after["power_w"][fresh], channels["power_w"][fresh])
-    assert notes == [f"power_w is held for {every * STEP_S:.2g} s at a time: only fresh readings count"]
+    assert notes == [
+        f"power_w is held for {every * STEP_S:.2g} s at a time: only fresh readings count"
+    ]
 
 
-def test_a_held_slope_is_interpolated_and_the_error_of_that_is_known(channels: Channels, husky: Robot) -> None:
+def test_a_held_slope_is_interpolated_and_the_error_of_that_is_known(
+    channels: Channels, husky: Robot
+) -> None:
     """A random walk: between two readings it is a Brownian bridge."""
     walk: Array = 1e-4 * np.cumsum(np.random.default_rng(0).standard_normal(SAMPLES))
     spoilt = held({**channels, "grade_rad": walk}, "grade_rad", 10)
@@ -116,10 +138,13 @@ def test_a_held_slope_is_interpolated_and_the_error_of_that_is_known(channels: C
     assert list(error) == ["grade_rad"]
     assert error["grade_rad"] == pytest.approx(float(np.std(after["grade_rad"] - walk)), rel=0.1)
     (run,), _ = usable_runs([Recording("run.csv", "0", spoilt)], husky)
-    assert run.error["grade_rad"] == error["grade_rad"]  # though nothing is as smooth as a straight line
+    # though nothing is as smooth as a straight line
+    assert run.error["grade_rad"] == error["grade_rad"]
 
 
-def test_a_held_slope_that_changes_from_reading_to_reading_is_not_late(channels: Channels, husky: Robot) -> None:
+def test_a_held_slope_that_changes_from_reading_to_reading_is_not_late(
+    channels: Channels, husky: Robot
+) -> None:
     """Each value stands for the time around its reading, and not for that after it."""
     slope: Array = 0.05 * np.random.default_rng(0).standard_normal(SAMPLES)
     after, notes, error = mended(held({**channels, "grade_rad": slope}, "grade_rad", 10), husky)
@@ -136,7 +161,9 @@ def test_a_counter_that_falls_back_was_reset(channels: Channels, husky: Robot) -
     assert notes == ["distance_m falls back 2 times: the counter was reset, and is not used"]
 
 
-@pytest.mark.parametrize("name", ["grade_rad", "yaw_rate_radps", "payload_kg", "temperature_c", "heading_rad", "soc"])
+@pytest.mark.parametrize(
+    "name", ["grade_rad", "yaw_rate_radps", "payload_kg", "temperature_c", "heading_rad", "soc"]
+)
 def test_a_channel_without_values_is_as_good_as_none(name: str, husky: Robot) -> None:
     spoilt = recordings("husky", lambda c, rng: {**only(c), name: np.full(SAMPLES, np.nan)})[:1]
     runs, findings = usable_runs(spoilt, husky)
@@ -164,8 +191,14 @@ def test_levels_that_are_set_are_not_taken_for_held_readings(husky: Robot) -> No
 
 def test_a_held_speed_is_known_before_its_first_change_and_after_its_last(husky: Robot) -> None:
     channels = only(drives("husky")[0])
-    speed = np.where((channels["time_s"] > 20.0) & (channels["time_s"] < 230.0), 0.3 + channels["time_s"] / 1000.0, 0.0)
+    speed = np.where(
+        (channels["time_s"] > 20.0) & (channels["time_s"] < 230.0),
+        0.3 + channels["time_s"] / 1000.0,
+        0.0,
+    )
     spoilt = held({**channels, "speed_mps": speed}, "speed_mps", 10)
     kept, _ = without_faults(Recording("a", "0", spoilt), husky)
     np.testing.assert_allclose(kept.channels["speed_mps"], speed, atol=0.51)
-    assert not kept.channels["speed_mps"][:190].any() and not kept.channels["speed_mps"][2320:].any()
+    assert (
+        not kept.channels["speed_mps"][:190].any() and not kept.channels["speed_mps"][2320:].any()
+    )

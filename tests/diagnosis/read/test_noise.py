@@ -33,7 +33,8 @@ def test_rest_that_a_sensor_shows_without_noise_does_not_count() -> None:
 
 
 def test_the_error_of_what_is_smoothed_is_known() -> None:
-    """Of signals whose second differences are normal, as the model has them: the posterior's spread is the error's."""
+    """Of signals whose second differences are normal, as the model has them: the posterior's spread
+    is the error's."""
     errors, spreads = [], []
     for seed in range(5):
         signal = np.cumsum(np.cumsum(noise(1e-3, seed + 100)))
@@ -47,7 +48,8 @@ def test_the_error_of_what_is_smoothed_is_known() -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_what_the_model_holds_for_smooth_is_kept(order: int) -> None:
-    """A constant has no first differences, a line no second ones: neither is bent, whatever its noise."""
+    """A constant has no first differences, a line no second ones: neither is bent, whatever its
+    noise."""
     line = 3.0 + (0.01 * np.arange(500.0) if order == 2 else np.zeros(500))
     found = smoothed(line + noise(0.1, count=500), order)
     np.testing.assert_allclose(found.values, line, atol=0.04)
@@ -70,7 +72,8 @@ def test_a_kink_at_a_known_place_stays_sharp() -> None:
     values = kinked + noise(0.3, count=1000)
     near = slice(490, 511)
     blunt, sharp = (
-        float(np.abs(smoothed(values, 2, breaks=one).values - kinked)[near].max()) for one in (None, breaks)
+        float(np.abs(smoothed(values, 2, breaks=one).values - kinked)[near].max())
+        for one in (None, breaks)
     )
     assert sharp < 0.1 < blunt
 
@@ -78,7 +81,8 @@ def test_a_kink_at_a_known_place_stays_sharp() -> None:
 @pytest.mark.parametrize("jumps", [False, True])
 @pytest.mark.parametrize("height", [0.0, 1000.0])
 def test_the_noise_of_a_line_is_known_however_stiff_it_is(jumps: bool, height: float) -> None:
-    """Its differences have hardly any variance: the ratio to that of the noise is near what numbers can hold."""
+    """Its differences have hardly any variance: the ratio to that of the noise is near what numbers
+    can hold."""
     line = height + 0.1 * np.arange(200.0)
     found = smoothed(line + noise(0.01, count=200), 2, jumps=jumps)
     assert found.noise == pytest.approx(0.01, rel=0.15)

@@ -1,4 +1,5 @@
-"""The tilt of a slope sensor is known by ways that close or are driven both ways, and by no others."""
+"""The tilt of a slope sensor is known by ways that close or are driven both ways, and by no
+others."""
 
 import dataclasses
 
@@ -16,7 +17,11 @@ TILT_RAD = np.radians(1.5)
 
 
 def drive(
-    husky: Robot, base_m: Array, tilt_rad: float = TILT_RAD, speed_mps: Array | float = 0.5, noise_rad: float = 1e-3
+    husky: Robot,
+    base_m: Array,
+    tilt_rad: float = TILT_RAD,
+    speed_mps: Array | float = 0.5,
+    noise_rad: float = 1e-3,
 ) -> Signals:
     """Over hills, at distances from base, shape (samples,), with a sensor that is tilted."""
     rng = np.random.default_rng(0)
@@ -40,7 +45,9 @@ OUT_AND_BACK_M = np.concatenate([AWAY_M, AWAY_M[::-1]])
 
 @pytest.mark.parametrize("start_m", [0.0, 60.0])
 @pytest.mark.parametrize("tilt_rad", [TILT_RAD, -TILT_RAD])
-def test_a_tilt_is_found_by_a_drive_out_and_back(start_m: float, tilt_rad: float, husky: Robot) -> None:
+def test_a_tilt_is_found_by_a_drive_out_and_back(
+    start_m: float, tilt_rad: float, husky: Robot
+) -> None:
     """From base or, so that no place near base is met twice, from elsewhere."""
     found = tilt(drive(husky, start_m + OUT_AND_BACK_M, tilt_rad))
     assert found is not None
@@ -93,7 +100,9 @@ def test_what_is_not_clear_is_not_corrected_and_may_be_a_tilt(husky: Robot) -> N
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("tilt_deg", [0.0, -2.0])
 def test_a_tilted_sensor_is_known_by_a_closed_way(name: str, tilt_deg: float) -> None:
-    tilted = recordings(name, lambda c, rng: {**c, "grade_rad": c["grade_rad"] + np.radians(tilt_deg)})
+    tilted = recordings(
+        name, lambda c, rng: {**c, "grade_rad": c["grade_rad"] + np.radians(tilt_deg)}
+    )
     level, angle = without_tilt([signals(one, load_robot(name)) for one in tilted])
     assert np.degrees(angle) == pytest.approx(tilt_deg, abs=0.1)
     left_rad = np.radians(tilt_deg) - angle

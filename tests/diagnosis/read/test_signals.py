@@ -21,7 +21,10 @@ def run(**channels: np.ndarray) -> Recording:
 TIME = np.arange(100) / 10.0
 
 
-@given(steps=st.lists(st.sampled_from([0.1, 0.11, 0.09, 5.0]), min_size=30, max_size=300), window_s=st.floats(0.2, 3.0))
+@given(
+    steps=st.lists(st.sampled_from([0.1, 0.11, 0.09, 5.0]), min_size=30, max_size=300),
+    window_s=st.floats(0.2, 3.0),
+)
 def test_windows_hold_every_sample_once_and_no_gap(steps: list[float], window_s: float) -> None:
     time_s = np.cumsum(steps)
     cut = windows(time_s, window_s)
@@ -63,7 +66,9 @@ def test_elevation_gives_the_grade(husky: Robot, slope: float) -> None:
     speed = np.where(time_s < 100.0, 0.5, 0.0)
     distance = np.concatenate(([0.0], np.cumsum(speed[:-1] * 0.1)))
     noise = 0.005 * np.random.default_rng(0).normal(size=len(time_s))
-    one = run(time_s=time_s, speed_mps=speed, elevation_m=np.tan(slope) * distance + noise, power_w=speed)
+    one = run(
+        time_s=time_s, speed_mps=speed, elevation_m=np.tan(slope) * distance + noise, power_w=speed
+    )
     np.testing.assert_allclose(signals(one, husky).grade_rad, slope, atol=0.02)
 
 
@@ -95,7 +100,9 @@ def test_slopes_that_are_smaller_than_their_error_are_unknown(
     recordings = []
     for number, size_m in enumerate(sizes_m):
         elevation_m = size_m * np.sin(time_s / 20.0) + climb * time_s + 0.5 * rng.normal(size=3000)
-        one = run(time_s=time_s, speed_mps=np.ones(3000), power_w=100.0 + time_s, elevation_m=elevation_m)
+        one = run(
+            time_s=time_s, speed_mps=np.ones(3000), power_w=100.0 + time_s, elevation_m=elevation_m
+        )
         recordings.append(dataclasses.replace(one, sha256=str(number)))
     runs, _ = usable_runs(recordings, load_robot("husky"))
     assert {"grade_rad" in one.context for one in runs} == {known}
@@ -105,18 +112,33 @@ def test_what_rises_in_a_gap_makes_no_cliff() -> None:
     time_s = np.arange(6000) / 10.0
     recorded = (time_s < 200.0) | (time_s > 230.0)
     climb_m = 2.0 * np.sin(time_s / 30.0) + 0.03 * time_s
-    channels = {"time_s": time_s, "speed_mps": np.ones(6000), "power_w": np.ones(6000), "elevation_m": climb_m}
-    one = signals(run(**{name: values[recorded] for name, values in channels.items()}), load_robot("husky"))
+    channels = {
+        "time_s": time_s,
+        "speed_mps": np.ones(6000),
+        "power_w": np.ones(6000),
+        "elevation_m": climb_m,
+    }
+    one = signals(
+        run(**{name: values[recorded] for name, values in channels.items()}), load_robot("husky")
+    )
     slope = 2.0 / 30.0 * np.cos(one.time_s / 30.0) + 0.03
     assert np.max(np.abs(one.grade_rad - np.arctan(slope))[50:-50]) < 0.05  # the kink at the gap
 
 
 def test_a_start_is_where_a_sensor_that_shows_rest_first_moves(husky: Robot) -> None:
-    """Smoothed, the first moment of each start is as slow as a creep: taken for rest, starts would come late."""
+    """Smoothed, the first moment of each start is as slow as a creep: taken for rest, starts would
+    come late."""
     time_s = np.linspace(0.0, 299.95, 6000)
     speed: Array = np.clip(0.8 * np.sin(time_s / 5.0), 0.0, None)
     noise = 0.02 * np.random.default_rng(0).standard_normal(len(speed))
     recorded: Array = np.where(speed > 0.0, speed + noise, 0.0)
-    run = signals(Recording("run.csv", "0", {"time_s": time_s, "speed_mps": recorded, "power_w": 50.0 + speed}), husky)
-    starts = [np.flatnonzero((one[:-1] == 0.0) & (one[1:] != 0.0)) for one in (speed, run.speed_mps)]
+    run = signals(
+        Recording(
+            "run.csv", "0", {"time_s": time_s, "speed_mps": recorded, "power_w": 50.0 + speed}
+        ),
+        husky,
+    )
+    starts = [
+        np.flatnonzero((one[:-1] == 0.0) & (one[1:] != 0.0)) for one in (speed, run.speed_mps)
+    ]
     assert starts[0].tolist() == starts[1].tolist()

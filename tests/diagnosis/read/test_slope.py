@@ -27,7 +27,8 @@ def way_m(speed_mps: Array) -> Array:
 def test_a_ramp_has_its_angle_forwards_and_in_reverse(speed: float, angle: float) -> None:
     speed_mps = np.full(1000, speed)
     slope, error = along(np.tan(angle) * way_m(speed_mps), speed_mps)
-    np.testing.assert_allclose(slope, angle, rtol=0.05)  # samples are some per cent of a cell at either end
+    # samples are some per cent of a cell at either end
+    np.testing.assert_allclose(slope, angle, rtol=0.05)
     assert float(slope.mean()) == pytest.approx(angle, rel=0.005)
     assert error < 0.05 * abs(angle)
 
@@ -40,7 +41,9 @@ def test_the_slope_changes_its_sign_where_the_robot_turns_round() -> None:
     elevation_m += 0.01 * np.random.default_rng(0).standard_normal(2000)
     slope, _ = along(elevation_m, speed_mps)
     clear = np.abs(path_m - path_m[1000]) > 2.0
-    np.testing.assert_allclose(slope[clear], np.where(there, 1.0, -1.0)[clear] * np.arctan(0.1), atol=0.02)
+    np.testing.assert_allclose(
+        slope[clear], np.where(there, 1.0, -1.0)[clear] * np.arctan(0.1), atol=0.02
+    )
 
 
 @pytest.mark.parametrize("kinks", [True, False])
@@ -56,7 +59,9 @@ def test_the_slope_keeps_its_sign_where_the_robot_backs_up(kinks: bool) -> None:
 def test_a_stop_does_not_bend_a_ramp() -> None:
     """Nor does it count for more than the way beside it."""
     speed_mps = np.where(np.abs(np.arange(3000) - 1500) < 500, 0.0, 0.5)
-    np.testing.assert_allclose(along(0.08 * way_m(speed_mps), speed_mps)[0], np.arctan(0.08), rtol=0.06)
+    np.testing.assert_allclose(
+        along(0.08 * way_m(speed_mps), speed_mps)[0], np.arctan(0.08), rtol=0.06
+    )
 
 
 def test_a_robot_that_stands_adds_no_slope() -> None:
@@ -80,7 +85,9 @@ def test_steps_of_a_coarse_elevation_are_no_stairs(step_m: float) -> None:
 
 def test_heights_that_are_missing_are_bridged() -> None:
     speed_mps = np.full(1000, 0.5)
-    elevation_m = np.tan(0.1) * way_m(speed_mps) + 0.05 * np.random.default_rng(0).standard_normal(1000)
+    elevation_m = np.tan(0.1) * way_m(speed_mps) + 0.05 * np.random.default_rng(0).standard_normal(
+        1000
+    )
     elevation_m[300:420] = np.nan
     np.testing.assert_allclose(along(elevation_m, speed_mps)[0][300:420], 0.1, atol=0.02)
 
@@ -94,7 +101,9 @@ def test_a_flat_way_is_flat_and_of_a_robot_that_hardly_moves_no_slope_is_known()
 
 
 @pytest.mark.parametrize("seed", range(100, 103))
-def test_the_slope_from_a_noisy_elevation_is_not_attenuated_and_its_error_is_known(seed: int) -> None:
+def test_the_slope_from_a_noisy_elevation_is_not_attenuated_and_its_error_is_known(
+    seed: int,
+) -> None:
     husky = load_robot("husky")
     channels = drive(husky, seed)
     elevation = channels["elevation_m"] + 0.5 * np.random.default_rng(seed).normal(size=SAMPLES)

@@ -19,7 +19,8 @@ def test_on_a_loop_there_is_no_way_home_and_each_lap_is_the_same_place(noise_m: 
     driven_m = np.arange(0.0, 3.5 * LENGTH_M, 0.1)
     place_m = driven_m % LENGTH_M
     base_m = np.abs(
-        30.0 * np.sin(np.pi * place_m / LENGTH_M) + noise_m * np.random.default_rng(0).normal(size=place_m.size)
+        30.0 * np.sin(np.pi * place_m / LENGTH_M)
+        + noise_m * np.random.default_rng(0).normal(size=place_m.size)
     )
     direction, found_m = along_the_way(base_m, driven_m, hills(place_m), REACH_M)
     assert np.mean(direction == 1.0) > 0.95

@@ -1,4 +1,5 @@
-"""A robot file says what was fitted: replayed it predicts what the joint fit does, for every effect it can say."""
+"""A robot file says what was fitted: replayed it predicts what the joint fit does, for every effect
+it can say."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -16,7 +17,13 @@ from homeward.diagnosis.fit.parameter_groups import ROLLING as RESISTANCE
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.tell.corrected import FileContent, file_content, is_expressible, replayed, written
+from homeward.diagnosis.tell.corrected import (
+    FileContent,
+    file_content,
+    is_expressible,
+    replayed,
+    written,
+)
 from homeward.physics.effects import EFFECTS
 from homeward.physics.model import headwind
 
@@ -46,14 +53,17 @@ def robot(husky: Robot) -> Robot:
 
 @pytest.fixture(scope="module")
 def runs(drive: Drive, robot: Robot) -> Runs:
-    """Two drives out and back, in the cold and in the heat, with every channel that tells of an effect."""
+    """Two drives out and back, in the cold and in the heat, with every channel that tells of an
+    effect."""
     recordings = []
     for number, run in enumerate(drive(robot, runs=2)):
         of = {name: values[:3000] for name, values in run.channels.items()}
         time_s = of["time_s"]
         way_m = 0.1 * np.cumsum(np.abs(of["speed_mps"]))
         of["base_distance_m"] = 300.0 * number + np.minimum(way_m, way_m[-1] - way_m)
-        of["heading_rad"] = np.where(way_m < 0.5 * way_m[-1], 0.0, np.pi) + 0.3 * np.sin(time_s / 40.0)
+        of["heading_rad"] = np.where(way_m < 0.5 * way_m[-1], 0.0, np.pi) + 0.3 * np.sin(
+            time_s / 40.0
+        )
         of["temperature_c"] = -5.0 + 35.0 * number + 8.0 * time_s / time_s[-1]
         recordings.append(dataclasses.replace(run, channels=of))
     return average(usable_runs(recordings, robot)[0])
@@ -62,14 +72,19 @@ def runs(drive: Drive, robot: Robot) -> Runs:
 def met(runs: Runs) -> WithEffects:
     """A wind of 2 m/s on all drives, and rough ground far from base."""
     headings = [run.context["heading_rad"] for run in runs.signals]
-    winds = [np.asarray(headwind(2.0 * np.cos(0.4), 2.0 * np.sin(0.4), np.cos(one), np.sin(one))) for one in headings]
+    winds = [
+        np.asarray(headwind(2.0 * np.cos(0.4), 2.0 * np.sin(0.4), np.cos(one), np.sin(one)))
+        for one in headings
+    ]
     place_m = runs.context["place_m"]
     return WithEffects(headwind_mps=winds, roughness=(place_m > np.median(place_m)).astype(float))
 
 
 def drawn_w(robot: Robot, effect: str, size: float, runs: Runs) -> np.ndarray:
     switch = CATALOGUE[effect].entry.switch
-    return predict(runs, dataclasses.replace(robot, effects={effect: {switch.name: size}}), met=met(runs))
+    return predict(
+        runs, dataclasses.replace(robot, effects={effect: {switch.name: size}}), met=met(runs)
+    )
 
 
 def a_tenth(robot: Robot, effect: str, runs: Runs) -> float:
@@ -77,33 +92,55 @@ def a_tenth(robot: Robot, effect: str, runs: Runs) -> float:
     switch = CATALOGUE[effect].entry.switch
     little = TINY * switch.high
     plain = drawn_w(robot, effect, 0.0, runs)
-    size = 0.1 * np.mean(plain) * little / np.mean(np.abs(drawn_w(robot, effect, little, runs) - plain))
+    size = (
+        0.1
+        * np.mean(plain)
+        * little
+        / np.mean(np.abs(drawn_w(robot, effect, little, runs) - plain))
+    )
     return min(float(size), 0.9 * switch.high)
 
 
 def recorded(robot: Robot, effect: str, runs: Runs) -> Runs:
     """What these drives record of the robot with an effect of that size."""
     power_w = drawn_w(robot, effect, a_tenth(robot, effect, runs), runs)
-    return dataclasses.replace(runs, observed=power_w + np.random.default_rng(0).standard_normal(len(power_w)))
+    return dataclasses.replace(
+        runs, observed=power_w + np.random.default_rng(0).standard_normal(len(power_w))
+    )
 
 
 def joint_fit(robot: Robot, effect: str, runs: Runs) -> Corrected | None:
-    """The groups fitted together with that form of an effect which explains most of those that a file can say."""
+    """The groups fitted together with that form of an effect which explains most of those that a
+    file can say."""
     fit = refit(runs, robot)
     residual = runs.observed - fit.predicted
     setting = Setting.of(fit, runs, residual)
-    forms = [one for one in CATALOGUE[effect].forms(setting, True) if is_expressible(one) and one.columns.any()]
+    forms = [
+        one
+        for one in CATALOGUE[effect].forms(setting, True)
+        if is_expressible(one) and one.columns.any()
+    ]
 
     def unexplained(term: Term) -> float:
         columns = np.column_stack([fit.jacobian, term.columns])
-        return float(np.sum((residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]) ** 2))
+        return float(
+            np.sum((residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]) ** 2)
+        )
 
-    return fit_model(fit, [min(forms, key=unexplained)], runs, cut_blocks(runs.run, residual)) if forms else None
+    return (
+        fit_model(fit, [min(forms, key=unexplained)], runs, cut_blocks(runs.run, residual))
+        if forms
+        else None
+    )
 
 
 @pytest.mark.parametrize("effect", [one.id for one in EFFECTS if one.id not in NOT_SAID])
-def test_the_file_replayed_predicts_what_the_joint_fit_predicts(effect: str, robot: Robot, runs: Runs) -> None:
-    robot = dataclasses.replace(robot, rolling_resistance=ROLLING.get(effect, robot.rolling_resistance))
+def test_the_file_replayed_predicts_what_the_joint_fit_predicts(
+    effect: str, robot: Robot, runs: Runs
+) -> None:
+    robot = dataclasses.replace(
+        robot, rolling_resistance=ROLLING.get(effect, robot.rolling_resistance)
+    )
     runs = recorded(robot, effect, runs)
     model = joint_fit(robot, effect, runs)
     assert model is not None
@@ -112,12 +149,18 @@ def test_the_file_replayed_predicts_what_the_joint_fit_predicts(effect: str, rob
     assert effect in file.active_effects
     rms = float(np.sqrt(np.mean(model.predicted**2)))
     assert np.abs(model.contribution[0]).max() > 10.0 * ROUNDING * rms  # it is at work
-    np.testing.assert_allclose(replayed(file, content, runs), model.predicted, rtol=0.0, atol=ROUNDING * rms)
+    np.testing.assert_allclose(
+        replayed(file, content, runs), model.predicted, rtol=0.0, atol=ROUNDING * rms
+    )
 
 
 @pytest.mark.parametrize("effect", [one.id for one in EFFECTS if one.id not in NOT_SAID])
-def test_so_it_does_where_the_given_file_holds_a_part_of_the_effect(effect: str, robot: Robot, runs: Runs) -> None:
-    robot = dataclasses.replace(robot, rolling_resistance=ROLLING.get(effect, robot.rolling_resistance))
+def test_so_it_does_where_the_given_file_holds_a_part_of_the_effect(
+    effect: str, robot: Robot, runs: Runs
+) -> None:
+    robot = dataclasses.replace(
+        robot, rolling_resistance=ROLLING.get(effect, robot.rolling_resistance)
+    )
     half = {CATALOGUE[effect].entry.switch.name: 0.5 * a_tenth(robot, effect, runs)}
     others = {"usual": 0.4} if effect == "surface" else {}
     runs = recorded(robot, effect, runs)
@@ -130,25 +173,33 @@ def test_so_it_does_where_the_given_file_holds_a_part_of_the_effect(effect: str,
     np.testing.assert_allclose(by_file, model.predicted, rtol=0.0, atol=ROUNDING * rms)
 
 
-def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(robot: Robot, runs: Runs) -> None:
+def test_ground_of_which_nothing_is_known_is_as_rough_as_that_of_the_drives(
+    robot: Robot, runs: Runs
+) -> None:
     runs = recorded(robot, "surface", runs)
     model = joint_fit(robot, "surface", runs)
     assert model is not None
     content = file_content(model, runs)
     unknown = dataclasses.replace(content, met=dataclasses.replace(content.met, roughness=None))
     drawn_w = replayed(written(robot, content, runs.unit), unknown, runs)
-    smooth_w = replayed(written(robot, dataclasses.replace(content, effects={}), runs.unit), unknown, runs)
+    smooth_w = replayed(
+        written(robot, dataclasses.replace(content, effects={}), runs.unit), unknown, runs
+    )
     assert float(np.mean(drawn_w)) == pytest.approx(float(np.mean(runs.observed)), rel=0.01)
     assert float(np.mean(smooth_w)) < 0.97 * float(np.mean(runs.observed))
 
 
-def test_ground_that_adds_as_much_is_a_smaller_share_of_a_larger_resistance(robot: Robot, runs: Runs) -> None:
+def test_ground_that_adds_as_much_is_a_smaller_share_of_a_larger_resistance(
+    robot: Robot, runs: Runs
+) -> None:
     model = joint_fit(robot, "surface", recorded(robot, "surface", runs))
     assert model is not None
     theta = model.theta.copy()
     theta[RESISTANCE] *= 2.0  # as where the last pass of the fit still changed it
     twice = dataclasses.replace(model, groups=dataclasses.replace(model.groups, theta=theta))
-    gain, of_twice = (file_content(fitted, runs).effects["surface"]["gain"] for fitted in (model, twice))
+    gain, of_twice = (
+        file_content(fitted, runs).effects["surface"]["gain"] for fitted in (model, twice)
+    )
     assert of_twice == pytest.approx(0.5 * gain)
 
 
@@ -162,7 +213,10 @@ def test_before_an_effect_began_the_file_is_replayed_without_it(robot: Robot, ru
     for effects, mask in (({}, had_not_begun), (slope, ~had_not_begun)):
         always = FileContent(theta, effects, WithEffects())
         np.testing.assert_allclose(
-            predicted[mask], replayed(written(robot, always, runs.unit), always, runs)[mask], rtol=0.0, atol=1e-9
+            predicted[mask],
+            replayed(written(robot, always, runs.unit), always, runs)[mask],
+            rtol=0.0,
+            atol=1e-9,
         )
 
 
@@ -170,24 +224,34 @@ def test_a_radio_is_written_as_far_from_base_as_was_recorded(robot: Robot, runs:
     model = joint_fit(robot, "radio", recorded(robot, "radio", runs))
     assert model is not None
     effect = written(robot, file_content(model, runs), runs.unit).effects["radio"]
-    assert effect["reach_m"] == pytest.approx(float(runs.context["base_distance_m"].max()), rel=1e-5)
+    assert effect["reach_m"] == pytest.approx(
+        float(runs.context["base_distance_m"].max()), rel=1e-5
+    )
 
 
 @pytest.mark.parametrize("effect", NOT_SAID)
-def test_what_a_file_cannot_say_is_in_no_form_that_is_written(effect: str, robot: Robot, runs: Runs) -> None:
+def test_what_a_file_cannot_say_is_in_no_form_that_is_written(
+    effect: str, robot: Robot, runs: Runs
+) -> None:
     assert joint_fit(robot, effect, recorded(robot, effect, runs)) is None, NOT_SAID[effect]
 
 
-def test_rough_ground_is_fitted_where_the_refit_without_it_takes_all_rolling_for_none(robot: Robot, runs: Runs) -> None:
+def test_rough_ground_is_fitted_where_the_refit_without_it_takes_all_rolling_for_none(
+    robot: Robot, runs: Runs
+) -> None:
     robot = dataclasses.replace(robot, rolling_resistance=0.03)
     runs = recorded(robot, "surface", runs)
     model = joint_fit(robot, "surface", runs)
     assert model is not None
-    assert float(np.std(runs.observed - model.predicted)) == pytest.approx(1.0, abs=0.5)  # the noise
+    # the noise
+    assert float(np.std(runs.observed - model.predicted)) == pytest.approx(1.0, abs=0.5)
 
 
-def test_ground_that_no_file_can_say_is_written_as_the_smoothest_that_one_can(robot: Robot, runs: Runs) -> None:
-    """Forty times as hard far from base: a gain above the largest allowed would end the diagnosis."""
+def test_ground_that_no_file_can_say_is_written_as_the_smoothest_that_one_can(
+    robot: Robot, runs: Runs
+) -> None:
+    """Forty times as hard far from base: a gain above the largest allowed would end the
+    diagnosis."""
     ground = WithEffects(roughness=np.where(met(runs).roughness == 1.0, 1.0, -0.95))
     rough = dataclasses.replace(robot, effects={"surface": {"gain": 1.0}})
     runs = dataclasses.replace(runs, observed=predict(runs, rough, met=ground))

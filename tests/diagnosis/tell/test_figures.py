@@ -1,4 +1,5 @@
-"""Plots of the report: the worst run first, all values within the axes, and means with their errors in a table."""
+"""Plots of the report: the worst run first, all values within the axes, and means with their errors
+in a table."""
 
 import base64
 import dataclasses
@@ -25,7 +26,9 @@ def traces(page: str) -> list[dict[str, Any]]:
     return found
 
 
-def of_simple_runs(analysis: Analysis, runs: Runs, error_w: np.ndarray) -> tuple[Analysis, Evidence]:
+def of_simple_runs(
+    analysis: Analysis, runs: Runs, error_w: np.ndarray
+) -> tuple[Analysis, Evidence]:
     """Nothing named or located, and a refit with this error."""
     assert analysis.evidence is not None
     evidence = dataclasses.replace(
@@ -40,7 +43,9 @@ def test_the_run_with_the_largest_error_comes_first(scrubbing: Analysis) -> None
     _, choices = time_figure(*of_simple_runs(scrubbing, runs, np.array([1.0, 3.0, -2.0])[runs.run]))
     assert [one["name"] for one in choices] == ["1.csv", "2.csv", "0.csv"]
     assert [one["number"] for one in choices] == [0, 1, 2]
-    assert {(one["start_s"], one["end_s"], one["length_s"]) for one in choices} == {(0.0, 19.5, 19.5)}
+    assert {(one["start_s"], one["end_s"], one["length_s"]) for one in choices} == {
+        (0.0, 19.5, 19.5)
+    }
 
 
 def test_of_many_runs_only_the_worst_are_drawn(scrubbing: Analysis) -> None:
@@ -63,7 +68,9 @@ def test_every_line_fits_into_the_axes_which_hold_zero(scrubbing: Analysis) -> N
     runs = windows(40, observed=np.linspace(80.0, 120.0, 40))
     _, (choice,) = time_figure(*of_simple_runs(scrubbing, runs, np.linspace(0.0, 20.0, 40)))
     assert choice["low"] < 0.0 and 120.0 < choice["high"] < 140.0
-    _, (charging,) = time_figure(*of_simple_runs(scrubbing, windows(40, observed=-50.0), np.zeros(40)))
+    _, (charging,) = time_figure(
+        *of_simple_runs(scrubbing, windows(40, observed=-50.0), np.zeros(40))
+    )
     assert charging["low"] < -50.0 and charging["high"] > 0.0
 
 
@@ -91,7 +98,9 @@ def test_an_effect_is_shown_against_its_channel_before_and_after(
 def test_a_residual_that_is_the_same_everywhere_has_that_mean_and_no_error(
     scrubbing: Analysis, scrubbing_evidence: Evidence
 ) -> None:
-    unnamed = dataclasses.replace(scrubbing, diagnosis=dataclasses.replace(scrubbing.diagnosis, missing_physics=()))
+    unnamed = dataclasses.replace(
+        scrubbing, diagnosis=dataclasses.replace(scrubbing.diagnosis, missing_physics=())
+    )
     predictions = {"refit": scrubbing_evidence.runs.observed - 5.0}
     (found,) = conditions(unnamed, dataclasses.replace(scrubbing_evidence, predictions=predictions))
     assert found["effects"] == [] and found["after"] is None
@@ -100,9 +109,13 @@ def test_a_residual_that_is_the_same_everywhere_has_that_mean_and_no_error(
         assert (mean, half) == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-9))
 
 
-def test_the_error_of_a_mean_counts_blocks_and_not_windows(scrubbing: Analysis, scrubbing_evidence: Evidence) -> None:
+def test_the_error_of_a_mean_counts_blocks_and_not_windows(
+    scrubbing: Analysis, scrubbing_evidence: Evidence
+) -> None:
     """A residual of its own in each block: twice the windows of a block say nothing more."""
-    unnamed = dataclasses.replace(scrubbing, diagnosis=dataclasses.replace(scrubbing.diagnosis, missing_physics=()))
+    unnamed = dataclasses.replace(
+        scrubbing, diagnosis=dataclasses.replace(scrubbing.diagnosis, missing_physics=())
+    )
     dependence = dataclasses.replace(
         scrubbing_evidence.dependences[0],
         bin=np.zeros_like(scrubbing_evidence.fold),

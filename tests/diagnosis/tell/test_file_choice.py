@@ -24,23 +24,35 @@ Drive = Callable[..., list[Recording]]
 
 
 def replay_equals_fit(analysis: Analysis) -> bool:
-    """Whether the file that is file over predicts what the joint fit to all data predicts, to its six digits."""
+    """Whether the file that is file over predicts what the joint fit to all data predicts, to its
+    six digits."""
     evidence, file = analysis.evidence, analysis.diagnosis.file
     assert evidence is not None and file is not None and file.holds != "nominal"
     model: Refit | Corrected | None = evidence.plain
     if file.holds == "corrected":
-        model = expressible(evidence.plain, evidence.corrected, evidence.naming.named, evidence.runs, evidence.block)
+        model = expressible(
+            evidence.plain, evidence.corrected, evidence.naming.named, evidence.runs, evidence.block
+        )
     assert model is not None
     by_file = replayed(analysis.corrected, file_content(model, evidence.runs), evidence.runs)
-    return float(np.abs(by_file - model.predicted).max()) < 1e-5 * float(np.abs(evidence.runs.observed).max())
+    return float(np.abs(by_file - model.predicted).max()) < 1e-5 * float(
+        np.abs(evidence.runs.observed).max()
+    )
 
 
-def test_a_group_whose_assumed_value_hardly_counts_is_handed_over_as_fitted(short_drive: Drive, husky: Robot) -> None:
-    """Ten times the idle power, beside a missing effect: it is neither frozen nor written as assumed."""
+def test_a_group_whose_assumed_value_hardly_counts_is_handed_over_as_fitted(
+    short_drive: Drive, husky: Robot
+) -> None:
+    """Ten times the idle power, beside a missing effect: it is neither frozen nor written as
+    assumed."""
     idle_w = float(ancillary_power(husky, 0.0))
     hidden = dataclasses.replace(husky, controller_w=husky.controller_w + 9.0 * idle_w)
     small = dataclasses.replace(
-        husky, controller_w=0.005 * idle_w, communication_w=0.0, sensing_idle_w=0.0, sensing_j_per_sample=0.7
+        husky,
+        controller_w=0.005 * idle_w,
+        communication_w=0.0,
+        sensing_idle_w=0.0,
+        sensing_j_per_sample=0.7,
     )
     analysis = analyse(short_drive(hidden, effects={"turning": {"scrub": 0.3}}), small)
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
@@ -55,13 +67,18 @@ def test_a_drag_of_zero_is_a_value_like_any_other(drive: Drive, husky: Robot) ->
     analysis = analyse(drive(husky, minutes=4.0, drag_ns2_per_m2=0.0), dragging)
     assert analysis.diagnosis.verdict == "parameters_off"
     off = {one.group: one for one in analysis.diagnosis.parameters_off}
-    assert off["c / Gamma"].fitted == pytest.approx(0.0, abs=1.0) and off["c / Gamma"].ci95[0] == 0.0
+    assert (
+        off["c / Gamma"].fitted == pytest.approx(0.0, abs=1.0) and off["c / Gamma"].ci95[0] == 0.0
+    )
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "refit"
     assert replay_equals_fit(analysis)
 
 
-def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(short_drive: Drive, husky: Robot) -> None:
-    """A load or a zero that shifts at some moment: a wrong guess is worse than the mean that the refit takes."""
+def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(
+    short_drive: Drive, husky: Robot
+) -> None:
+    """A load or a zero that shifts at some moment: a wrong guess is worse than the mean that the
+    refit takes."""
     recordings = []
     for number, run in enumerate(short_drive(husky)):
         read_w = run.channels["power_w"] + 30.0 * (number > 0)
@@ -77,8 +94,11 @@ def test_what_may_be_a_zero_of_the_meter_is_not_in_the_file(short_drive: Drive, 
     assert not {"standby", "intermittent_load"} & set(analysis.corrected.active_effects)
 
 
-def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(short_drive: Drive, husky: Robot) -> None:
-    """A robot that draws more is sooner home empty: a fit is safer than the file, but measures nothing.
+def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(
+    short_drive: Drive, husky: Robot
+) -> None:
+    """A robot that draws more is sooner home empty: a fit is safer than the file, but measures
+    nothing.
 
     No effect of the catalogue chatters so, though a schedule would follow it.
     """
@@ -94,7 +114,9 @@ def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(shor
     assert analysis.diagnosis.parameters == ()
     shown = {number.name: number for number in analysis.diagnosis.file.numbers}
     mass = shown["m / Gamma"]
-    assert mass.value * husky.traction_efficiency == pytest.approx(analysis.corrected.mass_kg, rel=1e-3)
+    assert mass.value * husky.traction_efficiency == pytest.approx(
+        analysis.corrected.mass_kg, rel=1e-3
+    )
     assert mass.ci95[0] <= mass.value <= mass.ci95[1]
 
 
@@ -103,23 +125,36 @@ def test_of_unknown_physics_the_file_holds_what_makes_up_for_it_and_says_so(shor
     [
         (np.array([1.0, -1.0, 1.0, -1.0]), ""),
         (np.array([2.0, -2.0, 2.0, -2.0]), "the held-out error would be 2 W instead of 2"),
-        (np.array([1.0, 1.0, 1.0, 1.0]), "the energy of a held-out trip would be off by 1 J on average instead of 0"),
+        (
+            np.array([1.0, 1.0, 1.0, 1.0]),
+            "the energy of a held-out trip would be off by 1 J on average instead of 0",
+        ),
     ],
 )
 def test_a_file_must_be_better_and_its_trips_no_worse(after: np.ndarray, reason: str) -> None:
     runs: Any = SimpleNamespace(observed=np.full(4, 10.0), duration_s=np.full(4, 0.5), unit="W")
     before = runs.observed + np.array([2.0, -2.0, 2.0, -2.0])
-    assert worse_than(before, runs.observed + after, runs, np.array([0, 0, 1, 1]), np.random.default_rng(0)) == reason
+    assert (
+        worse_than(
+            before, runs.observed + after, runs, np.array([0, 0, 1, 1]), np.random.default_rng(0)
+        )
+        == reason
+    )
 
 
 def test_groups_are_held_at_no_value_that_the_data_contradict(husky: Robot) -> None:
-    """Only the sum of idle and rolling power is known at one speed, and either of the file alone exceeds it."""
+    """Only the sum of idle and rolling power is known at one speed, and either of the file alone
+    exceeds it."""
     (run,) = recordings_at_one_speed(husky)
-    wrong = dataclasses.replace(husky, controller_w=1000.0, rolling_resistance=6.0 * husky.rolling_resistance)
+    wrong = dataclasses.replace(
+        husky, controller_w=1000.0, rolling_resistance=6.0 * husky.rolling_resistance
+    )
     runs = average(usable_runs([run], wrong)[0])
     plain, corrected = determined(refit(runs, wrong), None, runs, cut_blocks(runs.run))
     assert corrected is None
-    assert float(np.abs(plain.predicted - runs.observed).mean()) < 0.05 * float(runs.observed.mean())
+    assert float(np.abs(plain.predicted - runs.observed).mean()) < 0.05 * float(
+        runs.observed.mean()
+    )
 
 
 def recordings_at_one_speed(robot: Robot) -> list[Recording]:
@@ -129,16 +164,22 @@ def recordings_at_one_speed(robot: Robot) -> list[Recording]:
     return [Recording("level.csv", "0", {"time_s": time_s, "speed_mps": speed, "power_w": power_w})]
 
 
-def test_a_form_that_a_file_lacks_is_replaced_by_the_nearest_that_it_has(short_drive: Drive, husky: Robot) -> None:
-    """A computer whose power rises fast at first: the file says a part at once and the rest by the sample, and beats
-    the refit, which knows a line only."""
+def test_a_form_that_a_file_lacks_is_replaced_by_the_nearest_that_it_has(
+    short_drive: Drive, husky: Robot
+) -> None:
+    """A computer whose power rises fast at first: the file says a part at once and the rest by the
+    sample, and beats the refit, which knows a line only."""
     rng, recordings = np.random.default_rng(0), []
     for run in short_drive(husky):
         before_hz = run.channels["sensing_hz"]
-        hz = np.repeat(rng.choice([0.0, 5.0, 20.0, 50.0], 1 + len(before_hz) // 50), 50)[: len(before_hz)]
+        hz = np.repeat(rng.choice([0.0, 5.0, 20.0, 50.0], 1 + len(before_hz) // 50), 50)[
+            : len(before_hz)
+        ]
         read_w = run.channels["power_w"] + husky.computer_j_per_sample * (hz - before_hz)
         read_w += 3.0 * hz + 40.0 * np.sqrt(hz / 50.0) + 40.0 * (hz > 0.0)
-        recordings.append(dataclasses.replace(run, channels={**run.channels, "sensing_hz": hz, "power_w": read_w}))
+        recordings.append(
+            dataclasses.replace(run, channels={**run.channels, "sensing_hz": hz, "power_w": read_w})
+        )
     analysis = analyse(recordings, husky)
     assert analysis.evidence is not None and analysis.diagnosis.fit is not None
     assert analysis.diagnosis.file is not None and analysis.diagnosis.file.holds == "corrected"
@@ -150,9 +191,12 @@ def test_a_form_that_a_file_lacks_is_replaced_by_the_nearest_that_it_has(short_d
 def test_a_file_of_what_nothing_proves_says_so_and_is_no_worse_than_the_given_one(
     short_drive: Drive, husky: Robot
 ) -> None:
-    """Runs of another load each, which no channel shows: a fit of four runs predicts, and hardly a number is proven."""
+    """Runs of another load each, which no channel shows: a fit of four runs predicts, and hardly a
+    number is proven."""
     recordings = []
-    for number, run in enumerate(short_drive(husky, rolling_resistance=1.3 * husky.rolling_resistance)):
+    for number, run in enumerate(
+        short_drive(husky, rolling_resistance=1.3 * husky.rolling_resistance)
+    ):
         power_w = run.channels["power_w"] * (1.0 + 0.05 * (-1) ** number)
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
     analysis = analyse(recordings, husky)

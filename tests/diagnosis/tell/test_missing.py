@@ -1,4 +1,5 @@
-"""Missing physics as the result has it: named effects first, then those that other channels show."""
+"""Missing physics as the result has it: named effects first, then those that other channels
+show."""
 
 import dataclasses
 
@@ -14,10 +15,13 @@ from homeward.diagnosis.tell.missing import missing_physics
 
 @pytest.fixture(scope="module")
 def evidence(scrubbing_evidence: Evidence) -> Evidence:
-    """Turning is named, and a voltage shows a resistance in the second run, and hardly any in the third."""
+    """Turning is named, and a voltage shows a resistance in the second run, and hardly any in the
+    third."""
     lost_w = np.array([0.0, 3.0, 0.01, 0.0])[scrubbing_evidence.runs.run]
     numbers = {"ohm": Value(0.2, (0.1, 0.3), "ohm")}
-    shown = ChannelEffect(CATALOGUE["internal_resistance"], numbers, lost_w, Proof(9.0, 0.5, 0.001), (), "It sags.")
+    shown = ChannelEffect(
+        CATALOGUE["internal_resistance"], numbers, lost_w, Proof(9.0, 0.5, 0.001), (), "It sags."
+    )
     return dataclasses.replace(scrubbing_evidence, channel_effects=(shown,))
 
 
@@ -31,7 +35,9 @@ def test_effects_have_their_words_sizes_and_evidence(evidence: Evidence) -> None
     (named,) = evidence.naming.named
     assert turning.evidence == Proof(named.delta_bic, named.held_out_gain, named.p_value)
     assert turning.parameters["scrub"].value == pytest.approx(0.3, rel=0.15)
-    assert sag.evidence.delta_bic == 9.0 and sag.parameters == {"ohm": Value(0.2, (0.1, 0.3), "ohm")}
+    assert sag.evidence.delta_bic == 9.0 and sag.parameters == {
+        "ohm": Value(0.2, (0.1, 0.3), "ohm")
+    }
 
 
 def test_an_effect_of_another_channel_is_where_it_takes_something(evidence: Evidence) -> None:
@@ -53,7 +59,9 @@ def test_only_what_is_confounded_has_to_be_told_apart(evidence: Evidence) -> Non
 def test_rivals_of_a_named_effect_are_told_apart_by_a_drive(evidence: Evidence) -> None:
     (named,) = evidence.naming.named
     rival = dataclasses.replace(named.term, hypothesis=CATALOGUE["viscous"])
-    naming = dataclasses.replace(evidence.naming, named=(dataclasses.replace(named, rivals=(rival,)),))
+    naming = dataclasses.replace(
+        evidence.naming, named=(dataclasses.replace(named, rivals=(rival,)),)
+    )
     turning, _ = missing_physics(dataclasses.replace(evidence, naming=naming))
     assert turning.confused_with == ("viscous",)
     assert turning.to_tell_apart.startswith("To distinguish turning from viscous, ")

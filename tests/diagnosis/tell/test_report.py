@@ -1,4 +1,5 @@
-"""What is written: whole files, a page that needs no network, nothing of a recording taken for markup."""
+"""What is written: whole files, a page that needs no network, nothing of a recording taken for
+markup."""
 
 import html
 import json
@@ -53,7 +54,9 @@ def current(short_drive: Drive, husky: Robot) -> Analysis:
     for run in short_drive(husky, effects={"turning": {"scrub": 0.3}}):
         motor_a = 0.01 * np.maximum(run.channels["power_w"] - 60.0, 0.0)
         kept = {name: run.channels[name] for name in ("time_s", "speed_mps", "yaw_rate_radps")}
-        runs.append(replace(run, channels={**kept, "motor_left_a": motor_a, "motor_right_a": motor_a}))
+        runs.append(
+            replace(run, channels={**kept, "motor_left_a": motor_a, "motor_right_a": motor_a})
+        )
     return analyse(runs, husky)
 
 
@@ -65,10 +68,14 @@ def dead(short_drive: Drive, husky: Robot) -> Analysis:
 def unnamed(analysis: Analysis) -> Analysis:
     """The same analysis, had the mismatch been located and no effect named."""
     assert analysis.evidence is not None and analysis.evidence.location is not None
-    predictions = {name: analysis.evidence.predictions[name] for name in ("nominal", "refit", "black_box")}
+    predictions = {
+        name: analysis.evidence.predictions[name] for name in ("nominal", "refit", "black_box")
+    }
     evidence = replace(analysis.evidence, predictions=predictions, naming=Naming(), corrected=None)
     where = analysis.evidence.location.places
-    diagnosis = replace(analysis.diagnosis, verdict="unknown_physics", missing_physics=(), where=where)
+    diagnosis = replace(
+        analysis.diagnosis, verdict="unknown_physics", missing_physics=(), where=where
+    )
     return replace(analysis, diagnosis=diagnosis, evidence=evidence)
 
 
@@ -146,18 +153,28 @@ def test_a_located_mismatch_without_a_name_is_shaded_where_it_was(turning: Analy
     assert turning.evidence is not None and turning.evidence.location is not None
     evidence, inside = turning.evidence, turning.evidence.location.inside.astype(int)
     corners = re.findall(r'"name":"located: turning faster than[^"]*"[^{}]*"x":\[([^\]]*)\]', page)
-    starts = [int((np.diff(inside[evidence.runs.run == run], prepend=0) == 1).sum()) for run in range(3)]
+    starts = [
+        int((np.diff(inside[evidence.runs.run == run], prepend=0) == 1).sum()) for run in range(3)
+    ]
     assert sorted(one.count("null") for one in corners) == sorted(starts) and min(starts) > 1
-    assert "The mismatch: turning faster than" in text_of(page) and "What is missing" not in text_of(page)
+    assert "The mismatch: turning faster than" in text_of(
+        page
+    ) and "What is missing" not in text_of(page)
 
 
 def test_a_formula_is_shown_as_a_description(turning: Analysis) -> None:
     analysis = unnamed(turning)
     assert analysis.evidence is not None
-    term = EmpiricalTerm("m g v (|w| B / v_max)^2", 0.31, (0.28, 0.34), "1", ("m g v |w| B / v_max",))
+    term = EmpiricalTerm(
+        "m g v (|w| B / v_max)^2", 0.31, (0.28, 0.34), "1", ("m g v |w| B / v_max",)
+    )
     none = np.zeros((len(analysis.evidence.runs.observed), 1))
-    formula = Empirical("P", (term,), {"m": "m = 50 kg"}, none, none, 111.0, 0.58, (0.5, 0.64), 0.05)
-    text = text_of(report_html(replace(analysis, evidence=replace(analysis.evidence, empirical=formula))))
+    formula = Empirical(
+        "P", (term,), {"m": "m = 50 kg"}, none, none, 111.0, 0.58, (0.5, 0.64), 0.05
+    )
+    text = text_of(
+        report_html(replace(analysis, evidence=replace(analysis.evidence, empirical=formula)))
+    )
     section = text[text.index("A formula for it") :]
     for words in (
         "without naming a cause",
@@ -180,12 +197,18 @@ def test_current_without_voltage_promises_no_energy(current: Analysis) -> None:
     text = text_of(report_html(current))
     assert "energy and range are unknown" in text
     assert "range accuracy" not in text and "66 to 91" not in text
-    assert re.search(r"Not visible in motor current, which is proportional to torque:[^.]*standby", text)
+    assert re.search(
+        r"Not visible in motor current, which is proportional to torque:[^.]*standby", text
+    )
 
 
-def test_runs_of_the_same_name_are_told_apart_without_local_paths(short_drive: Drive, husky: Robot) -> None:
+def test_runs_of_the_same_name_are_told_apart_without_local_paths(
+    short_drive: Drive, husky: Robot
+) -> None:
     names = ["/home/someone/ice/1.csv", "/home/someone/snow/1.csv"]
-    runs = [replace(run, name=name) for run, name in zip(short_drive(husky, runs=2), names, strict=True)]
+    runs = [
+        replace(run, name=name) for run, name in zip(short_drive(husky, runs=2), names, strict=True)
+    ]
     page = report_html(analyse(runs, husky))
     assert "ice/1.csv" in page and "snow/1.csv" in page and "someone" not in page
 
@@ -200,10 +223,14 @@ def test_every_plot_says_what_it_shows_and_has_its_numbers_in_a_table(turning: A
     page = report_html(turning)
     time, *conditions = re.findall(r'<div role="img" aria-label="([^"]+)">', page)
     assert 1 + len(conditions) == page.count('class="plotly-graph-div"') >= 3
-    assert time.startswith("power, W over time: recorded, and simulated by nominal, refit, corrected.")
+    assert time.startswith(
+        "power, W over time: recorded, and simulated by nominal, refit, corrected."
+    )
     assert "series.parquet" in time
     ends = r"means from \S+ at \S+ to \S+ at \S+\. "
-    assert all(re.match(rf"recorded minus simulated, W, against .+: {ends}", one) for one in conditions)
+    assert all(
+        re.match(rf"recorded minus simulated, W, against .+: {ends}", one) for one in conditions
+    )
     (table, *_) = re.findall(r"These means as a table</summary>(.*?)</details>", page, re.DOTALL)
     assert table.count("±") == 2 * (table.count("<tr>") - 1) >= 8  # of refit and corrected
 
@@ -214,7 +241,9 @@ def test_page_stays_small_beside_plotly(turning: Analysis) -> None:
     assert len(report_html(turning)) - len(plotly.offline.get_plotlyjs()) < 500_000
 
 
-def test_a_full_disk_leaves_no_broken_file(turning: Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_no_broken_file(
+    turning: Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "report.html").write_text("old")
 
     def full(path: Path, target: Path) -> Path:
@@ -269,7 +298,9 @@ def test_pages_work_in_a_browser_as_narrow_as_a_phone(
     frames = []
     for number, analysis in enumerate(analyses):
         (tmp_path / f"{number}.html").write_text(report_html(analysis))
-        frames.append(f'<iframe src="{number}.html" width="360" height="800" style="border: 0"></iframe>')
+        frames.append(
+            f'<iframe src="{number}.html" width="360" height="800" style="border: 0"></iframe>'
+        )
     (tmp_path / "phone.html").write_text(ON_A_PHONE % "\n".join(frames))
     command = [
         str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
@@ -277,15 +308,21 @@ def test_pages_work_in_a_browser_as_narrow_as_a_phone(
         "--virtual-time-budget=60000", "--dump-dom", (tmp_path / "phone.html").as_uri(),
     ]  # fmt: skip
     ran = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert "CONSOLE" not in ran.stderr, [line for line in ran.stderr.splitlines() if "CONSOLE" in line]
+    assert "CONSOLE" not in ran.stderr, [
+        line for line in ran.stderr.splitlines() if "CONSOLE" in line
+    ]
     pages = json.loads(html.unescape(re.findall(r"<body>(.*?)</body>", ran.stdout, re.DOTALL)[0]))
     assert {analysis.diagnosis.verdict for analysis in analyses} >= {
         "missing_physics", "unknown_physics", "no_mismatch", "parameters_off", "not_testable",
     }  # fmt: skip
     for page, analysis in zip(pages, analyses, strict=True):
-        assert page["title"].startswith(analysis.robot.name), "a recording's name was run as a script"
+        assert page["title"].startswith(analysis.robot.name), (
+            "a recording's name was run as a script"
+        )
         assert page["opens"].split("\n")[0].lower().replace(" ", "_") == analysis.diagnosis.verdict
         assert page["width"] <= 360, f"{analysis.diagnosis.verdict} scrolls sideways"
-        assert page["drawn"] == page["plots"] and (page["plots"] >= 2) == (analysis.evidence is not None)
+        assert page["drawn"] == page["plots"] and (page["plots"] >= 2) == (
+            analysis.evidence is not None
+        )
         if analysis.evidence is not None:
             assert page["shown"] == [page["chosen"]] and page["range"] == [0, page["length"]]

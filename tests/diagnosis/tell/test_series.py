@@ -1,4 +1,5 @@
-"""The series that are written are those that the verdict rests on, in both formats, at the times of the recording."""
+"""The series that are written are those that the verdict rests on, in both formats, at the times of
+the recording."""
 
 import dataclasses
 import sys
@@ -24,7 +25,9 @@ def folder(scrubbing: Analysis, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return path
 
 
-def test_the_parquet_file_holds_what_was_measured_and_predicted(folder: Path, scrubbing: Analysis) -> None:
+def test_the_parquet_file_holds_what_was_measured_and_predicted(
+    folder: Path, scrubbing: Analysis
+) -> None:
     table, evidence = pd.read_parquet(folder / PARQUET), scrubbing.evidence
     assert evidence is not None and scrubbing.diagnosis.fit is not None
     names = [*(f"{arm}_w" for arm in ARMS), *(f"residual_{arm}_w" for arm in ARMS)]
@@ -34,13 +37,16 @@ def test_the_parquet_file_holds_what_was_measured_and_predicted(folder: Path, sc
     np.testing.assert_array_equal(table["measured_w"], evidence.runs.observed)
     for arm in ARMS:
         np.testing.assert_array_equal(table[f"{arm}_w"], evidence.predictions[arm])
-        np.testing.assert_array_equal(table[f"residual_{arm}_w"], table["measured_w"] - table[f"{arm}_w"])
+        np.testing.assert_array_equal(
+            table[f"residual_{arm}_w"], table["measured_w"] - table[f"{arm}_w"]
+        )
         rmse = float(np.sqrt(np.mean(table[f"residual_{arm}_w"] ** 2)))
         assert rmse == pytest.approx(scrubbing.diagnosis.fit.arms[arm].rmse, rel=1e-12)
 
 
 def read_mcap(path: Path) -> dict[str, pd.DataFrame]:
-    """Each topic of a file as a table, its definition taken from the file, with the time of each message in ns."""
+    """Each topic of a file as a table, its definition taken from the file, with the time of each
+    message in ns."""
     rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra logs")
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -52,7 +58,9 @@ def read_mcap(path: Path) -> dict[str, pd.DataFrame]:
             stores[one.topic].register(get_types_from_msg(one.msgdef.data, one.msgtype))
         for one, time_ns, content in reader.messages():
             message = stores[one.topic].deserialize_cdr(content, one.msgtype)
-            values = {name: value for name, value in vars(message).items() if not name.startswith("_")}
+            values = {
+                name: value for name, value in vars(message).items() if not name.startswith("_")
+            }
             rows.setdefault(one.topic, []).append({"time_ns": time_ns, **values})
     return {topic: pd.DataFrame(found) for topic, found in rows.items()}
 
@@ -66,10 +74,14 @@ def test_the_mcap_file_has_a_topic_for_each_run_with_the_same_numbers(folder: Pa
             np.testing.assert_array_equal(found[name], of_run[name])
 
 
-def test_times_are_since_1970_where_the_recording_has_that(tmp_path: Path, scrubbing: Analysis) -> None:
+def test_times_are_since_1970_where_the_recording_has_that(
+    tmp_path: Path, scrubbing: Analysis
+) -> None:
     evidence = scrubbing.evidence
     assert evidence is not None
-    signals = [dataclasses.replace(run, start_s=1.7e9 + i) for i, run in enumerate(evidence.runs.signals)]
+    signals = [
+        dataclasses.replace(run, start_s=1.7e9 + i) for i, run in enumerate(evidence.runs.signals)
+    ]
     since = dataclasses.replace(evidence, runs=dataclasses.replace(evidence.runs, signals=signals))
     table = series(since)
     np.testing.assert_array_equal(table["time_s"], evidence.runs.time_s + 1.7e9 + evidence.runs.run)
@@ -81,10 +93,15 @@ def test_times_are_since_1970_where_the_recording_has_that(tmp_path: Path, scrub
     assert min(first_ns) > 1.7e18
 
 
-def test_times_before_1970_and_names_that_are_no_text_can_be_written(tmp_path: Path, scrubbing: Analysis) -> None:
+def test_times_before_1970_and_names_that_are_no_text_can_be_written(
+    tmp_path: Path, scrubbing: Analysis
+) -> None:
     evidence = scrubbing.evidence
     assert evidence is not None
-    signals = [dataclasses.replace(run, start_s=-500.0, name=f"\udcff{run.name}") for run in evidence.runs.signals]
+    signals = [
+        dataclasses.replace(run, start_s=-500.0, name=f"\udcff{run.name}")
+        for run in evidence.runs.signals
+    ]
     odd = dataclasses.replace(evidence, runs=dataclasses.replace(evidence.runs, signals=signals))
     write_outputs(dataclasses.replace(scrubbing, evidence=odd), tmp_path)
     assert pd.read_parquet(tmp_path / PARQUET)["time_s"].max() < 0.0
@@ -97,16 +114,26 @@ def test_motor_current_is_in_amperes(scrubbing: Analysis) -> None:
     evidence = scrubbing.evidence
     assert evidence is not None
     few = {"refit": evidence.predictions["refit"]}
-    current = dataclasses.replace(evidence, runs=dataclasses.replace(evidence.runs, unit="A"), predictions=few)
+    current = dataclasses.replace(
+        evidence, runs=dataclasses.replace(evidence.runs, unit="A"), predictions=few
+    )
     assert list(series(current)) == ["run", "time_s", "measured_a", "refit_a", "residual_refit_a"]
 
 
 def test_without_rosbags_there_is_parquet_alone_and_a_line_says_so(
-    tmp_path: Path, scrubbing: Analysis, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    scrubbing: Analysis,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     written = write_outputs(scrubbing, tmp_path)
-    assert {path.name for path in written} == {"diagnosis.json", "corrected.toml", "report.html", PARQUET}
+    assert {path.name for path in written} == {
+        "diagnosis.json",
+        "corrected.toml",
+        "report.html",
+        PARQUET,
+    }
     diagnose._print(scrubbing, [], written)
     (line,) = [one for one in capsys.readouterr().err.splitlines() if "series" in one]
     assert line.startswith("no series.mcap, which needs rosbags: pip install ")

@@ -1,4 +1,5 @@
-"""The terminal shows the same verdict, within its width, and nothing that a file's name could do to it."""
+"""The terminal shows the same verdict, within its width, and nothing that a file's name could do to
+it."""
 
 import io
 from collections.abc import Callable
@@ -31,15 +32,23 @@ def test_lines_keep_within_the_terminal(scrubbing: Analysis, width: int) -> None
     (effect,) = scrubbing.diagnosis.missing_physics
     assert words.startswith(f"missing_physics {scrubbing.diagnosis.summary}")
     low, high = effect.parameters["scrub"].ci95
-    assert f"scrub = {effect.parameters['scrub'].value:.3f} (95 %: {low:.3f} to {high:.3f})" in words
+    assert (
+        f"scrub = {effect.parameters['scrub'].value:.3f} (95 %: {low:.3f} to {high:.3f})" in words
+    )
     assert scrubbing.diagnosis.fit is not None
     for name, arm in scrubbing.diagnosis.fit.arms.items():
-        (row,) = [line.split() for line in text.splitlines() if line.strip().startswith(name.replace("_", " ") + " ")]
+        (row,) = [
+            line.split()
+            for line in text.splitlines()
+            if line.strip().startswith(name.replace("_", " ") + " ")
+        ]
         assert f"{arm.rmse:#.3g}" in row and f"{arm.r2:.3f}" in row
 
 
 def test_the_next_experiment_names_the_page_that_says_how(scrubbing: Analysis) -> None:
-    open_question = replace(scrubbing, diagnosis=replace(scrubbing.diagnosis, next_experiment="To see, drive."))
+    open_question = replace(
+        scrubbing, diagnosis=replace(scrubbing.diagnosis, next_experiment="To see, drive.")
+    )
     words = " ".join(shown(open_question).split())
     assert words.endswith(f"Next experiment: To see, drive. How to drive and record it: {GUIDE}.")
     assert f"How to drive and record it: {GUIDE}" in report_html(open_question)
@@ -52,6 +61,6 @@ def test_names_are_no_markup_and_no_control_sequences(short_drive: Drive, husky:
     analysis = analyse([replace(run, name=name, channels=silent)], husky)
     text = shown(analysis)
     assert "[red]run ?[2J?漢.csv" in text and "\x1b" not in text
-    assert "??.csv the recorded power" in " ".join(shown(analysis, encoding="ascii").split()).replace(
-        "?.csv", "??.csv", 0
-    )
+    assert "??.csv the recorded power" in " ".join(
+        shown(analysis, encoding="ascii").split()
+    ).replace("?.csv", "??.csv", 0)

@@ -33,7 +33,13 @@ def refused(number: int, text: str = "has no power") -> Finding:
     return Finding(f"data/run{number}.csv", text, refused=True)
 
 
-def said(verdict: Any, evidence: Evidence, fit: Fit, off: tuple[FittedGroup, ...] = (), findings: Any = ()) -> str:
+def said(
+    verdict: Any,
+    evidence: Evidence,
+    fit: Fit,
+    off: tuple[FittedGroup, ...] = (),
+    findings: Any = (),
+) -> str:
     return summary(verdict, evidence, off, fit, findings, (), KEPT)
 
 
@@ -41,7 +47,10 @@ def said(verdict: Any, evidence: Evidence, fit: Fit, off: tuple[FittedGroup, ...
     ("findings", "text"),
     [
         ([refused(0)], "None of the recordings can be used: run0.csv has no power."),
-        ([refused(0, "is it in km/h?")], "None of the recordings can be used: run0.csv is it in km/h?"),
+        (
+            [refused(0, "is it in km/h?")],
+            "None of the recordings can be used: run0.csv is it in km/h?",
+        ),
         (
             [Finding("kept.csv", "has gaps"), *(refused(number) for number in range(5))],
             "None of the recordings can be used: run0.csv has no power; run1.csv has no power; run2.csv has no power; "
@@ -49,7 +58,9 @@ def said(verdict: Any, evidence: Evidence, fit: Fit, off: tuple[FittedGroup, ...
         ),
     ],
 )
-def test_the_reasons_why_no_run_can_be_used_are_said_of_three(findings: list[Finding], text: str) -> None:
+def test_the_reasons_why_no_run_can_be_used_are_said_of_three(
+    findings: list[Finding], text: str
+) -> None:
     assert nothing_usable(findings) == text
 
 
@@ -73,11 +84,16 @@ def test_a_group_without_a_value_has_a_reason(
 
 
 def located(evidence: Evidence, excess_w: float, places: tuple[Place, ...] = ()) -> Evidence:
-    """The first twentieth of all windows is predicted too low by so much more than everything else."""
+    """The first twentieth of all windows is predicted too low by so much more than everything
+    else."""
     inside = np.arange(len(evidence.runs.observed)) < len(evidence.runs.observed) // 20
     refit = evidence.runs.observed - np.where(inside, excess_w, 0.0) - 3.0
-    location = Location("driving faster than 0.5 m/s", inside, np.where(inside, excess_w, 0.0), places)
-    return dataclasses.replace(evidence, location=location, predictions={**evidence.predictions, "refit": refit})
+    location = Location(
+        "driving faster than 0.5 m/s", inside, np.where(inside, excess_w, 0.0), places
+    )
+    return dataclasses.replace(
+        evidence, location=location, predictions={**evidence.predictions, "refit": refit}
+    )
 
 
 PLACES = (
@@ -89,9 +105,21 @@ PLACES = (
 @pytest.mark.parametrize(
     ("excess_w", "places", "text"),
     [
-        (12.0, (), ": driving faster than 0.5 m/s, the robot draws 12 W more than the model predicts"),
-        (-12.0, (), ": driving faster than 0.5 m/s, the robot draws 12 W less than the model predicts"),
-        (12.0, PLACES, ": after 20 s in run0.csv and in 1 more stretch of time, the robot draws 12 W more"),
+        (
+            12.0,
+            (),
+            ": driving faster than 0.5 m/s, the robot draws 12 W more than the model predicts",
+        ),
+        (
+            -12.0,
+            (),
+            ": driving faster than 0.5 m/s, the robot draws 12 W less than the model predicts",
+        ),
+        (
+            12.0,
+            PLACES,
+            ": after 20 s in run0.csv and in 1 more stretch of time, the robot draws 12 W more",
+        ),
     ],
 )
 def test_a_mismatch_without_a_name_is_said_by_place_and_size(
@@ -103,11 +131,15 @@ def test_a_mismatch_without_a_name_is_said_by_place_and_size(
 
 
 def test_a_mismatch_at_no_place_or_at_a_bound_says_so(evidence: Evidence, fit: Fit) -> None:
-    nowhere = Location("in some stretches of time", np.zeros(len(evidence.fold), np.bool_), np.zeros(1), ())
+    nowhere = Location(
+        "in some stretches of time", np.zeros(len(evidence.fold), np.bool_), np.zeros(1), ()
+    )
     found = said("unknown_physics", dataclasses.replace(evidence, location=nowhere), fit)
     assert "and no stretch of time stands out." in found
     bound = dataclasses.replace(
-        evidence, estimates=(estimate(evidence, status="at bound"), *evidence.estimates[1:]), location=None
+        evidence,
+        estimates=(estimate(evidence, status="at bound"), *evidence.estimates[1:]),
+        location=None,
     )
     assert "ends at a physical bound (P_anc, idle part)" in said("unknown_physics", bound, fit)
 
@@ -120,7 +152,9 @@ def test_a_parameter_that_is_off_is_said_with_both_values(evidence: Evidence, fi
     assert "which of them is not identifiable" in said("parameters_off", evidence, fit)
     energy = FittedGroup(USABLE_ENERGY, 1.0e6, 8.0e5, (7.0e5, 9.0e5), "J", ("ageing",))
     found = said("parameters_off", evidence, fit, (energy,))
-    assert "but not how fast the state of charge falls: usable energy is 8e+05 J, not 1e+06" in found
+    assert (
+        "but not how fast the state of charge falls: usable energy is 8e+05 J, not 1e+06" in found
+    )
     assert "(or as much is lost by ageing)" in found and "its parameters are off" not in found
 
 
@@ -128,32 +162,58 @@ def test_what_tests_nothing_says_what_is_needed(evidence: Evidence, fit: Fit) ->
     short = dataclasses.replace(evidence, block=np.zeros_like(evidence.block))
     assert "they hold 1 independent stretches and 16 are needed" in said("not_testable", short, fit)
     still = dataclasses.replace(
-        evidence, estimates=tuple(dataclasses.replace(one, status="not excited") for one in evidence.estimates)
+        evidence,
+        estimates=tuple(
+            dataclasses.replace(one, status="not excited") for one in evidence.estimates
+        ),
     )
-    assert "(P_anc, idle part: has no influence on these recordings; " in said("not_testable", still, fit)
+    assert "(P_anc, idle part: has no influence on these recordings; " in said(
+        "not_testable", still, fit
+    )
 
 
 def test_a_low_r2_is_no_praise_of_the_file(evidence: Evidence, fit: Fit) -> None:
-    assert "The robot file explains the recorded battery power" in said("no_mismatch", evidence, fit)
+    assert "The robot file explains the recorded battery power" in said(
+        "no_mismatch", evidence, fit
+    )
     arms = {**fit.arms, "refit": dataclasses.replace(fit.arms["refit"], r2=0.5)}
     found = said("no_mismatch", evidence, dataclasses.replace(fit, arms=arms))
-    assert "do not contradict the robot file" in found and "explains the recorded battery power" not in found
+    assert (
+        "do not contradict the robot file" in found
+        and "explains the recorded battery power" not in found
+    )
 
 
-def test_without_thrust_per_ampere_only_the_structure_is_said_to_explain(evidence: Evidence, fit: Fit) -> None:
-    unpredicted = dataclasses.replace(evidence, predictions={"refit": evidence.predictions["refit"]})
+def test_without_thrust_per_ampere_only_the_structure_is_said_to_explain(
+    evidence: Evidence, fit: Fit
+) -> None:
+    unpredicted = dataclasses.replace(
+        evidence, predictions={"refit": evidence.predictions["refit"]}
+    )
     text = said("no_mismatch", unpredicted, dataclasses.replace(fit, unit="A"))
-    assert "The model's structure explains the recorded motor current; the robot file gives no thrust" in text
+    assert (
+        "The model's structure explains the recorded motor current; the robot file gives no thrust"
+        in text
+    )
     assert "robot file explains" not in text
     arms = {**fit.arms, "refit": dataclasses.replace(fit.arms["refit"], r2=0.5)}
     text = said("no_mismatch", unpredicted, dataclasses.replace(fit, unit="A", arms=arms))
-    assert "The recordings do not contradict the model's structure; the robot file gives no thrust" in text
+    assert (
+        "The recordings do not contradict the model's structure; the robot file gives no thrust"
+        in text
+    )
 
 
-def test_a_low_r2_names_slopes_that_were_not_recorded_where_the_residual_drifts(evidence: Evidence, fit: Fit) -> None:
+def test_a_low_r2_names_slopes_that_were_not_recorded_where_the_residual_drifts(
+    evidence: Evidence, fit: Fit
+) -> None:
     """White noise points to no channel, and a high R^2 needs none."""
-    context = {name: values for name, values in evidence.runs.context.items() if name != "grade_rad"}
-    unrecorded = dataclasses.replace(evidence, runs=dataclasses.replace(evidence.runs, context=context))
+    context = {
+        name: values for name, values in evidence.runs.context.items() if name != "grade_rad"
+    }
+    unrecorded = dataclasses.replace(
+        evidence, runs=dataclasses.replace(evidence.runs, context=context)
+    )
     arms = {**fit.arms, "refit": dataclasses.replace(fit.arms["refit"], r2=0.5)}
     low = dataclasses.replace(fit, arms=arms)
     drift_w = 50.0 * np.sin(evidence.runs.time_s / 20.0)
@@ -162,12 +222,20 @@ def test_a_low_r2_names_slopes_that_were_not_recorded_where_the_residual_drifts(
     def asks(of: Evidence, fit: Fit, residual: np.ndarray) -> bool:
         predictions = {**of.predictions, "refit": of.runs.observed - residual}
         found = said("no_mismatch", dataclasses.replace(of, predictions=predictions), fit)
-        return "of the variance: slopes that these runs, or some of them, lack (grade_rad or elevation_m)" in found
+        return (
+            "of the variance: slopes that these runs, or some of them, lack (grade_rad or elevation_m)"
+            in found
+        )
 
     assert asks(unrecorded, low, drift_w)
-    in_one_run = {**context, "grade_rad": np.where(evidence.runs.run == 0, np.nan, evidence.runs.context["grade_rad"])}
+    in_one_run = {
+        **context,
+        "grade_rad": np.where(evidence.runs.run == 0, np.nan, evidence.runs.context["grade_rad"]),
+    }
     assert asks(
-        dataclasses.replace(evidence, runs=dataclasses.replace(evidence.runs, context=in_one_run)), low, drift_w
+        dataclasses.replace(evidence, runs=dataclasses.replace(evidence.runs, context=in_one_run)),
+        low,
+        drift_w,
     )
     assert not asks(unrecorded, low, noise_w)
     assert not asks(unrecorded, fit, drift_w)
@@ -180,7 +248,9 @@ def test_where_an_unrecorded_channel_may_be_why_no_dependence_is_denied(
 ) -> None:
     denied = "the residual depends on no recorded channel"
     assert denied in said(verdict, evidence, fit)
-    asks = dataclasses.replace(evidence, naming=dataclasses.replace(evidence.naming, unrecorded=True))
+    asks = dataclasses.replace(
+        evidence, naming=dataclasses.replace(evidence.naming, unrecorded=True)
+    )
     found = said(verdict, asks, fit)
     assert denied not in found and "The robot file explains" not in found and ".." not in found
 

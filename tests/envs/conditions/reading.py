@@ -32,7 +32,10 @@ class ReadRobot:
 
     def forecast(self) -> Route:
         """The route as the mission forecasts it."""
-        m, places = self.env.batch.records[0], self.env.batch.routes["places"][0, : self.shared["places"]]
+        m, places = (
+            self.env.batch.records[0],
+            self.env.batch.routes["places"][0, : self.shared["places"]],
+        )
         sines, interests = np.zeros((2, len(places)))
         for first in range(0, len(places), _FORECAST_PLACES):
             part = slice(first, first + _FORECAST_PLACES)
@@ -54,7 +57,10 @@ class ReadRobot:
         here, places = int(self.env.batch.records["place"][0]), self.env.batch.routes["places"][0]
         ahead = range(here + 1, min(here + 3, int(self.shared["places"])))
         place_m = float(self.shared["place_m"])
-        return [((k + 0.5) * place_m, math.asin(places["sine_read"][k]), float(places["interest"][k])) for k in ahead]
+        return [
+            ((k + 0.5) * place_m, math.asin(places["sine_read"][k]), float(places["interest"][k]))
+            for k in ahead
+        ]
 
     def reads(self) -> dict[str, Any]:
         """What its instruments read now."""

@@ -37,8 +37,12 @@ def test_robots_are_drawn_from_the_table(difficulty: str) -> None:
             continue
         assert prior.low <= values.min() and values.max() <= prior.high
         span = prior.high - prior.low
-        assert (values.min(), values.max()) == pytest.approx((prior.low, prior.high), abs=0.01 * span)
-        assert values.mean() == pytest.approx(prior.mean, abs=4.0 * prior.deviation / math.sqrt(MANY))
+        assert (values.min(), values.max()) == pytest.approx(
+            (prior.low, prior.high), abs=0.01 * span
+        )
+        assert values.mean() == pytest.approx(
+            prior.mean, abs=4.0 * prior.deviation / math.sqrt(MANY)
+        )
         assert values.std() == pytest.approx(prior.deviation, rel=0.05)
     moving = [values for name, values in drawn.items() if values.std() > 1e-9]
     if len(moving) > 1:
@@ -51,7 +55,9 @@ def test_each_difficulty_has_its_instruments() -> None:
         assert DIFFICULTY[difficulty].instruments == name
         assert known_of(Options("Survey", difficulty=difficulty)).instruments is INSTRUMENTS[name]
         other = known_of(Options("Survey", difficulty=difficulty, instruments="gauge"))
-        assert other.instruments is INSTRUMENTS["gauge"] and other.difficulty is DIFFICULTY[difficulty]
+        assert (
+            other.instruments is INSTRUMENTS["gauge"] and other.difficulty is DIFFICULTY[difficulty]
+        )
 
 
 def test_what_is_known_of_the_route_and_the_weather() -> None:
@@ -59,7 +65,10 @@ def test_what_is_known_of_the_route_and_the_weather() -> None:
         row = DIFFICULTY[difficulty]
         known = difficulty == "known"
         assert row.route_is_known == known and row.weather_changes == (not known)
-        assert bool(known_of(Options("Survey", difficulty=difficulty)).shared["route_is_known"][0]) == known
+        assert (
+            bool(known_of(Options("Survey", difficulty=difficulty)).shared["route_is_known"][0])
+            == known
+        )
     assert DIFFICULTY["harsh"].surface.low > 0.0 == DIFFICULTY["uncertain"].surface.high
 
 

@@ -29,7 +29,9 @@ def by_kernel(keys: Any, numbers: Any, channel: int) -> Any:
     return drawn
 
 
-@pytest.mark.parametrize("numbers", ["one key, many decisions", "many keys, one decision", "keys in a row"])
+@pytest.mark.parametrize(
+    "numbers", ["one key, many decisions", "many keys, one decision", "keys in a row"]
+)
 def test_they_are_normal_numbers(numbers: str) -> None:
     """A sum of four uniform ones: excess kurtosis -0.3, nothing beyond 3.47."""
     decisions, key = np.full(MANY, 7), keys()
@@ -49,7 +51,9 @@ def test_they_are_normal_numbers(numbers: str) -> None:
 
 def test_decisions_and_channels_know_nothing_of_each_other() -> None:
     key, error = keys(), 4.0 / np.sqrt(MANY)
-    channels = np.array([normal(key, np.full(MANY, 3), channel) for channel in range(FORECAST_INTEREST + 1)])
+    channels = np.array(
+        [normal(key, np.full(MANY, 3), channel) for channel in range(FORECAST_INTEREST + 1)]
+    )
     decisions = np.array([normal(key, np.full(MANY, decision), SOC) for decision in range(8)])
     both = np.concatenate((channels, decisions[:3], decisions[4:]))
     off = np.corrcoef(both) - np.eye(len(both))
@@ -60,7 +64,16 @@ def test_decisions_and_channels_know_nothing_of_each_other() -> None:
 
 
 def test_channels_have_names_of_their_own() -> None:
-    names = ("SOC", "POWER", "SPEED", "GRADE", "GUST_EAST", "GUST_NORTH", "FORECAST_GRADE", "FORECAST_INTEREST")
+    names = (
+        "SOC",
+        "POWER",
+        "SPEED",
+        "GRADE",
+        "GUST_EAST",
+        "GUST_NORTH",
+        "FORECAST_GRADE",
+        "FORECAST_INTEREST",
+    )
     assert sorted(getattr(draws, name) for name in names) == list(range(len(names)))
 
 

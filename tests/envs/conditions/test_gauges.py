@@ -1,4 +1,5 @@
-"""Gauges: each shows what its entry says, a mission has one of them, and a robot only those that it can have."""
+"""Gauges: each shows what its entry says, a mission has one of them, and a robot only those that it
+can have."""
 
 from __future__ import annotations
 
@@ -10,7 +11,16 @@ import pytest
 from numpy.typing import NDArray
 
 from homeward import load_robot
-from homeward.envs.conditions.gauges import COUNTER, GAUGES, LOST, MOST_POINTS, RISE, pack_map, rms_error, suits
+from homeward.envs.conditions.gauges import (
+    COUNTER,
+    GAUGES,
+    LOST,
+    MOST_POINTS,
+    RISE,
+    pack_map,
+    rms_error,
+    suits,
+)
 from homeward.envs.conditions.instruments import INSTRUMENTS, Instruments
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.envs.state import GO
@@ -24,18 +34,23 @@ BURGER = dataclasses.replace(
     load_robot("turtlebot3_burger"), chemistry="lipo", cells_in_series=3,
     effects={"internal_resistance": {"ohm": 0.1}},
 )  # fmt: skip
-OWN = dataclasses.replace(BURGER, chemistry=FLAT, cells_in_series=0, open_circuit_v=((0.0, 10.0), (1.0, 12.6)))
+OWN = dataclasses.replace(
+    BURGER, chemistry=FLAT, cells_in_series=0, open_circuit_v=((0.0, 10.0), (1.0, 12.6))
+)
 COUNTED = Instruments(soc_noise=1e-9)
 
 
 @pytest.fixture(scope="module")
 def readings() -> Readings:
     """Many missions, each with any gauge, whose errors are its own alone."""
-    return Readings(dataclasses.replace(COUNTED, gauges=tuple(GAUGES)), robot=BURGER, difficulty="harsh")
+    return Readings(
+        dataclasses.replace(COUNTED, gauges=tuple(GAUGES)), robot=BURGER, difficulty="harsh"
+    )
 
 
 def shown_and_true(readings: Readings, name: str) -> Any:
-    """What the missions with a gauge show and what is left, shares of charge, shape (decisions, missions)."""
+    """What the missions with a gauge show and what is left, shares of charge, shape (decisions,
+    missions)."""
     has = readings.start["gauge"] == list(GAUGES).index(name)
     share = charge_share(BURGER.curve, np.stack((readings.states["soc"], readings.charge)))
     return share[..., has], readings.power_w[:, has]
@@ -90,27 +105,45 @@ def test_one_that_is_reset_counts_on_from_there(readings: Readings, name: str) -
 
 def test_a_robot_of_constant_voltage_has_no_map_of_it() -> None:
     rusti, name = load_robot("rusti_computer"), "linear_voltage"
-    assert {gauge for gauge in GAUGES if suits(GAUGES[gauge], rusti)} == {COUNTER, "coarse", "late", "reset_full"}
+    assert {gauge for gauge in GAUGES if suits(GAUGES[gauge], rusti)} == {
+        COUNTER,
+        "coarse",
+        "late",
+        "reset_full",
+    }
     assert known_of(Options("Survey", difficulty="harsh")).shared["gauge_count"][0] == 4
-    with pytest.raises(OptionError, match="'rusti_computer' has a constant voltage; give its chemistry"):
+    with pytest.raises(
+        OptionError, match="'rusti_computer' has a constant voltage; give its chemistry"
+    ):
         make("Survey", instruments=Instruments(gauges=(name,)))
 
 
 @pytest.mark.parametrize("given", ["late", [], ["late", "early"], [3], None])
 def test_gauges_that_are_none_say_what_there_is(given: Any) -> None:
-    with pytest.raises(ValueError, match=r"gauges = .* is not allowed; give a list of counter, linear_voltage"):
+    with pytest.raises(
+        ValueError, match=r"gauges = .* is not allowed; give a list of counter, linear_voltage"
+    ):
         Instruments(gauges=given)
 
 
 def test_the_gauge_changes_nothing_else_of_a_mission() -> None:
-    """The other conditions of a seed, and a mission whose gauge is the counter, are those of `gauge`."""
+    """The other conditions of a seed, and a mission whose gauge is the counter, are those of
+    `gauge`."""
     envs = [
-        HomewardVectorEnv(40, mission="Survey", difficulty="harsh", instruments=name) for name in ("any_gauge", "gauge")
+        HomewardVectorEnv(40, mission="Survey", difficulty="harsh", instruments=name)
+        for name in ("any_gauge", "gauge")
     ]
     for env in envs:
         env.reset(seed=5)
     ours, theirs = (env.batch.records for env in envs)
-    for name in ("capacity_j", "key", "meter_gain", "meter_offset_w", "gust_keeps", "temperature_c"):
+    for name in (
+        "capacity_j",
+        "key",
+        "meter_gain",
+        "meter_offset_w",
+        "gust_keeps",
+        "temperature_c",
+    ):
         np.testing.assert_array_equal(ours[name], theirs[name])
     for _ in range(60):
         for env in envs:
@@ -122,12 +155,15 @@ def test_the_gauge_changes_nothing_else_of_a_mission() -> None:
 
 @pytest.mark.parametrize("robot", [BURGER, OWN])
 def test_what_agents_know_of_its_error_is_its_error(robot: Robot) -> None:
-    """Over an even discharge from full to empty of a robot whose instruments have no other error."""
+    """Over an even discharge from full to empty of a robot whose instruments have no other
+    error."""
     count = 20
     drive_on = np.full((count, 3), (4, 0, GO))
     for name, gauge in GAUGES.items():
         instruments = dataclasses.replace(COUNTED, gauges=(name,))
-        envs = HomewardVectorEnv(count, mission="OutAndBack", robot=robot, difficulty="known", instruments=instruments)
+        envs = HomewardVectorEnv(
+            count, mission="OutAndBack", robot=robot, difficulty="known", instruments=instruments
+        )
         envs.reset(seed=0)
         m, squares = envs.batch.records, []
         while not m["over"].any():
@@ -136,11 +172,14 @@ def test_what_agents_know_of_its_error_is_its_error(robot: Robot) -> None:
             squares.append((shown - true) ** 2)
             envs.step(drive_on)
         lasts_s = robot.usable_energy_j / float(envs.batch.known.shared["cruise_w"][0])
-        assert np.sqrt(np.mean(squares)) == pytest.approx(rms_error(gauge, robot, lasts_s), rel=0.35, abs=1e-6)
+        assert np.sqrt(np.mean(squares)) == pytest.approx(
+            rms_error(gauge, robot, lasts_s), rel=0.35, abs=1e-6
+        )
 
 
 def test_a_gauge_that_rises_is_believed_no_more() -> None:
-    """By the meter, which goes on with what it has learned: a reset to full does not fill the battery."""
+    """By the meter, which goes on with what it has learned: a reset to full does not fill the
+    battery."""
     instruments = dataclasses.replace(INSTRUMENTS["gauge"], gauges=("reset_full",))
     found = Readings(instruments, 200, difficulty="harsh")
     reset = (found.states["gauge_shift"] > RISE + 0.03).any(axis=0)
@@ -158,4 +197,8 @@ def test_maps_rise_within_their_records() -> None:
         for chemistry in CHEMISTRIES if gauge.map else ():
             volts, shares = np.transpose(gauge.map[chemistry])
             assert 2 <= len(volts) <= MOST_POINTS, name
-            assert (np.diff(volts) > 0.0).all() and (np.diff(shares) > 0.0).all() and shares[[0, -1]].tolist() == [0, 1]
+            assert (
+                (np.diff(volts) > 0.0).all()
+                and (np.diff(shares) > 0.0).all()
+                and shares[[0, -1]].tolist() == [0, 1]
+            )

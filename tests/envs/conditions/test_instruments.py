@@ -1,4 +1,5 @@
-"""What a robot reads of itself: errors of the sizes documented, the same for the same key, and what is made of them."""
+"""What a robot reads of itself: errors of the sizes documented, the same for the same key, and what
+is made of them."""
 
 from __future__ import annotations
 
@@ -13,7 +14,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from homeward.envs.conditions.instruments import INSTRUMENTS, InstrumentError, Instruments, load_instruments
+from homeward.envs.conditions.instruments import (
+    INSTRUMENTS,
+    InstrumentError,
+    Instruments,
+    load_instruments,
+)
 from homeward.envs.features import FEATURES, INDEX
 from homeward.envs.options import OptionError, Options, known_of
 from homeward.envs.routes import Route
@@ -35,7 +41,8 @@ def error(deviation: float, count: int) -> float:
 
 
 class Readings:
-    """Many missions at any speeds and rates: what is so and what is read, arrays of shape (decisions, missions)."""
+    """Many missions at any speeds and rates: what is so and what is read, arrays of shape
+    (decisions, missions)."""
 
     def __init__(self, instruments: str | Instruments, count: int = MANY, **options: Any) -> None:
         self.sizes = load_instruments(instruments)
@@ -44,7 +51,11 @@ class Readings:
         batch, rng = envs.batch, np.random.default_rng(0)
         self.shared, self.records = batch.known.shared[0], batch.records
         observations = np.zeros((count, len(FEATURES)), np.float32)
-        rewards, terminated, truncated = np.zeros(count), np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+        rewards, terminated, truncated = (
+            np.zeros(count),
+            np.zeros(count, np.bool_),
+            np.zeros(count, np.bool_),
+        )
         self.start = batch.records.copy()
         states = []
         for _ in range(DECISIONS):
@@ -69,7 +80,10 @@ def top_power_w(robot: str = "rusti_computer") -> float:
     """Power at top speed, sensing fastest, on the flat, as a mission consumes it."""
     even = np.zeros(8)
     env = HomewardEnv(
-        mission="Survey", robot=robot, difficulty="known", route=Route(300.0, even, even, even + 1.0, even)
+        mission="Survey",
+        robot=robot,
+        difficulty="known",
+        route=Route(300.0, even, even, even + 1.0, even),
     )
     env.reset(seed=0)
     env.step([4, 4, GO])
@@ -85,7 +99,9 @@ def test_gain_and_offset_belong_to_the_mission(readings: Readings) -> None:
         if most == 0.0:
             assert (values == centre).all()
             continue
-        assert (values.min(), values.max()) == pytest.approx((centre - most, centre + most), abs=0.02 * most)
+        assert (values.min(), values.max()) == pytest.approx(
+            (centre - most, centre + most), abs=0.02 * most
+        )
         assert values.mean() == pytest.approx(centre, abs=error(most / math.sqrt(3.0), MANY))
         assert values.std() == pytest.approx(most / math.sqrt(3.0), rel=0.05)
     for name in ("meter_gain", "meter_offset_w"):
@@ -95,7 +111,9 @@ def test_gain_and_offset_belong_to_the_mission(readings: Readings) -> None:
 @pytest.mark.parametrize("robot", preset_names())
 def test_an_offset_is_a_share_of_the_power_at_full_speed_and_rate(robot: str) -> None:
     sizes = Instruments(power_offset=0.1)
-    shared = known_of(Options("Survey", robot=robot, difficulty="known", instruments=sizes)).shared[0]
+    shared = known_of(Options("Survey", robot=robot, difficulty="known", instruments=sizes)).shared[
+        0
+    ]
     assert shared["power_offset_w"] == pytest.approx(0.1 * top_power_w(robot), rel=0.02)
 
 
@@ -114,10 +132,15 @@ def test_speed_is_read_with_noise(readings: Readings) -> None:
 
 
 def check_noise(noise: NDArray[np.float64], deviation: float, readings: Readings) -> None:
-    """Of mean 0, of its deviation, and another in every decision and mission, whatever the robot does."""
+    """Of mean 0, of its deviation, and another in every decision and mission, whatever the robot
+    does."""
     assert noise.mean() == pytest.approx(0.0, abs=error(deviation, noise.size))
     assert noise.std() == pytest.approx(deviation, rel=0.02)
-    for other in (noise[1:], readings.power_w[:-1], np.broadcast_to(readings.start["meter_gain"], noise[:-1].shape)):
+    for other in (
+        noise[1:],
+        readings.power_w[:-1],
+        np.broadcast_to(readings.start["meter_gain"], noise[:-1].shape),
+    ):
         correlation = np.corrcoef(noise[:-1].ravel(), other.ravel())[0, 1]
         assert correlation == pytest.approx(0.0, abs=error(1.0, noise[:-1].size))
     assert np.corrcoef(noise[:, 0], noise[:, 1])[0, 1] == pytest.approx(0.0, abs=0.6)
@@ -133,7 +156,9 @@ def test_the_grade_of_a_place_is_read_once_and_kept(readings: Readings) -> None:
     noise = places["sine_read"].astype(float) - places["sin_grade"]
     assert noise.mean() == pytest.approx(0.0, abs=error(deviation, noise.size))
     assert noise.std() == pytest.approx(deviation, rel=0.02)
-    assert (noise[:, 1:] * noise[:, :-1]).mean() / deviation**2 == pytest.approx(0.0, abs=error(1.0, noise.size))
+    assert (noise[:, 1:] * noise[:, :-1]).mean() / deviation**2 == pytest.approx(
+        0.0, abs=error(1.0, noise.size)
+    )
     before = places["sine_read"].copy()
     for mode in (GO, GO, RETURN):
         observations, *_ = envs.step(np.array([[4, 0, mode]] * MANY))
@@ -161,13 +186,18 @@ def test_the_steps_of_a_gauge_round_to_the_nearest() -> None:
     found = Readings(Instruments(soc_step=0.01), 200)
     off = found.states["soc"] - found.charge
     assert np.abs(off).max() <= 0.005 + 1e-9
-    assert off.mean() == pytest.approx(0.0, abs=2e-4) and off.std() == pytest.approx(0.01 / math.sqrt(12.0), rel=0.03)
+    assert off.mean() == pytest.approx(0.0, abs=2e-4) and off.std() == pytest.approx(
+        0.01 / math.sqrt(12.0), rel=0.03
+    )
 
 
 def test_the_noise_of_a_gauge_is_what_it_is_called() -> None:
     found = Readings(Instruments(soc_noise=0.003), 200)
-    off = (found.states["soc"] - found.charge)[5:]  # a full battery cannot be read as more than full
-    assert off.std() == pytest.approx(0.003, rel=0.03) and off.mean() == pytest.approx(0.0, abs=error(0.003, off.size))
+    # a full battery cannot be read as more than full
+    off = (found.states["soc"] - found.charge)[5:]
+    assert off.std() == pytest.approx(0.003, rel=0.03) and off.mean() == pytest.approx(
+        0.0, abs=error(0.003, off.size)
+    )
 
 
 @pytest.mark.parametrize("decision_s", [10.0, 60.0, 300.0])
@@ -176,7 +206,11 @@ def test_the_lag_of_a_gauge_is_a_time_whatever_the_length_of_a_decision(decision
     even, lag_s = np.zeros(8), 120.0
     route = Route(300.0, even, even, even + 1.0, even)
     env = make(
-        "OutAndBack", route=route, decision_s=decision_s, difficulty="known", instruments=Instruments(soc_lag_s=lag_s)
+        "OutAndBack",
+        route=route,
+        decision_s=decision_s,
+        difficulty="known",
+        instruments=Instruments(soc_lag_s=lag_s),
     )
     env.reset(seed=0)
     for decision in range(1, 6):
@@ -185,39 +219,57 @@ def test_the_lag_of_a_gauge_is_a_time_whatever_the_length_of_a_decision(decision
         charge = float(m["energy_j"] / m["capacity_j"])
         behind = (1.0 - charge) / time_s * lag_s * (1.0 - math.exp(-time_s / lag_s))
         assert m["soc"] - charge == pytest.approx(behind, rel=1e-6)
-        assert m["metered"] == pytest.approx(charge, abs=1e-9), "the lag is known, and so does no harm"
+        assert m["metered"] == pytest.approx(charge, abs=1e-9), (
+            "the lag is known, and so does no harm"
+        )
 
 
 METERED = {"meter": (0.0006, 0.002, 0.0006), "gauge": (0.0045, 0.015, 0.005)}
-"""Of the metered state of charge: root mean square error at any time, largest error, and largest error of a change
-over one decision once 20 are over. A decision takes about 0.01."""
+"""Of the metered state of charge: root mean square error at any time, largest error, and largest
+error of a change over one decision once 20 are over. A decision takes about 0.01."""
 
 
 def test_the_metered_charge_is_near_the_truth_and_even(readings: Readings) -> None:
     """Nearer than the gauge is, from first to last, and without its steps."""
     name = next(name for name in ERRING if INSTRUMENTS[name] is readings.sizes)
     rms, most, uneven = METERED[name]
-    off, gauge = readings.states["metered"] - readings.charge, readings.states["soc"] - readings.charge
+    off, gauge = (
+        readings.states["metered"] - readings.charge,
+        readings.states["soc"] - readings.charge,
+    )
     assert np.sqrt((off**2).mean(axis=1)).max() < rms and np.abs(off).max() < most
     assert (off[20:] ** 2).mean() < 0.7 * (gauge[20:] ** 2).mean()
     assert np.abs(off[20:].mean(axis=1)).max() < 0.5 * rms, "neither too hopeful nor too careful"
     changes = np.diff(readings.states["metered"], axis=0) - np.diff(readings.charge, axis=0)
     assert np.abs(changes[20:]).max() < uneven
-    assert (np.diff(readings.states["metered"], axis=0) < 1e-12).mean() > 0.99, "it falls, as nothing comes back"
+    assert (np.diff(readings.states["metered"], axis=0) < 1e-12).mean() > 0.99, (
+        "it falls, as nothing comes back"
+    )
 
 
-@pytest.mark.parametrize("sizes", [{"speed_noise": 0.01}, {"power_noise": 0.01}, {"power_gain": 0.02}])
+@pytest.mark.parametrize(
+    "sizes", [{"speed_noise": 0.01}, {"power_noise": 0.01}, {"power_gain": 0.02}]
+)
 @pytest.mark.parametrize("difficulty", ["known", "uncertain"])
-def test_a_charge_is_metered_before_anything_is_used(sizes: dict[str, Any], difficulty: str) -> None:
-    """A gauge without errors leaves no doubt to weigh what is expected by; a mission over at once used nothing."""
+def test_a_charge_is_metered_before_anything_is_used(
+    sizes: dict[str, Any], difficulty: str
+) -> None:
+    """A gauge without errors leaves no doubt to weigh what is expected by; a mission over at once
+    used nothing."""
     env = make("OutAndBack", instruments=Instruments(**sizes), difficulty=difficulty)
     env.reset(seed=0)
     observation, _, terminated, *_ = env.step([0, 0, RETURN])
-    assert terminated and feature(observation, "metered") == 1.0 and observation in env.observation_space
+    assert (
+        terminated
+        and feature(observation, "metered") == 1.0
+        and observation in env.observation_space
+    )
     env.reset(seed=0)
     env.step([4, 4, GO])
     observation, *_ = env.step([4, 4, GO])
-    assert feature(observation, "metered") == pytest.approx(feature(observation, "energy"), abs=0.02)
+    assert feature(observation, "metered") == pytest.approx(
+        feature(observation, "energy"), abs=0.02
+    )
 
 
 @pytest.mark.parametrize("instruments", ERRING)
@@ -247,7 +299,9 @@ def test_a_mission_driven_otherwise_meets_the_same_noise(instruments: str) -> No
             one.step([speed, (speed + decision) % 5, GO])
             m = mission(one)
             power_w = (before_j - m["energy_j"]) / 60.0
-            found.append((m["read_mps"] / m["speed_mps"], (m["read_w"] - m["meter_offset_w"]) / power_w))
+            found.append(
+                (m["read_mps"] / m["speed_mps"], (m["read_w"] - m["meter_offset_w"]) / power_w)
+            )
         noise.append(found)
     np.testing.assert_allclose(noise[0], noise[1], rtol=1e-9)
     assert len(np.unique(np.round(noise[0], 9))) == 16
@@ -262,7 +316,10 @@ def test_exact_instruments_read_the_truth() -> None:
     np.testing.assert_array_equal(s["read_mps"], s["speed_mps"])
     used_j = found.start["energy_j"] - found.records["energy_j"]
     np.testing.assert_allclose(s["metered_j"][-1], used_j, rtol=1e-12)
-    assert load_instruments("exact") == Instruments() and known_of(Options("Survey")).instruments != Instruments()
+    assert (
+        load_instruments("exact") == Instruments()
+        and known_of(Options("Survey")).instruments != Instruments()
+    )
 
 
 def toml(folder: Path, text: str | bytes) -> Path:
@@ -274,12 +331,19 @@ def toml(folder: Path, text: str | bytes) -> Path:
 @pytest.mark.parametrize("name", INSTRUMENTS)
 def test_a_file_of_the_same_sizes_reads_the_same(tmp_path: Path, name: str) -> None:
     sizes = dataclasses.asdict(INSTRUMENTS[name])
-    path = toml(tmp_path, "".join(f"{field} = {json.dumps(value)}\n" for field, value in sizes.items()))
-    envs = [make("Survey", instruments=given) for given in (name, path, str(path), INSTRUMENTS[name])]
+    path = toml(
+        tmp_path, "".join(f"{field} = {json.dumps(value)}\n" for field, value in sizes.items())
+    )
+    envs = [
+        make("Survey", instruments=given) for given in (name, path, str(path), INSTRUMENTS[name])
+    ]
     firsts = [env.reset(seed=1)[0] for env in envs]
     for action in ([4, 2, GO], [2, 4, GO]):
         observations = [env.step(action)[0] for env in envs]
-        assert all((one == observations[0]).all() for one in observations) and (firsts[0] == firsts[1]).all()
+        assert (
+            all((one == observations[0]).all() for one in observations)
+            and (firsts[0] == firsts[1]).all()
+        )
     assert load_instruments(path) == INSTRUMENTS[name]
     assert load_instruments(toml(tmp_path, "")) == Instruments()
 
@@ -303,11 +367,17 @@ BROKEN: dict[str | bytes, str] = {
 
 
 @pytest.mark.parametrize(("text", "says"), BROKEN.items())
-def test_a_file_that_cannot_be_used_says_why_in_one_line(tmp_path: Path, text: str | bytes, says: str) -> None:
+def test_a_file_that_cannot_be_used_says_why_in_one_line(
+    tmp_path: Path, text: str | bytes, says: str
+) -> None:
     path = toml(tmp_path, text)
     with pytest.raises(OptionError) as caught:
         HomewardEnv(instruments=path)
-    assert says in str(caught.value) and str(path) in str(caught.value) and "\n" not in str(caught.value)
+    assert (
+        says in str(caught.value)
+        and str(path) in str(caught.value)
+        and "\n" not in str(caught.value)
+    )
 
 
 @pytest.mark.parametrize(
@@ -338,7 +408,9 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
         HomewardEnv(instruments=tmp_path / "some.toml")
 
 
-@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(Instruments) if field.name != "gauges"])
+@pytest.mark.parametrize(
+    "field", [field.name for field in dataclasses.fields(Instruments) if field.name != "gauges"]
+)
 def test_sizes_have_bounds(field: str) -> None:
     most: Any = 3600.0 if field == "soc_lag_s" else 0.5
     assert getattr(Instruments(**{field: most}), field) == most
@@ -355,7 +427,9 @@ def test_the_worst_of_instruments_stay_within_the_observation_space() -> None:
     rng = np.random.default_rng(0)
     for _ in range(40):
         assert observations in envs.observation_space
-        observations, rewards, *_ = envs.step(np.column_stack((rng.integers(0, 5, (100, 2)), np.full(100, GO))))
+        observations, rewards, *_ = envs.step(
+            np.column_stack((rng.integers(0, 5, (100, 2)), np.full(100, GO)))
+        )
         assert np.isfinite(rewards).all()
 
 

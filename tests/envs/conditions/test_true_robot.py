@@ -27,7 +27,8 @@ SCALES = ("length_m", "reach_m", "link_m", "backlog_limit", "radio_hz", "saturat
 
 
 def missions(options: dict[str, Any]) -> tuple[HomewardEnv, list[Any]]:
-    """A mission under random commands: its environment and, of every step, the observation and what was consumed."""
+    """A mission under random commands: its environment and, of every step, the observation and what
+    was consumed."""
     env = HomewardEnv(**options)
     env.reset(seed=3)
     steps = drive(env, random_actions(np.random.default_rng(3), "discrete", 150, home=0.02))
@@ -36,7 +37,9 @@ def missions(options: dict[str, Any]) -> tuple[HomewardEnv, list[Any]]:
 
 @pytest.mark.parametrize("difficulty", DIFFICULTIES)
 @pytest.mark.parametrize("mission_id", MISSIONS)
-def test_a_robot_that_is_what_it_takes_itself_for_is_the_usual_one(mission_id: str, difficulty: str) -> None:
+def test_a_robot_that_is_what_it_takes_itself_for_is_the_usual_one(
+    mission_id: str, difficulty: str
+) -> None:
     options: dict[str, Any] = {"mission": mission_id, "difficulty": difficulty, "robot": BELIEVED}
     same = dataclasses.replace(BELIEVED, name="same")
     _, alone = missions(options)
@@ -62,7 +65,8 @@ def test_it_consumes_what_the_true_robot_does_and_maps_what_it_believes(difficul
     seen = min(mission(mistaken)["mapped"], mission(right)["mapped"])
     for name in ("home_cost_j", "out_j_per_m", "standing_w"):
         np.testing.assert_array_equal(
-            mistaken.batch.routes["places"][name][0, :seen], right.batch.routes["places"][name][0, :seen]
+            mistaken.batch.routes["places"][name][0, :seen],
+            right.batch.routes["places"][name][0, :seen],
         )
 
 
@@ -77,7 +81,12 @@ def test_its_gauge_shows_a_share_of_what_it_believes_in() -> None:
 @pytest.mark.parametrize("difficulty", ["known", "uncertain"])
 @pytest.mark.parametrize("count", [4, 300])  # one after another, and on all cores
 def test_side_by_side_it_goes_as_alone(count: int, difficulty: str) -> None:
-    options: dict[str, Any] = {"mission": "Survey", "robot": BELIEVED, "true_robot": TRUE, "difficulty": difficulty}
+    options: dict[str, Any] = {
+        "mission": "Survey",
+        "robot": BELIEVED,
+        "true_robot": TRUE,
+        "difficulty": difficulty,
+    }
     env = HomewardVectorEnv(count, **options)
     observations, _ = env.reset(seed=11)
     alone = HomewardEnv(**options)

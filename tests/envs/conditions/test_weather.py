@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from homeward.envs.conditions.weather import FORECAST_ERROR_MPS, GUSTINESS, WANDERS_S, WARMING_K_PER_H, headwind
+from homeward.envs.conditions.weather import (
+    FORECAST_ERROR_MPS,
+    GUSTINESS,
+    WANDERS_S,
+    WARMING_K_PER_H,
+    headwind,
+)
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
 from tests.envs.rollouts import make, mission, random_actions, route_file
@@ -26,9 +32,12 @@ def error(deviation: float, count: int = MANY) -> float:
 
 
 class Days:
-    """Missions that stand: gusts over the mean wind, shape (decisions + 1, missions), and temperatures."""
+    """Missions that stand: gusts over the mean wind, shape (decisions + 1, missions), and
+    temperatures."""
 
-    def __init__(self, decision_s: float, decisions: int, count: int = MANY, **options: Any) -> None:
+    def __init__(
+        self, decision_s: float, decisions: int, count: int = MANY, **options: Any
+    ) -> None:
         envs = HomewardVectorEnv(count, decision_s=decision_s, autoreset_mode="Disabled", **options)
         envs.reset(seed=0)
         records = self.records = envs.batch.records
@@ -50,7 +59,8 @@ def days(request: pytest.FixtureRequest) -> Days:
 
 
 def test_gusts_are_stationary(days: Days) -> None:
-    """Of the same deviation from the first decision to the last, whatever the length of a decision."""
+    """Of the same deviation from the first decision to the last, whatever the length of a
+    decision."""
     for gusts in days.gusts:
         for part in gusts:
             assert part.mean() == pytest.approx(0.0, abs=error(GUSTINESS))
@@ -63,22 +73,29 @@ def test_gusts_forget_within_their_time(days: Days) -> None:
     wanders_s = -days.decision_s / np.log(days.records["gust_keeps"])
     share = np.log(wanders_s / WANDERS_S[0]) / math.log(WANDERS_S[1] / WANDERS_S[0])
     assert (share.min(), share.max()) == pytest.approx((0.0, 1.0), abs=0.005)
-    assert share.mean() == pytest.approx(0.5, abs=error(0.29)) and share.std() == pytest.approx(0.289, rel=0.03)
+    assert share.mean() == pytest.approx(0.5, abs=error(0.29)) and share.std() == pytest.approx(
+        0.289, rel=0.03
+    )
     for third in range(3):
         some = (share >= third / 3.0) & (share < (third + 1) / 3.0)
         for apart in (1, 4, 9):
             keeps = np.exp(-apart * days.decision_s / wanders_s[some]).mean()
             products = days.gusts[apart:][..., some] * days.gusts[:-apart][..., some]
-            assert products.mean() / GUSTINESS**2 == pytest.approx(keeps, abs=error(1.0, int(some.sum())))
+            assert products.mean() / GUSTINESS**2 == pytest.approx(
+                keeps, abs=error(1.0, int(some.sum()))
+            )
 
 
 def test_it_gets_warmer_or_colder(days: Days) -> None:
     rate = np.diff(days.temperatures, axis=0) / days.decision_s * 3600.0
     np.testing.assert_allclose(rate, np.broadcast_to(rate[0], rate.shape), atol=1e-9)
-    assert (rate[0].min(), rate[0].max()) == pytest.approx((-WARMING_K_PER_H, WARMING_K_PER_H), abs=0.01)
+    assert (rate[0].min(), rate[0].max()) == pytest.approx(
+        (-WARMING_K_PER_H, WARMING_K_PER_H), abs=0.01
+    )
     assert rate[0].mean() == pytest.approx(0.0, abs=error(WARMING_K_PER_H / math.sqrt(3.0)))
     np.testing.assert_allclose(
-        days.temperatures[-1] - days.temperatures[0], days.records["warming_k"] * (len(days.temperatures) - 1)
+        days.temperatures[-1] - days.temperatures[0],
+        days.records["warming_k"] * (len(days.temperatures) - 1),
     )
 
 
@@ -86,11 +103,20 @@ def test_a_forecast_is_the_wind_of_the_start_with_an_error() -> None:
     envs = HomewardVectorEnv(MANY, difficulty="uncertain")
     envs.reset(seed=0)
     r = envs.batch.records
-    errors = [r[f"forecast_{part}_mps"] - r[f"mean_{part}_mps"] - r[f"gust_{part}_mps"] for part in ("east", "north")]
+    errors = [
+        r[f"forecast_{part}_mps"] - r[f"mean_{part}_mps"] - r[f"gust_{part}_mps"]
+        for part in ("east", "north")
+    ]
     for part in errors:
         assert part.mean() == pytest.approx(0.0, abs=error(FORECAST_ERROR_MPS))
         assert part.std() == pytest.approx(FORECAST_ERROR_MPS, rel=0.06)
-        for known in ("mean_east_mps", "mean_north_mps", "gust_east_mps", "temperature_c", "capacity_j"):
+        for known in (
+            "mean_east_mps",
+            "mean_north_mps",
+            "gust_east_mps",
+            "temperature_c",
+            "capacity_j",
+        ):
             assert np.corrcoef(part, r[known])[0, 1] == pytest.approx(0.0, abs=error(1.0))
     assert np.corrcoef(*errors)[0, 1] == pytest.approx(0.0, abs=error(1.0))
     east_mps: NDArray[np.float64] = r["mean_east_mps"]
@@ -102,7 +128,9 @@ def test_a_forecast_is_the_wind_of_the_start_with_an_error() -> None:
 
 def test_no_forecast_tells_of_a_hidden_wind() -> None:
     """It is that of another wind, as strong as those of other routes."""
-    envs = HomewardVectorEnv(2000, mission="OutAndBack", route="hidden_wind", difficulty="uncertain")
+    envs = HomewardVectorEnv(
+        2000, mission="OutAndBack", route="hidden_wind", difficulty="uncertain"
+    )
     envs.reset(seed=0)
     m = envs.batch.records
     for part in ("east", "north"):
@@ -113,13 +141,17 @@ def test_no_forecast_tells_of_a_hidden_wind() -> None:
 
 
 def test_where_nothing_is_hidden_the_weather_stays_and_is_known(tmp_path: Path) -> None:
-    path = route_file(tmp_path, "distance_m,wind_mps,wind_from_rad,temperature_c\n0,4,1,5\n3000,4,1,5\n")
+    path = route_file(
+        tmp_path, "distance_m,wind_mps,wind_from_rad,temperature_c\n0,4,1,5\n3000,4,1,5\n"
+    )
     for options in ({"route": path}, {}):
         days = Days(300.0, 5, 20, difficulty="known", robot="husky", **options)
         assert (days.temperatures == days.temperatures[0]).all()
         assert not days.records["gust_east_mps"].any()
         for part in ("east", "north"):
-            np.testing.assert_array_equal(days.records[f"forecast_{part}_mps"], days.records[f"mean_{part}_mps"])
+            np.testing.assert_array_equal(
+                days.records[f"forecast_{part}_mps"], days.records[f"mean_{part}_mps"]
+            )
 
 
 def test_it_never_leaves_what_a_route_may_hold(tmp_path: Path) -> None:
@@ -132,18 +164,28 @@ def test_the_headwind_is_the_wind_against_the_way_out() -> None:
     env = make("OutAndBack", difficulty="uncertain")
     env.reset(seed=1)
     env.step([4, 0, GO])
-    m, place = env.batch.records.view(np.recarray)[0], env.batch.routes["places"].view(np.recarray)[0, 3]
+    m, place = (
+        env.batch.records.view(np.recarray)[0],
+        env.batch.routes["places"].view(np.recarray)[0, 3],
+    )
     wind = np.array([m.mean_east_mps + m.gust_east_mps, m.mean_north_mps + m.gust_north_mps])
     assert headwind(m, place) == pytest.approx(float(wind @ [place.east, place.north]))
     assert abs(headwind(m, place)) <= np.hypot(*wind)
 
 
-WEATHER = ("gust_east_mps", "gust_north_mps", "temperature_c", "forecast_east_mps", "forecast_north_mps")
+WEATHER = (
+    "gust_east_mps",
+    "gust_north_mps",
+    "temperature_c",
+    "forecast_east_mps",
+    "forecast_north_mps",
+)
 
 
 @pytest.mark.parametrize("difficulty", ["uncertain", "harsh"])
 def test_a_mission_driven_otherwise_meets_the_same_weather(difficulty: str) -> None:
-    """At the same decision, from a copy in the middle on; and nothing is drawn from the mission's generator."""
+    """At the same decision, from a copy in the middle on; and nothing is drawn from the mission's
+    generator."""
     env = make("Survey", difficulty=difficulty, decision_s=60.0)
     env.reset(seed=3)
     for _ in range(5):
@@ -157,14 +199,21 @@ def test_a_mission_driven_otherwise_meets_the_same_weather(difficulty: str) -> N
             break
         for name in WEATHER:
             assert mission(env)[name] == mission(other)[name]
-    assert mission(env)["decisions"] > 7 and mission(env)["position_m"] != mission(other)["position_m"]
+    assert (
+        mission(env)["decisions"] > 7 and mission(env)["position_m"] != mission(other)["position_m"]
+    )
     assert env.np_random.bit_generator.state == state == other.np_random.bit_generator.state
 
 
 def test_instruments_and_robots_change_no_weather() -> None:
     actions = random_actions(np.random.default_rng(0), "discrete", 12, home=0.0)
     seen = []
-    for options in ({"instruments": "exact"}, {"instruments": "gauge"}, {"true_robot": "rusti"}, {"shaping": "none"}):
+    for options in (
+        {"instruments": "exact"},
+        {"instruments": "gauge"},
+        {"true_robot": "rusti"},
+        {"shaping": "none"},
+    ):
         env = make("OutAndBack", **options)
         env.reset(seed=4)
         for action in actions:

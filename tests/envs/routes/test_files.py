@@ -52,7 +52,9 @@ def test_the_ascent_of_a_file_is_preserved(tmp_path: Path, place_m: float) -> No
     rows = [f"{d!r},{z!r}" for d, z in zip(distance.tolist(), elevation.tolist(), strict=True)]
     route = load_route(route_file(tmp_path, "\n".join(["distance_m,elevation_m", *rows])), place_m)
     assert len(route.grade_rad) <= MAX_PLACES and route.length_m == pytest.approx(distance[-1])
-    assert (np.sin(route.grade_rad) * route.place_m).sum() == pytest.approx(elevation[-1] - elevation[0])
+    assert (np.sin(route.grade_rad) * route.place_m).sum() == pytest.approx(
+        elevation[-1] - elevation[0]
+    )
 
 
 def test_a_closed_heading_turns_the_short_way(tmp_path: Path) -> None:
@@ -117,7 +119,11 @@ def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["distance_m;grade_rad\n0;0,1\n1,5;-0,1\n", "# tabs\ndistance_m\tgrade_rad\n0\t0.1\n1.5\t-0.1\n"]
+    "text",
+    [
+        "distance_m;grade_rad\n0;0,1\n1,5;-0,1\n",
+        "# tabs\ndistance_m\tgrade_rad\n0\t0.1\n1.5\t-0.1\n",
+    ],
 )
 def test_semicolons_tabs_and_decimal_commas_are_read(tmp_path: Path, text: str) -> None:
     expected = load_route(route_file(tmp_path, "distance_m,grade_rad\n0,0.1\n1.5,-0.1\n"), 0.5)
@@ -133,7 +139,11 @@ def test_a_route_that_is_none_names_those_that_are(route: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ['"distance_m","grade_rad"\n"0","0.1"\n"9","0.1"\n', "distance_m , grade_rad #\n 0, 0.1 # x\n9 ,0.1\n"]
+    "text",
+    [
+        '"distance_m","grade_rad"\n"0","0.1"\n"9","0.1"\n',
+        "distance_m , grade_rad #\n 0, 0.1 # x\n9 ,0.1\n",
+    ],
 )
 def test_quotes_spaces_and_comments_are_no_part_of_a_value(tmp_path: Path, text: str) -> None:
     route = load_route(route_file(tmp_path, text), 3.0)
@@ -141,18 +151,25 @@ def test_quotes_spaces_and_comments_are_no_part_of_a_value(tmp_path: Path, text:
 
 
 @pytest.mark.parametrize(
-    ("rise_m", "climbs"), [(thresholds.STEEPEST_SINE - 1e-6, True), (thresholds.STEEPEST_SINE + 1e-6, False)]
+    ("rise_m", "climbs"),
+    [(thresholds.STEEPEST_SINE - 1e-6, True), (thresholds.STEEPEST_SINE + 1e-6, False)],
 )
-def test_the_steepest_slope_is_the_last_that_is_read(tmp_path: Path, rise_m: float, climbs: bool) -> None:
+def test_the_steepest_slope_is_the_last_that_is_read(
+    tmp_path: Path, rise_m: float, climbs: bool
+) -> None:
     path = route_file(tmp_path, f"distance_m,elevation_m\n0,0\n1,{rise_m!r}\n2,{rise_m!r}\n")
     if climbs:
         assert np.sin(load_route(path, 1.0).grade_rad) == pytest.approx([rise_m, 0.0], abs=1e-12)
     else:
-        with pytest.raises(RouteError, match=r"changes by 0.700001 m in 1 m of way, which is too steep; feet\?"):
+        with pytest.raises(
+            RouteError, match=r"changes by 0.700001 m in 1 m of way, which is too steep; feet\?"
+        ):
             load_route(path, 1.0)
 
 
-def test_places_are_shortened_to_fill_the_route_and_lengthened_when_too_many(tmp_path: Path) -> None:
+def test_places_are_shortened_to_fill_the_route_and_lengthened_when_too_many(
+    tmp_path: Path,
+) -> None:
     path = route_file(tmp_path, "distance_m\n0\n100\n")
     cut = {place_m: load_route(path, place_m) for place_m in (1000.0, 100.0, 50.0, 30.0, 0.1)}
     assert [len(route.grade_rad) for route in cut.values()] == [1, 1, 2, 4, MAX_PLACES]

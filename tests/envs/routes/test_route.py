@@ -1,4 +1,5 @@
-"""Routes: the generator's distributions, the named case of hidden wind, and what a robot makes of any route."""
+"""Routes: the generator's distributions, the named case of hidden wind, and what a robot makes of
+any route."""
 
 from __future__ import annotations
 
@@ -11,7 +12,13 @@ import pytest
 
 from homeward import load_robot
 from homeward.envs.options import OptionError
-from homeward.envs.routes.route import INTEREST_DEVIATION, INTEREST_LENGTH, MEAN_INTEREST, Route, RouteError
+from homeward.envs.routes.route import (
+    INTEREST_DEVIATION,
+    INTEREST_LENGTH,
+    MEAN_INTEREST,
+    Route,
+    RouteError,
+)
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, MAX_PLACES, RETURN
 from homeward.envs.vector import HomewardVectorEnv
@@ -23,11 +30,16 @@ MANY = 4000
 
 @pytest.fixture(scope="module")
 def days() -> Any:
-    """Records, places used and length of many generated missions, at the difficulty where the wind blows."""
+    """Records, places used and length of many generated missions, at the difficulty where the wind
+    blows."""
     envs = HomewardVectorEnv(MANY, mission="Survey", difficulty="uncertain")
     envs.reset(seed=0)
     shared = envs.batch.known.shared[0]
-    return envs.batch.records, envs.batch.routes["places"][:, : shared["places"]], float(shared["length_m"])
+    return (
+        envs.batch.records,
+        envs.batch.routes["places"][:, : shared["places"]],
+        float(shared["length_m"]),
+    )
 
 
 def error(deviation: float, count: int = MANY) -> float:
@@ -67,11 +79,15 @@ def test_interest_is_a_log_normal_process(days: Any) -> None:
     interest = places["interest"].astype(float)
     weight = np.log(interest / MEAN_INTEREST) + 0.5 * INTEREST_DEVIATION**2
     for place in (0, 15, -1):
-        assert interest[:, place].mean() == pytest.approx(1.23, abs=error(1.23 * math.sqrt(math.e - 1.0)))
+        assert interest[:, place].mean() == pytest.approx(
+            1.23, abs=error(1.23 * math.sqrt(math.e - 1.0))
+        )
         assert weight[:, place].mean() == pytest.approx(0.0, abs=error(1.0))
         assert weight[:, place].std() == pytest.approx(1.0, abs=error(1.0 / math.sqrt(2.0)))
     # Third and fourth moment of a normal number.
-    assert (weight**3).mean() == pytest.approx(0.0, abs=0.1) and (weight**4).mean() == pytest.approx(3.0, abs=0.2)
+    assert (weight**3).mean() == pytest.approx(0.0, abs=0.1) and (
+        weight**4
+    ).mean() == pytest.approx(3.0, abs=0.2)
     count = places.shape[1]
     for apart in (1, 3, 8, 20):
         correlation = (weight[:, apart:] * weight[:, :-apart]).mean()
@@ -84,10 +100,14 @@ def test_the_interest_of_a_patrol_is_the_same_process() -> None:
     """With other places: its correlation length is a tenth of its route too."""
     envs = HomewardVectorEnv(MANY, mission="Patrol")
     envs.reset(seed=0)
-    interest = envs.batch.routes["places"]["interest"][:, : envs.batch.known.shared["places"][0]].astype(float)
+    interest = envs.batch.routes["places"]["interest"][
+        :, : envs.batch.known.shared["places"][0]
+    ].astype(float)
     weight = np.log(interest / MEAN_INTEREST) + 0.5
     assert weight.std() == pytest.approx(1.0, abs=0.03)
-    assert (weight[:, 1:] * weight[:, :-1]).mean() == pytest.approx(math.exp(-10.0 / interest.shape[1]), abs=0.04)
+    assert (weight[:, 1:] * weight[:, :-1]).mean() == pytest.approx(
+        math.exp(-10.0 / interest.shape[1]), abs=0.04
+    )
 
 
 def test_routes_wind_and_their_heading_is_the_integral_of_the_curvature(days: Any) -> None:
@@ -98,12 +118,16 @@ def test_routes_wind_and_their_heading_is_the_integral_of_the_curvature(days: An
     place_m = length_m / places.shape[1]
     np.testing.assert_allclose(np.diff(heading, axis=1), curvature[:, :-1] * place_m, atol=1e-4)
     assert curvature[:, 0].std() * length_m == pytest.approx(3.0, abs=0.15)
-    assert (heading[:, 0].min(), heading[:, 0].max()) == pytest.approx((-math.pi, math.pi), abs=0.02)
+    assert (heading[:, 0].min(), heading[:, 0].max()) == pytest.approx(
+        (-math.pi, math.pi), abs=0.02
+    )
 
 
 def test_days_are_drawn_as_documented(days: Any) -> None:
     records, _, _ = days
-    temperature, wind, direction = (records[name] for name in ("temperature_c", "wind_mps", "wind_from_rad"))
+    temperature, wind, direction = (
+        records[name] for name in ("temperature_c", "wind_mps", "wind_from_rad")
+    )
     assert temperature.mean() == pytest.approx(12.0, abs=error(8.0))
     assert (temperature.min(), temperature.max()) == (-10.0, 35.0)
     assert np.median(temperature) == pytest.approx(12.0, abs=error(10.0))
@@ -119,16 +143,23 @@ def test_any_robot_meets_the_same_variety() -> None:
     for robot in ("rusti", "husky"):
         env = HomewardEnv(robot=robot)
         env.reset(seed=3)
-        profiles.append(env.batch.routes["places"][0][["sin_grade", "roughness", "interest"]].copy())
+        profiles.append(
+            env.batch.routes["places"][0][["sin_grade", "roughness", "interest"]].copy()
+        )
     np.testing.assert_array_equal(*profiles)
 
 
 def test_hidden_wind_helps_on_the_way_out_and_hurts_on_the_way_home() -> None:
     envs = HomewardVectorEnv(60, mission="OutAndBack", route="hidden_wind", difficulty="uncertain")
     envs.reset(seed=0)
-    records, places = envs.batch.records, envs.batch.routes["places"][:, : envs.batch.known.shared["places"][0]]
+    records, places = (
+        envs.batch.records,
+        envs.batch.routes["places"][:, : envs.batch.known.shared["places"][0]],
+    )
     assert ((records["wind_mps"] >= 3.0) & (records["wind_mps"] <= 6.0)).all()
-    against = np.cos(records["wind_from_rad"][:, None] - np.arctan2(places["north"], places["east"]))
+    against = np.cos(
+        records["wind_from_rad"][:, None] - np.arctan2(places["north"], places["east"])
+    )
     assert (against.mean(axis=1) < 0.0).all() and against.mean() < -0.5
     # It comes from behind, on average over the way out.
     behind = np.arctan2(-places["north"].sum(axis=1), -places["east"].sum(axis=1))
@@ -188,11 +219,17 @@ def test_routes_too_short_or_too_long_for_the_robot(
     if length_m > 1.0:
         longest_m = 5800 if mission_id == "Patrol" else 23000
         assert f"at most {longest_m} m" in str(caught.value)
-        HomewardEnv(mission=mission_id, robot="rusti", route=route_file(tmp_path, f"distance_m\n0\n{longest_m}\n"))
+        HomewardEnv(
+            mission=mission_id,
+            robot="rusti",
+            route=route_file(tmp_path, f"distance_m\n0\n{longest_m}\n"),
+        )
 
 
 def test_the_shortest_patrol_ends_its_decisions_and_counts_its_laps() -> None:
-    env = HomewardEnv(mission="Patrol", robot="rusti", route=flat(1, place_m=0.003), difficulty="known")
+    env = HomewardEnv(
+        mission="Patrol", robot="rusti", route=flat(1, place_m=0.003), difficulty="known"
+    )
     env.reset(seed=0)
     *_, info = env.step([4, 0, GO])
     legs = 30.0 / (0.003 + 0.5 * 0.003)  # at 1 m/s, with pit stops of half of a leg
@@ -201,7 +238,12 @@ def test_the_shortest_patrol_ends_its_decisions_and_counts_its_laps() -> None:
 
 def flat(count: int, **changes: Any) -> Route:
     zeros = np.zeros(count)
-    values: dict[str, Any] = {"place_m": 10.0, "grade_rad": zeros, "roughness": zeros, "interest": zeros + 1.0}
+    values: dict[str, Any] = {
+        "place_m": 10.0,
+        "grade_rad": zeros,
+        "roughness": zeros,
+        "interest": zeros + 1.0,
+    }
     return Route(**values | {"heading_rad": zeros} | changes)
 
 
@@ -242,7 +284,9 @@ def test_a_route_made_in_python_is_checked(changes: dict[str, Any]) -> None:
 @pytest.mark.parametrize("count", range(1, MAX_PLACES + 1))
 def test_the_end_of_any_route_is_reached(count: int) -> None:
     """With places whose sum rounds below the length or above it."""
-    env = HomewardEnv(mission="OutAndBack", route=flat(count, place_m=0.1), difficulty="known", decision_s=50.0)
+    env = HomewardEnv(
+        mission="OutAndBack", route=flat(count, place_m=0.1), difficulty="known", decision_s=50.0
+    )
     env.reset(seed=0)
     *_, end = drive(env, [[4, 0, GO]] * 2)
     assert end.info["position_m"] == pytest.approx(0.1 * count)
@@ -250,25 +294,34 @@ def test_the_end_of_any_route_is_reached(count: int) -> None:
     assert home.info["home"] and home.info["score"] == pytest.approx(0.1 * count)
 
 
-@pytest.mark.parametrize(("route", "grade_rad", "length_m"), [("box", 0.0, 0.38), ("incline", 0.09966, 0.5)])
+@pytest.mark.parametrize(
+    ("route", "grade_rad", "length_m"), [("box", 0.0, 0.38), ("incline", 0.09966, 0.5)]
+)
 @pytest.mark.parametrize("speed", [2, 4])
 def test_patrols_on_the_papers_trajectories_draw_what_the_model_says(
     route: str, grade_rad: float, length_m: float, speed: int
 ) -> None:
-    """Eqs. 3, 5 and 7 with the duty cycle of a mission in turns: forth, pit stop, back, pit stop."""
+    """Eqs. 3, 5 and 7 with the duty cycle of a mission in turns: forth, pit stop, back, pit
+    stop."""
     rusti = load_robot("rusti")
     env = HomewardEnv(mission="Patrol", robot=rusti, route=route, difficulty="known")
     env.reset(seed=0)
     *_, last = drive(env, [[speed, 4, GO]] * 10)
     m, ledger = mission(env), last.info["energy_j"]
     speed_mps = 0.1 + 0.9 * speed / 4
-    forth_n, back_n = (float(traction_force(rusti, speed_mps, sign * grade_rad)) for sign in (1.0, -1.0))
+    forth_n, back_n = (
+        float(traction_force(rusti, speed_mps, sign * grade_rad)) for sign in (1.0, -1.0)
+    )
     force_n = 0.5 * (forth_n + max(back_n, 0.0))
     drive_j = ledger["rolling"] + ledger["drag"] + ledger["grade"]
     assert m["legs"] > 100
     # A leg that is under way at the end may be the dearer one.
-    assert drive_j == pytest.approx(force_n * m["distance_m"] / rusti.traction_efficiency, rel=2.0 / m["legs"])
-    assert ledger.total() - drive_j == pytest.approx(float(ancillary_power(rusti, 100.0)) * m["time_s"], rel=1e-9)
+    assert drive_j == pytest.approx(
+        force_n * m["distance_m"] / rusti.traction_efficiency, rel=2.0 / m["legs"]
+    )
+    assert ledger.total() - drive_j == pytest.approx(
+        float(ancillary_power(rusti, 100.0)) * m["time_s"], rel=1e-9
+    )
     duty = m["distance_m"] / speed_mps / m["time_s"]
     pit_stop_s = float(env.batch.known.shared["pit_stop_s"][0])
     leg_s = length_m / speed_mps

@@ -19,6 +19,11 @@ def test_numbers_that_are_derived_are_what_is_derived() -> None:
 
 
 def test_limits_of_one_thing_are_in_order() -> None:
-    assert thresholds.STEEPEST_OF_TRACK < thresholds.STEEPEST_SINE < math.sin(shared.STEEPEST_RAD) < STEEPEST_READ
+    assert (
+        thresholds.STEEPEST_OF_TRACK
+        < thresholds.STEEPEST_SINE
+        < math.sin(shared.STEEPEST_RAD)
+        < STEEPEST_READ
+    )
     assert thresholds.CAPPED_SHARE < thresholds.MISSING_SHARE
     assert thresholds.SPACING_M < thresholds.SHORTEST_M < thresholds.JUMP_M

@@ -1,4 +1,5 @@
-"""Tracks become routes: known ascents come out, noise does not, and what cannot be used says why."""
+"""Tracks become routes: known ascents come out, noise does not, and what cannot be used says
+why."""
 
 import dataclasses
 import gzip
@@ -51,7 +52,10 @@ def write_gpx(path: Path, distance_m: Array, elevation_m: Array) -> Path:
 
 def write_csv(path: Path, distance_m: Array, elevation_m: Array) -> Path:
     """Write a way due north as positions."""
-    rows = (f"{45.0 + d / M_PER_DEGREE:.9f},7.0,{h}\n" for d, h in zip(distance_m, elevation_m, strict=True))
+    rows = (
+        f"{45.0 + d / M_PER_DEGREE:.9f},7.0,{h}\n"
+        for d, h in zip(distance_m, elevation_m, strict=True)
+    )
     path.write_text("latitude_deg,longitude_deg,elevation_m\n" + "".join(rows))
     return path
 
@@ -97,14 +101,18 @@ def test_the_ascent_of_a_real_ride_is_what_its_barometer_counted(ride: tuple[Arr
 
 
 @pytest.mark.parametrize("kind", [".gpx", ".fit"])
-def test_a_file_of_the_ride_gives_the_same_ascent(tmp_path: Path, ride: tuple[Array, Array], kind: str) -> None:
+def test_a_file_of_the_ride_gives_the_same_ascent(
+    tmp_path: Path, ride: tuple[Array, Array], kind: str
+) -> None:
     distance, height = (values[::5] for values in ride)
     found = smoothed(WRITERS[kind](tmp_path / f"ride{kind}", distance, height))
     assert found.ascent_m == pytest.approx(RIDE_ASCENT_M, rel=0.03)
 
 
 @pytest.mark.parametrize("part", range(3))
-def test_the_ascent_survives_the_cut_into_places(tmp_path: Path, ride: tuple[Array, Array], part: int) -> None:
+def test_the_ascent_survives_the_cut_into_places(
+    tmp_path: Path, ride: tuple[Array, Array], part: int
+) -> None:
     distance, height = ride
     here = (distance >= 16_000.0 * part) & (distance <= 16_000.0 * (part + 1))
     path = write_gpx(tmp_path / "part.gpx", distance[here], height[here])
@@ -116,7 +124,9 @@ def test_the_ascent_survives_the_cut_into_places(tmp_path: Path, ride: tuple[Arr
 @pytest.mark.parametrize("kind", WRITERS)
 def test_every_kind_of_file_becomes_the_same_route(tmp_path: Path, kind: str) -> None:
     distance = np.arange(0.0, 2000.0, 7.0)
-    route = load_route(WRITERS[kind](tmp_path / f"track{kind}", distance, 100.0 + 0.05 * distance), 100.0)
+    route = load_route(
+        WRITERS[kind](tmp_path / f"track{kind}", distance, 100.0 + 0.05 * distance), 100.0
+    )
     assert route.length_m == pytest.approx(distance[-1] * np.hypot(1.0, 0.05), rel=1e-3)
     np.testing.assert_allclose(route.grade_rad, np.arctan(0.05), atol=2e-3)
     np.testing.assert_allclose(np.sin(route.heading_rad), 1.0, atol=1e-6)  # north
@@ -128,7 +138,9 @@ def test_noise_and_spikes_make_no_hills() -> None:
     hills = 200.0 + 15.0 * np.sin(distance / 2000.0 * 2.0 * np.pi)  # 10 hills of 30 m
     noisy = hills + rng.normal(0.0, 2.0, len(hills))
     noisy[rng.integers(0, len(hills), 50)] += 40.0
-    assert profile(Track(noisy, distance_m=distance), "hills").ascent_m == pytest.approx(300.0, rel=0.03)
+    assert profile(Track(noisy, distance_m=distance), "hills").ascent_m == pytest.approx(
+        300.0, rel=0.03
+    )
     flat = rng.normal(0.0, 2.0, len(hills))
     assert np.clip(np.diff(flat), 0.0, None).sum() > 4000.0
     assert profile(Track(flat, distance_m=distance), "flat").ascent_m < 20.0
@@ -136,7 +148,9 @@ def test_noise_and_spikes_make_no_hills() -> None:
 
 def test_a_robot_that_stands_does_not_drive() -> None:
     rng = np.random.default_rng(1)
-    along = np.concatenate((np.linspace(0.0, 500.0, 1000), np.full(600, 500.0), np.linspace(500.0, 1000.0, 1000)))
+    along = np.concatenate(
+        (np.linspace(0.0, 500.0, 1000), np.full(600, 500.0), np.linspace(500.0, 1000.0, 1000))
+    )
     jitter = rng.normal(0.0, 0.7, (2, len(along)))
     north, east = (along + jitter[0]) / M_PER_DEGREE, jitter[1] / M_PER_DEGREE
     raw = np.hypot(np.diff(north), np.diff(east)).sum() * M_PER_DEGREE
@@ -147,7 +161,9 @@ def test_a_robot_that_stands_does_not_drive() -> None:
 
 def test_a_way_round_has_a_heading_that_goes_round() -> None:
     angle = np.linspace(0.0, 2.0 * np.pi, 400)
-    track = Track(np.zeros(400), 200.0 * np.sin(angle) / M_PER_DEGREE, 200.0 * np.cos(angle) / M_PER_DEGREE)
+    track = Track(
+        np.zeros(400), 200.0 * np.sin(angle) / M_PER_DEGREE, 200.0 * np.cos(angle) / M_PER_DEGREE
+    )
     found = profile(track, "circle")
     assert found.heading_rad[-1] - found.heading_rad[0] == pytest.approx(2.0 * np.pi, abs=0.3)
     assert found.distance_m[-1] == pytest.approx(400.0 * np.pi, rel=0.01)
@@ -163,7 +179,9 @@ def test_a_missing_height_is_interpolated_and_a_wall_is_cut() -> None:
     height = 0.05 * distance
     height[::9] = np.nan
     with pytest.warns(UserWarning, match="gaps: 223 of 2000 elevations are unknown"):
-        assert profile(Track(height, distance_m=distance), "gaps").ascent_m == pytest.approx(500.0, rel=0.01)
+        assert profile(Track(height, distance_m=distance), "gaps").ascent_m == pytest.approx(
+            500.0, rel=0.01
+        )
     wall = np.where(distance < 5000.0, 0.0, 100.0)
     slope = profile(Track(wall, distance_m=distance), "wall")
     grade = np.diff(slope.elevation_m) / np.diff(slope.distance_m)
@@ -195,11 +213,27 @@ BROKEN: dict[str, tuple[str, Callable[[Path], Any], str]] = {
     "no points": ("a.gpx", spoil("<gpx></gpx>"), "has 0 points"),
     "no height": ("a.gpx", without_height, "50 of 50 points have no elevation"),
     "short": ("a.gpx", lambda p: write_gpx(p, np.arange(5.0), np.zeros(5)), "give at least 100 m"),
-    "feet": ("a.gpx", lambda p: write_gpx(p, np.arange(0.0, 500.0, 5.0), np.arange(100.0) * 5.0), "steeper than 30"),
+    "feet": (
+        "a.gpx",
+        lambda p: write_gpx(p, np.arange(0.0, 500.0, 5.0), np.arange(100.0) * 5.0),
+        "steeper than 30",
+    ),
     "no FIT": ("a.fit", spoil("FIT"), "is not a whole FIT file"),
-    "indoors": ("a.fit", lambda p: write_fit(p, np.zeros(3), np.zeros(3), True), "neither positions nor"),
-    "degrees": ("a.csv", spoil("latitude_deg,longitude_deg,elevation_m\n95,7,0\n96,7,0\n"), "at latitude 95"),
-    "columns": ("a.csv", spoil("latitude_deg,longitude_deg,grade_rad\n1,2,0\n3,4,0\n"), "a track has the columns"),
+    "indoors": (
+        "a.fit",
+        lambda p: write_fit(p, np.zeros(3), np.zeros(3), True),
+        "neither positions nor",
+    ),
+    "degrees": (
+        "a.csv",
+        spoil("latitude_deg,longitude_deg,elevation_m\n95,7,0\n96,7,0\n"),
+        "at latitude 95",
+    ),
+    "columns": (
+        "a.csv",
+        spoil("latitude_deg,longitude_deg,grade_rad\n1,2,0\n3,4,0\n"),
+        "a track has the columns",
+    ),
 }
 
 
@@ -220,10 +254,14 @@ def test_a_fit_file_cut_short_says_so(tmp_path: Path) -> None:
         read_track(path)
 
 
-def test_a_missing_package_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = write_gpx(tmp_path / "a.gpx", np.arange(5.0), np.zeros(5))
     monkeypatch.setitem(__import__("sys").modules, "gpxpy", None)
-    with pytest.raises(RouteError, match=r"needs gpxpy; install it with pip install 'homeward\[logs\]'"):
+    with pytest.raises(
+        RouteError, match=r"needs gpxpy; install it with pip install 'homeward\[logs\]'"
+    ):
         read_track(path)
 
 
@@ -244,7 +282,9 @@ def test_a_fix_at_the_origin_of_the_globe_is_left_out(tmp_path: Path) -> None:
     text = path.read_text().split("<trkpt ")
     text[90] = 'lat="0" lon="0">' + text[90].partition(">")[2]
     path.write_text("<trkpt ".join(text))
-    with pytest.warns(UserWarning, match="1 of 200 points are at latitude 0, longitude 0.*left out"):
+    with pytest.warns(
+        UserWarning, match="1 of 200 points are at latitude 0, longitude 0.*left out"
+    ):
         route = smoothed(path)
     assert route.distance_m[-1] == pytest.approx(whole, rel=1e-3)
 
@@ -266,12 +306,15 @@ def test_the_names_that_loggers_write_are_a_track(tmp_path: Path, header: str) -
 
 
 def test_a_fit_file_that_is_damaged_anywhere_is_read_or_refused(tmp_path: Path) -> None:
-    """Definitions of fields that are changed make fitdecode raise AssertionError, KeyError, TypeError and others."""
+    """Definitions of fields that are changed make fitdecode raise AssertionError, KeyError,
+    TypeError and others."""
     content = write_fit(tmp_path / "a.fit", np.arange(0.0, 60.0, 5.0), np.zeros(12)).read_bytes()
     refused = 0
     for place in range(12, min(len(content), 160)):
         for value in (0, 7, 103, 255):
-            (tmp_path / "b.fit").write_bytes(content[:place] + bytes([value]) + content[place + 1 :])
+            (tmp_path / "b.fit").write_bytes(
+                content[:place] + bytes([value]) + content[place + 1 :]
+            )
             with warnings.catch_warnings(action="ignore"):
                 try:
                     read_track(tmp_path / "b.fit")
@@ -290,13 +333,16 @@ def test_elevations_that_no_ground_has_are_unknown(tmp_path: Path) -> None:
 
 
 def segments_of(path: Path, *segments: tuple[int, int]) -> Path:
-    """A file of segments along one way, with points every 10 m, by the numbers of their first and last point."""
+    """A file of segments along one way, with points every 10 m, by the numbers of their first and
+    last point."""
     gpx = gpxpy.gpx.GPX()
     gpx.tracks.append(gpxpy.gpx.GPXTrack())
     for first, last in segments:
         segment = gpxpy.gpx.GPXTrackSegment()
         for i in range(first, last):
-            segment.points.append(gpxpy.gpx.GPXTrackPoint(47.0 + 10.0 * i / M_PER_DEGREE, 8.0, 400.0))
+            segment.points.append(
+                gpxpy.gpx.GPXTrackPoint(47.0 + 10.0 * i / M_PER_DEGREE, 8.0, 400.0)
+            )
         gpx.tracks[0].segments.append(segment)
     path.write_text(gpx.to_xml())
     return path
@@ -308,7 +354,11 @@ def segments_of(path: Path, *segments: tuple[int, int]) -> Path:
         (((0, 30), (0, 60), (0, 90)), 890.0, "2 segments repeat points of others"),
         (((0, 90), (0, 90)), 890.0, "1 segments repeat points"),
         (((0, 40), (45, 90)), 890.0, None),
-        (((0, 30), (60, 200)), 1390.0, r"2 parts with gaps of more than 100 m between them \(30, 140 points\)"),
+        (
+            ((0, 30), (60, 200)),
+            1390.0,
+            r"2 parts with gaps of more than 100 m between them \(30, 140 points\)",
+        ),
     ],
 )
 def test_what_was_not_driven_is_no_way(
@@ -329,12 +379,16 @@ def test_a_track_without_heights_takes_a_slope_from_its_user(tmp_path: Path, end
         write_gpx(path, distance, np.zeros(50))
         path.write_text(re.sub("<ele>.*?</ele>", "", path.read_text()))
     else:
-        path.write_text("lat,lon\n" + "".join(f"{45.0 + d / M_PER_DEGREE:.9f},7.0\n" for d in distance))
+        path.write_text(
+            "lat,lon\n" + "".join(f"{45.0 + d / M_PER_DEGREE:.9f},7.0\n" for d in distance)
+        )
     with pytest.raises(RouteError, match=f"{ending}@flat, or .*{ending}@grade_rad=SLOPE"):
         load_route(path, 50.0)
     assert not load_route(f"{path}@flat", 50.0).grade_rad.any()
     sloped = load_route(f"{path}@grade_rad=0.02", 50.0)
-    assert np.allclose(sloped.grade_rad, 0.02) and sloped.length_m == pytest.approx(1000.0 / np.cos(0.02), rel=1e-3)
+    assert np.allclose(sloped.grade_rad, 0.02) and sloped.length_m == pytest.approx(
+        1000.0 / np.cos(0.02), rel=1e-3
+    )
     with pytest.raises(RouteError, match="@grade_rad=2 is no slope"):
         load_route(f"{path}@grade_rad=2", 50.0)
     env: Any = gym.make("homeward/OutAndBack-v0", robot="husky", route=f"{path}@flat")

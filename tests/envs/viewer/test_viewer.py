@@ -76,9 +76,14 @@ def texts(monkeypatch: pytest.MonkeyPatch) -> list[Text]:
     drawn: list[Text] = []
     draw = Canvas.text
 
-    def note(canvas: Canvas, at: Any, text: str, size: int = 12, *rest: Any, **keywords: Any) -> float:
+    def note(
+        canvas: Canvas, at: Any, text: str, size: int = 12, *rest: Any, **keywords: Any
+    ) -> float:
         width = draw(canvas, at, text, size, *rest, **keywords)
-        left = at[0] - {"left": 0.0, "centre": 0.5, "right": 1.0}[keywords.get("align", "left")] * width
+        left = (
+            at[0]
+            - {"left": 0.0, "centre": 0.5, "right": 1.0}[keywords.get("align", "left")] * width
+        )
         drawn.append(Text(left, at[1] - 0.5 * size, width, size, text))
         return width
 
@@ -150,7 +155,11 @@ def test_recording_works_without_a_screen(tmp_path: Path, root: Path) -> None:
         "with VideoFileClip(sys.argv[1] + '/rl-video-episode-0.mp4') as clip:\n"
         "    print(clip.size, clip.duration)\n"
     )
-    environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "SDL_VIDEODRIVER")}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("DISPLAY", "SDL_VIDEODRIVER")
+    }
     done = subprocess.run(
         [sys.executable, "-W", "error::UserWarning", "-c", program, str(tmp_path / "clips")],
         cwd=root, env=environment, capture_output=True, text=True,
@@ -198,12 +207,19 @@ def test_rendering_needs_a_mode_and_a_mission() -> None:
         HomewardEnv(render_mode="ansi").render()
 
 
-def test_a_missing_pygame_is_said_when_the_environment_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_pygame_is_said_when_the_environment_is_made(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     find = importlib.util.find_spec
     monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *rest: None if name == "pygame" else find(name, *rest)
+        importlib.util,
+        "find_spec",
+        lambda name, *rest: None if name == "pygame" else find(name, *rest),
     )
-    with pytest.raises(OptionError, match=r"^render_mode = 'rgb_array' needs pygame: pip install 'homeward\[view\]'$"):
+    with pytest.raises(
+        OptionError,
+        match=r"^render_mode = 'rgb_array' needs pygame: pip install 'homeward\[view\]'$",
+    ):
         HomewardEnv(render_mode="rgb_array")
     env = HomewardEnv(render_mode="ansi")
     env.reset(seed=0)
@@ -230,7 +246,9 @@ def test_every_cause_has_one_place_in_the_battery() -> None:
 def test_the_battery_adds_up(mission: str, difficulty: str) -> None:
     scenes = list(random_walk(make(mission, difficulty=difficulty, render_mode="ansi"), seed=1))
     for scene in scenes:
-        assert scene.worn_j + sum(scene.used_j.values()) + scene.left_j == pytest.approx(scene.full_j)
+        assert scene.worn_j + sum(scene.used_j.values()) + scene.left_j == pytest.approx(
+            scene.full_j
+        )
     for before, after in itertools.pairwise(scenes):
         passed_s = after.time_s - before.time_s
         assert after.power_w * passed_s == pytest.approx(before.left_j - after.left_j)
@@ -238,7 +256,9 @@ def test_the_battery_adds_up(mission: str, difficulty: str) -> None:
 
 @pytest.mark.parametrize("instruments", ["exact", "meter", "gauge"])
 def test_readings_are_shown_beside_the_truth(instruments: str, texts: list[Text]) -> None:
-    env = HomewardEnv(mission="Survey", difficulty="harsh", instruments=instruments, render_mode="rgb_array")
+    env = HomewardEnv(
+        mission="Survey", difficulty="harsh", instruments=instruments, render_mode="rgb_array"
+    )
     apart = set()
     for scene in random_walk(env, seed=3, most=40):
         m = env.batch.records[0]
@@ -248,7 +268,12 @@ def test_readings_are_shown_beside_the_truth(instruments: str, texts: list[Text]
         if scene.decision == 0 or scene.over:
             continue
         charge = scene.left_j / (scene.full_j - scene.worn_j)
-        apart.add((abs(scene.gauge_j / scene.full_j - charge) > 1e-9, abs(scene.read_w - scene.power_w) > 1e-9))
+        apart.add(
+            (
+                abs(scene.gauge_j / scene.full_j - charge) > 1e-9,
+                abs(scene.read_w - scene.power_w) > 1e-9,
+            )
+        )
         texts.clear()
         env.render()
         words = [text.words for text in texts]
@@ -257,7 +282,10 @@ def test_readings_are_shown_beside_the_truth(instruments: str, texts: list[Text]
         assert rows["gauge reads"] == f"{100.0 * scene.gauge_j / scene.full_j:.1f} %"
         assert rows["left"] == f"{100.0 * scene.left_j / scene.full_j:.1f} %"
         lines = describe(scene)
-        assert f"{scene.left_j / scene.full_j:.0%} left, gauge {scene.gauge_j / scene.full_j:.0%}, way home" in lines
+        assert (
+            f"{scene.left_j / scene.full_j:.0%} left, gauge {scene.gauge_j / scene.full_j:.0%}, way home"
+            in lines
+        )
     assert (True, True) in apart if instruments != "exact" else apart == {(False, False)}
 
 
@@ -280,27 +308,38 @@ def test_a_robot_that_is_asked_to_return_is_seen_to_head_home() -> None:
 def test_what_is_drawn_as_gathered_is_what_was_gathered() -> None:
     env = make("Survey", render_mode="ansi", decision_s=SHORT_S / 10.0)
     for scene in random_walk(env, seed=2, most=80):
-        places = np.minimum(np.maximum(scene.edges_m[1:] - scene.sensed[:, :1], 0.0), np.diff(scene.edges_m))
-        overlap = places - np.minimum(np.maximum(scene.edges_m[1:] - scene.sensed[:, 1:2], 0.0), np.diff(scene.edges_m))
+        places = np.minimum(
+            np.maximum(scene.edges_m[1:] - scene.sensed[:, :1], 0.0), np.diff(scene.edges_m)
+        )
+        overlap = places - np.minimum(
+            np.maximum(scene.edges_m[1:] - scene.sensed[:, 1:2], 0.0), np.diff(scene.edges_m)
+        )
         gathered = float((overlap * scene.sensed[:, 2:] * scene.interest).sum())
-        assert gathered == pytest.approx(scene.delivered + scene.on_board + scene.lost, rel=1e-3, abs=1e-6)
+        assert gathered == pytest.approx(
+            scene.delivered + scene.on_board + scene.lost, rel=1e-3, abs=1e-6
+        )
     assert gathered > 0.0
 
 
 def test_the_point_of_no_return_is_half_the_range_on_flat_ground() -> None:
     robot = homeward.load_robot("rusti")
-    env = make("OutAndBack", robot=robot, difficulty="known", route=flat(4000.0), render_mode="ansi")
+    env = make(
+        "OutAndBack", robot=robot, difficulty="known", route=flat(4000.0), render_mode="ansi"
+    )
     env.reset(seed=0)
     assert seen(env).no_return_m == pytest.approx(float(d_max(robot)) / 2.0, rel=1e-3)
 
 
 def drive(env: HomewardEnv, past_m: float) -> tuple[Scene, Scene]:
-    """Go out until the next decision would end further than some metres past the point of no return; then home.
+    """Go out until the next decision would end further than some metres past the point of no
+    return; then home.
 
     Returns:
         The scene at the turn and that of the end.
     """
-    step_m = float(env.batch.known.shared["decision_s"][0] * env.batch.known.shared["cruise_mps"][0])
+    step_m = float(
+        env.batch.known.shared["decision_s"][0] * env.batch.known.shared["cruise_mps"][0]
+    )
     while True:
         limit_m = seen(env).no_return_m
         if limit_m is not None and seen(env).position_m + step_m > limit_m + past_m:
@@ -328,7 +367,8 @@ def test_before_the_point_of_no_return_a_robot_gets_home_and_beyond_it_strands(s
 
 
 def test_the_point_of_no_return_knows_no_more_than_the_robot() -> None:
-    """Two routes that look alike from the start, with the same mean, have the same point of no return there."""
+    """Two routes that look alike from the start, with the same mean, have the same point of no
+    return there."""
     plain = np.zeros(32)
     hill = plain.copy()
     hill[4:18], hill[18:] = 0.2, -0.2
@@ -380,7 +420,12 @@ def test_words_stay_in_the_picture_and_apart(mission: str, robot: str, texts: li
             texts.clear()
             env.render()
             for index, one in enumerate(texts):
-                assert one.left >= 0.0 and one.right <= 960.0 and one.top >= 0.0 and one.bottom <= 540.0, one.words
+                assert (
+                    one.left >= 0.0
+                    and one.right <= 960.0
+                    and one.top >= 0.0
+                    and one.bottom <= 540.0
+                ), one.words
                 for other in texts[:index]:
                     assert not one.meets(other), f"{one.words!r} over {other.words!r}"
 

@@ -1,4 +1,5 @@
-"""Logs of PX4 and ArduPilot as recordings: real formats, units and axes as their sources say, damage in one line."""
+"""Logs of PX4 and ArduPilot as recordings: real formats, units and axes as their sources say,
+damage in one line."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ POSITION = {
 }  # fmt: skip
 HALF = np.stack([HEADING_RAD, GRADE_RAD]) / 2.0
 (COS, COS_UP), (SIN, SIN_UP) = np.cos(HALF), np.sin(HALF)
-TURNED = COS * COS_UP, -SIN * SIN_UP, COS * SIN_UP, SIN * COS_UP  # to the heading first, then the nose up
+# to the heading first, then the nose up
+TURNED = COS * COS_UP, -SIN * SIN_UP, COS * SIN_UP, SIN * COS_UP
 PX4 = {
     "battery_status": (SLOW_S, {"voltage_v": 25.0, "current_a": CURRENT_A, "remaining": 0.9 - SLOW_S / 1e3}),
     "vehicle_local_position": (FAST_S, POSITION),
@@ -53,9 +55,12 @@ def px4(folder: Path, **changes: object) -> Path:
     return write_ulog(folder / "run.ulg", messages)  # type: ignore[arg-type]
 
 
-def ardupilot(folder: Path, *changes: tuple[str, Array, Mapping[str, object]], without: str = "") -> Path:
+def ardupilot(
+    folder: Path, *changes: tuple[str, Array, Mapping[str, object]], without: str = ""
+) -> Path:
     return write_dataflash(
-        folder / "00000001.BIN", [one for one in ARDUPILOT if one[0] not in without.split()] + [*changes]
+        folder / "00000001.BIN",
+        [one for one in ARDUPILOT if one[0] not in without.split()] + [*changes],
     )
 
 
@@ -69,15 +74,21 @@ def check(recording: Recording) -> None:
     np.testing.assert_allclose(given["speed_mps"], 0.8 * np.cos(time_s / 6.0), atol=1e-3)
     np.testing.assert_allclose(given["yaw_rate_radps"], -0.03, rtol=1e-5)
     np.testing.assert_allclose(np.diff(given["heading_rad"])[1:-1], -0.003, atol=2e-4)
-    np.testing.assert_allclose(given["grade_rad"][8:-8], 0.1 * np.sin(time_s / 10.0)[8:-8], atol=5e-4)
+    np.testing.assert_allclose(
+        given["grade_rad"][8:-8], 0.1 * np.sin(time_s / 10.0)[8:-8], atol=5e-4
+    )
     np.testing.assert_allclose(given["elevation_m"], 300.0 + 0.1 * time_s, atol=5e-3)
 
 
 def test_a_log_of_px4_reads_as_the_drive_that_it_is_of(tmp_path: Path) -> None:
     recording = read_recording(px4(tmp_path))
     check(recording)
-    np.testing.assert_allclose(recording.channels["soc"], 0.9 - recording.channels["time_s"] / 1e3, atol=1e-6)
-    assert recording.notes[0].startswith("topic mapping px4: power from battery_status, motion from vehicle_local_pos")
+    np.testing.assert_allclose(
+        recording.channels["soc"], 0.9 - recording.channels["time_s"] / 1e3, atol=1e-6
+    )
+    assert recording.notes[0].startswith(
+        "topic mapping px4: power from battery_status, motion from vehicle_local_pos"
+    )
 
 
 def test_a_log_of_ardupilot_reads_as_the_drive_that_it_is_of(tmp_path: Path) -> None:
@@ -89,10 +100,14 @@ def test_a_log_of_ardupilot_reads_as_the_drive_that_it_is_of(tmp_path: Path) -> 
 def test_the_rover_modules_speed_comes_first(tmp_path: Path) -> None:
     status = FAST_S, {"measured_speed_body_x": 0.5 + 0.0 * FAST_S}
     for name in ("rover_speed_status", "rover_velocity_status"):
-        np.testing.assert_allclose(read_recording(px4(tmp_path, **{name: status})).channels["speed_mps"], 0.5)
+        np.testing.assert_allclose(
+            read_recording(px4(tmp_path, **{name: status})).channels["speed_mps"], 0.5
+        )
 
 
-def test_a_speed_without_rover_messages_comes_from_the_receiver_where_it_has_a_fix(tmp_path: Path) -> None:
+def test_a_speed_without_rover_messages_comes_from_the_receiver_where_it_has_a_fix(
+    tmp_path: Path,
+) -> None:
     fixed = FAST_S > 10.0
     gps = FAST_S, {"vel_m_s": np.where(fixed, 1.2, 9.0), "fix_type": np.where(fixed, 3.0, 0.0)}
     received = px4(tmp_path, vehicle_local_position=None, vehicle_gps_position=gps)
@@ -105,7 +120,11 @@ def test_a_speed_without_rover_messages_comes_from_the_receiver_where_it_has_a_f
 
 def test_what_px4_marks_as_unknown_is_left_out(tmp_path: Path) -> None:
     unknown = np.arange(len(SLOW_S)) % 4 == 0
-    battery = {"voltage_v": 25.0, "current_a": np.where(unknown, -1.0, CURRENT_A), "remaining": -1.0}
+    battery = {
+        "voltage_v": 25.0,
+        "current_a": np.where(unknown, -1.0, CURRENT_A),
+        "remaining": -1.0,
+    }
     given = read_recording(px4(tmp_path, battery_status=(SLOW_S, battery))).channels
     assert given["current_a"].min() > 1.9
     assert "soc" not in given
@@ -114,7 +133,8 @@ def test_what_px4_marks_as_unknown_is_left_out(tmp_path: Path) -> None:
     assert len(given["time_s"]) == pytest.approx(200, abs=2)
     assert "elevation_m" not in given
     with pytest.raises(
-        RecordingError, match="has no power by the topic mapping px4; battery_status gives current_a as"
+        RecordingError,
+        match="has no power by the topic mapping px4; battery_status gives current_a as",
     ):
         read_recording(px4(tmp_path, battery_status=(SLOW_S, {**battery, "current_a": -1.0})))
 
@@ -124,11 +144,18 @@ def test_of_several_batteries_at_other_voltages_the_mapping_names_one(tmp_path: 
     second = later_s, {"voltage_v": 12.0, "current_a": 1.0, "remaining": 0.5}
     of_px4 = px4(tmp_path, **{"battery_status#1": second})
     of_ardupilot = ardupilot(tmp_path, ("BAT", later_s, {"Inst": 1, "Volt": 12.0, "Curr": 1.0}))
-    for path, mapping, name in ((of_px4, "px4", "battery_status"), (of_ardupilot, "ardupilot", "BAT")):
-        with pytest.raises(RecordingError, match=rf"has several batteries, .*{name}@0 .*{name}@1 \(1 at 12 V\)"):
+    for path, mapping, name in (
+        (of_px4, "px4", "battery_status"),
+        (of_ardupilot, "ardupilot", "BAT"),
+    ):
+        with pytest.raises(
+            RecordingError, match=rf"has several batteries, .*{name}@0 .*{name}@1 \(1 at 12 V\)"
+        ):
             read_recording(path)
         mine = tmp_path / "mine.toml"
-        shipped = Path(str(files("homeward.logs.bags") / "maps" / f"{mapping}.toml")).read_text("utf-8")
+        shipped = Path(str(files("homeward.logs.bags") / "maps" / f"{mapping}.toml")).read_text(
+            "utf-8"
+        )
         mine.write_text(shipped.replace(f'name = "{name}"', f'name = "{name}@0"'), "utf-8")
         check(read_recording(path, mine))
 
@@ -139,15 +166,20 @@ def test_a_mapping_names_messages_and_fields(tmp_path: Path) -> None:
     text = power + '[[topics]]\nname = "THR"\nspeed_mps = "Speed"\n'
     mapping.write_text(text)
     given = read_recording(ardupilot(tmp_path), mapping).channels
-    np.testing.assert_allclose(given["power_w"], 25.0 * CURRENT_A[: len(given["power_w"])], rtol=1e-6)
+    np.testing.assert_allclose(
+        given["power_w"], 25.0 * CURRENT_A[: len(given["power_w"])], rtol=1e-6
+    )
     mapping.write_text(text.replace('"Speed"', '"Spd"'))
     with pytest.raises(
-        RecordingError, match="THR: no field 'Spd'; it has TimeUS, ThrIn, ThrOut, DesSpeed, Speed, AccY"
+        RecordingError,
+        match="THR: no field 'Spd'; it has TimeUS, ThrIn, ThrOut, DesSpeed, Speed, AccY",
     ):
         read_recording(ardupilot(tmp_path), mapping)
 
 
-def test_time_counts_from_the_first_common_sample_and_not_from_the_start_of_the_autopilot(tmp_path: Path) -> None:
+def test_time_counts_from_the_first_common_sample_and_not_from_the_start_of_the_autopilot(
+    tmp_path: Path,
+) -> None:
     with FlightLog(px4(tmp_path)) as log:
         samples, unread = log.samples({"battery_status": ["voltage_v"], "no_such_message": ["x"]})
     assert samples["battery_status"].stamp_ns[0] == BOOT_US * 1000
@@ -194,7 +226,9 @@ def damaged_definition(content: bytes) -> bytes:
         ("bin", damaged_definition, r"is not a whole ArduPilot log \(the definition of a message is damaged"),
     ],
 )  # fmt: skip
-def test_what_is_no_log_is_refused_in_a_line(tmp_path: Path, kind: str, content: object, message: str) -> None:
+def test_what_is_no_log_is_refused_in_a_line(
+    tmp_path: Path, kind: str, content: object, message: str
+) -> None:
     path = px4(tmp_path) if kind == "ulg" else ardupilot(tmp_path)
     path.write_bytes(content(path.read_bytes()))  # type: ignore[operator]
     with pytest.raises(RecordingError, match=rf"{path.name}: {message}") as refusal:
@@ -209,5 +243,7 @@ def test_a_missing_package_is_named_with_its_extra(
     path = px4(tmp_path) if kind == "ulg" else ardupilot(tmp_path)
     for name in [one for one in sys.modules if one.partition(".")[0] == package]:
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(RecordingError, match=rf"needs {package}.*; install it with pip install .*(logs|{package})"):
+    with pytest.raises(
+        RecordingError, match=rf"needs {package}.*; install it with pip install .*(logs|{package})"
+    ):
         read_recording(path)

@@ -1,4 +1,5 @@
-"""Plays a telemetry log to a UDP port, as an autopilot sends it, and writes what comes back to a file, a line each.
+"""Plays a telemetry log to a UDP port, as an autopilot sends it, and writes what comes back to a
+file, a line each.
 
 `python player.py LOG.tlog PORT HEARD.jsonl`
 """
@@ -27,7 +28,9 @@ def main(log: str, port: int, heard: Path) -> None:
             message = reader.recv_match()
             if message is not None:
                 first_s = message._timestamp if first_s is None else first_s
-                time.sleep(max(began_s + (message._timestamp - first_s) / SPEED - time.monotonic(), 0.0))
+                time.sleep(
+                    max(began_s + (message._timestamp - first_s) / SPEED - time.monotonic(), 0.0)
+                )
                 end.sendto(message.get_msgbuf(), ("127.0.0.1", port))
             else:
                 time.sleep(0.02)

@@ -1,4 +1,5 @@
-"""`homeward watch --mavlink`: a second process plays a rover's log, which the test writes, over the loopback."""
+"""`homeward watch --mavlink`: a second process plays a rover's log, which the test writes, over the
+loopback."""
 
 from __future__ import annotations
 
@@ -46,7 +47,9 @@ SOC = 0.05
 
 def battery(cells_mv: list[int], current_ca: int, remaining: int, number: int = 0) -> Any:
     cells = (cells_mv + 10 * [UNKNOWN_MV])[:10]
-    return MAV.MAVLink_battery_status_message(number, 1, 1, 32767, cells, current_ca, -1, -1, remaining)
+    return MAV.MAVLink_battery_status_message(
+        number, 1, 1, 32767, cells, current_ca, -1, -1, remaining
+    )
 
 
 def attitude(time_ms: int, yaw_deg: float, pitch_deg: float = 0.0) -> Any:
@@ -57,34 +60,59 @@ def attitude(time_ms: int, yaw_deg: float, pitch_deg: float = 0.0) -> Any:
 def position(time_ms: int, east_m: float, speed_east_mps: float = 1.0) -> Any:
     lon_deg = LON_DEG + east_m * METRE_DEG / math.cos(math.radians(LAT_DEG))
     return MAV.MAVLink_global_position_int_message(
-        time_ms, round(LAT_DEG * 1e7), round(lon_deg * 1e7), 400_000, 0, 0, round(100 * speed_east_mps), 0, 65535
+        time_ms,
+        round(LAT_DEG * 1e7),
+        round(lon_deg * 1e7),
+        400_000,
+        0,
+        0,
+        round(100 * speed_east_mps),
+        0,
+        65535,
     )
 
 
 def home(lat_deg: float = LAT_DEG) -> Any:
     four, three = [1.0, 0.0, 0.0, 0.0], [0.0] * 3
-    return MAV.MAVLink_home_position_message(round(lat_deg * 1e7), round(LON_DEG * 1e7), 0, 0, 0, 0, four, *three)
+    return MAV.MAVLink_home_position_message(
+        round(lat_deg * 1e7), round(LON_DEG * 1e7), 0, 0, 0, 0, four, *three
+    )
 
 
 def heartbeat() -> Any:
-    return MAV.MAVLink_heartbeat_message(MAV.MAV_TYPE_GROUND_ROVER, MAV.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, 4, 3)
+    return MAV.MAVLink_heartbeat_message(
+        MAV.MAV_TYPE_GROUND_ROVER, MAV.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, 4, 3
+    )
 
 
 def rover_log(path: Path) -> Path:
-    """A log of a rover that drives east from 500 m east of home, with a nearly empty battery that it knows late."""
+    """A log of a rover that drives east from 500 m east of home, with a nearly empty battery that
+    it knows late."""
     with path.open("wb") as log:
         writers = {number: MAV.MAVLink(None, srcSystem=number, srcComponent=1) for number in (3, 7)}
         for tick in range(400):
             time_ms = 41_250 + 100 * tick
-            messages = [(3, attitude(time_ms, 90.0, 1.0)), (3, position(time_ms, 500.0 + 0.1 * tick))]
+            messages = [
+                (3, attitude(time_ms, 90.0, 1.0)),
+                (3, position(time_ms, 500.0 + 0.1 * tick)),
+            ]
             if tick % 10 == 0:
-                messages += [(3, heartbeat()), (3, home()), (7, heartbeat()), (7, position(time_ms, 9e4))]
+                messages += [
+                    (3, heartbeat()),
+                    (3, home()),
+                    (7, heartbeat()),
+                    (7, position(time_ms, 9e4)),
+                ]
                 messages += [(3, MAV.MAVLink_wind_message(270.0, 3.0, 0.0))]
             knows = tick >= 40
             messages += [(3, battery(CELLS_MV, 500, 5) if knows else battery(NO_CELL, -1, -1))]
-            messages += [(3, MAV.MAVLink_sys_status_message(0, 0, 0, 0, 12_000, 100, 99, 0, 0, 0, 0, 0, 0))]
+            messages += [
+                (3, MAV.MAVLink_sys_status_message(0, 0, 0, 0, 12_000, 100, 99, 0, 0, 0, 0, 0, 0))
+            ]
             for number, message in messages:
-                log.write(struct.pack(">Q", int(1.7e15) + 1000 * time_ms) + message.pack(writers[number]))
+                log.write(
+                    struct.pack(">Q", int(1.7e15) + 1000 * time_ms) + message.pack(writers[number])
+                )
     return path
 
 
@@ -108,7 +136,13 @@ def port() -> int:
 def heard(tmp_path: Path, port: int) -> Iterator[Path]:
     """What the autopilot hears, while the log is played."""
     log, path = rover_log(tmp_path / "rover.tlog"), tmp_path / "heard.jsonl"
-    command = [sys.executable, str(Path(__file__).with_name("player.py")), str(log), str(port), str(path)]
+    command = [
+        sys.executable,
+        str(Path(__file__).with_name("player.py")),
+        str(log),
+        str(port),
+        str(path),
+    ]
     with subprocess.Popen(command) as player:
         try:
             yield path
@@ -128,28 +162,37 @@ def test_a_rover_is_advised_and_told(
     assert met.said() == [
         "home is the autopilot's", "the forecast is the wind received: 3.0 m/s from 270 degrees",
     ]  # fmt: skip
-    session = Session(load_robot("husky"), vehicle, "rover", "any_robot", met.home, forecast_mps=met.wind_mps)
+    session = Session(
+        load_robot("husky"), vehicle, "rover", "any_robot", met.home, forecast_mps=met.wind_mps
+    )
     node, end_s = session.node, time.monotonic() + 60.0
     lines: list[dict[str, Any]] = []
 
     def done() -> bool:
         assert time.monotonic() < end_s, (node.advice, node.warnings, lines)
-        lines[:] = [json.loads(line) for line in heard.read_text().splitlines() if line.endswith("}")]
+        lines[:] = [
+            json.loads(line) for line in heard.read_text().splitlines() if line.endswith("}")
+        ]
         names = {line["mavpackettype"] for line in lines}
         # The order is heard some time after it is given.
-        told = "NAMED_VALUE_FLOAT" in names and any(is_order(line.get("text", "")) for line in lines)
+        told = "NAMED_VALUE_FLOAT" in names and any(
+            is_order(line.get("text", "")) for line in lines
+        )
         return told and "soc" in node.listener.sources and lacks(node.advice)
 
     session.run(Terminal(), quiet=False, done=done)
     vehicle.close()
     advice = node.advice
-    assert advice is not None and 500.0 < advice.way_home_m < 545.0  # the other vehicle is 90 km away
+    # the other vehicle is 90 km away
+    assert advice is not None and 500.0 < advice.way_home_m < 545.0
     assert advice.energy_left_j.mean < 3.0 * SOC * node.companion.robot.usable_energy_j
     assert node.listener.sources["voltage_v"] == node.listener.sources["soc"] == "BATTERY_STATUS"
     assert not any("impossible" in text for text in node.warnings), node.warnings
     assert "vehicle 7 is on the link too and left out: 3 is advised" in node.warnings
     assert {line["system"] for line in lines} == {3}
-    texts = {line["text"]: line["severity"] for line in lines if line["mavpackettype"] == "STATUSTEXT"}
+    texts = {
+        line["text"]: line["severity"] for line in lines if line["mavpackettype"] == "STATUSTEXT"
+    }
     (order,) = filter(is_order, texts)
     assert texts[order] in (Severity.ALERT, Severity.CRITICAL) and re.search(r"5\d\d m$", order)
     asked = next(line for line in lines if line["mavpackettype"] == "COMMAND_LONG")
@@ -190,15 +233,21 @@ class Heard:
 
 
 def test_what_is_read_of_a_rover() -> None:
-    reading = Heard().feed(attitude(0, 30.0, 2.0), position(0, 0.0, 0.5), battery(CELLS_MV, 510, 73))
+    reading = Heard().feed(
+        attitude(0, 30.0, 2.0), position(0, 0.0, 0.5), battery(CELLS_MV, 510, 73)
+    )
     assert reading["heading_rad"] == pytest.approx(math.radians(60.0))
     assert reading["grade_rad"] == pytest.approx(math.radians(2.0))
     assert reading["speed_mps"] == pytest.approx(0.5 * math.sin(math.radians(30.0)))
-    assert (reading["voltage_v"], reading["current_a"], reading["soc"]) == pytest.approx((24.0, 5.1, 0.73))
+    assert (reading["voltage_v"], reading["current_a"], reading["soc"]) == pytest.approx(
+        (24.0, 5.1, 0.73)
+    )
 
 
 def test_in_reverse_the_speed_is_negative() -> None:
-    assert Heard().feed(attitude(0, 270.0), position(0, 0.0, 0.5))["speed_mps"] == pytest.approx(-0.5)
+    assert Heard().feed(attitude(0, 270.0), position(0, 0.0, 0.5))["speed_mps"] == pytest.approx(
+        -0.5
+    )
 
 
 @pytest.mark.parametrize(
@@ -208,7 +257,10 @@ def test_in_reverse_the_speed_is_negative() -> None:
         (battery(CELLS_MV, -1, 50), {"soc"}),  # no current sensor
         (battery(CELLS_MV, 500, -1), {"current_a"}),
         (MAV.MAVLink_sys_status_message(0, 0, 0, 0, UNKNOWN_MV, -1, -1, 0, 0, 0, 0, 0, 0), set()),
-        (MAV.MAVLink_sys_status_message(0, 0, 0, 0, 24_000, 500, 50, 0, 0, 0, 0, 0, 0), {"current_a", "soc"}),
+        (
+            MAV.MAVLink_sys_status_message(0, 0, 0, 0, 24_000, 500, 50, 0, 0, 0, 0, 0, 0),
+            {"current_a", "soc"},
+        ),
     ],
 )
 def test_values_that_mean_unknown_are_none(message: Any, known: set[str]) -> None:
@@ -226,7 +278,10 @@ def test_without_satellites_the_local_position_is_used() -> None:
     nowhere.lat = nowhere.lon = 0
     local = MAV.MAVLink_local_position_ned_message(0, 3.0, 4.0, 0.0, 0.0, 1.0, 0.0)
     reading = bench.feed(nowhere, attitude(0, 90.0), local)
-    assert reading["position"] == pytest.approx((4.0, 3.0)) and bench.listener.sources["speed_mps"] == local.get_type()
+    assert (
+        reading["position"] == pytest.approx((4.0, 3.0))
+        and bench.listener.sources["speed_mps"] == local.get_type()
+    )
 
 
 def test_a_home_that_comes_or_moves_later_moves_no_frame() -> None:
@@ -234,7 +289,11 @@ def test_a_home_that_comes_or_moves_later_moves_no_frame() -> None:
     translator.see(position(0, 300.0))
     translator.see(home())
     for _ in range(2):
-        (place,) = (one.content.pose.pose.position for one in [translator.see(position(0, 300.0))] if one is not None)
+        (place,) = (
+            one.content.pose.pose.position
+            for one in [translator.see(position(0, 300.0))]
+            if one is not None
+        )
         assert (place.x, place.y) == pytest.approx((300.0, 0.0), abs=0.1)
         translator.fix_frame()
         translator.see(home(LAT_DEG + 100.0 * METRE_DEG))
@@ -242,7 +301,9 @@ def test_a_home_that_comes_or_moves_later_moves_no_frame() -> None:
     late.see(position(0, 300.0))
     late.fix_frame()
     late.see(home())
-    (place,) = (one.content.pose.pose.position for one in [late.see(position(0, 310.0))] if one is not None)
+    (place,) = (
+        one.content.pose.pose.position for one in [late.see(position(0, 310.0))] if one is not None
+    )
     assert place.x == pytest.approx(10.0, abs=0.1)
 
 
@@ -278,7 +339,11 @@ def test_a_wind_is_towards_where_it_comes_from() -> None:
 
 def test_numbers_have_names_that_fit(advice: Advice) -> None:
     sent = numbers(News(advice, 1.7e6, "husky", [], False))
-    assert max(map(len, sent)) <= LONGEST_NAME and sent["hw_way_m"] == advice.way_home_m and sent["hw_reach"] == 1.0
+    assert (
+        max(map(len, sent)) <= LONGEST_NAME
+        and sent["hw_way_m"] == advice.way_home_m
+        and sent["hw_reach"] == 1.0
+    )
     assert numbers(News(None, 1.7e6, "husky", [], False)) == {}
 
 
@@ -288,7 +353,9 @@ def test_an_address_that_cannot_be_opened_takes_one_line(address: str) -> None:
         Vehicle(address)
 
 
-def test_a_link_that_breaks_is_said_until_it_is_there_again(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_link_that_breaks_is_said_until_it_is_there_again(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = server.getsockname()
         vehicle = Vehicle(f"tcp:127.0.0.1:{address[1]}")

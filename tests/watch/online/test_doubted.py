@@ -1,4 +1,5 @@
-"""Units that pass every limit are doubted live as in files, where the drive shows it, and said as a warning."""
+"""Units that pass every limit are doubted live as in files, where the drive shows it, and said as a
+warning."""
 
 from __future__ import annotations
 
@@ -49,7 +50,11 @@ SPOILED: dict[str, tuple[str, Callable[[Array], Array], str]] = {
     "degrees": ("heading_rad", lambda values: np.degrees(values) + 270.0, "in degrees?"),
     "Fahrenheit": ("temperature_c", lambda values: 1.8 * values + 32.0, "in Fahrenheit"),
     "charge used": ("soc", lambda values: 1.0 - values, "is it the charge used?"),
-    "Ah for A": ("current_a", lambda values: np.cumsum(values) * STEP_S / 3600.0, "a counter of charge (Ah)?"),
+    "Ah for A": (
+        "current_a",
+        lambda values: np.cumsum(values) * STEP_S / 3600.0,
+        "a counter of charge (Ah)?",
+    ),
     "downhill positive": ("grade_rad", lambda values: -values, "is uphill positive?"),
 }
 
@@ -68,7 +73,9 @@ def test_a_unit_that_passes_is_doubted_after_a_minute_of_driving(kind: str) -> N
     assert words in line and "\n" not in line
 
 
-def test_a_drive_as_it_should_be_and_a_charge_on_the_way_have_no_doubts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drive_as_it_should_be_and_a_charge_on_the_way_have_no_doubts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("homeward.watch.online.doubted._MOST", 50)  # means are joined on the way
     channels = drive()
     standing = channels["speed_mps"] == 0.0

@@ -43,9 +43,18 @@ def pipes() -> Iterator[Pipes]:
 
 
 def test_topics_and_messages_come_in_pieces(pipes: Pipes) -> None:
-    topics = {"/r1/odom": "nav_msgs/msg/Odometry", "/r2/odom": "nav_msgs/msg/Odometry", "/r1/homeward/turn_now": "b"}
+    topics = {
+        "/r1/odom": "nav_msgs/msg/Odometry",
+        "/r2/odom": "nav_msgs/msg/Odometry",
+        "/r1/homeward/turn_now": "b",
+    }
     said = json.dumps({"topics": topics}) + "\n"
-    said += json.dumps({"topic": "/r1/odom", "publisher": 7, "content": {"a": {"b": [1.5, float("nan")]}}}) + "\n"
+    said += (
+        json.dumps(
+            {"topic": "/r1/odom", "publisher": 7, "content": {"a": {"b": [1.5, float("nan")]}}}
+        )
+        + "\n"
+    )
     assert pipes.lines.take() == []  # without waiting
     pipes.say(said[:90])
     pipes.lines.take()
@@ -53,8 +62,12 @@ def test_topics_and_messages_come_in_pieces(pipes: Pipes) -> None:
     (message,) = pipes.lines.take()
     assert pipes.lines.found() == {"/r1/odom": "nav_msgs/msg/Odometry"}
     assert (message.topic, message.publisher, message.content.a.b[0]) == ("/r1/odom", 7, 1.5)
-    pipes.lines.subscribe({"/r1/odom": "nav_msgs/msg/Odometry"}, {"/r1/odom": ["a.b[0]"], "/other": []})
-    assert pipes.heard() == [{"subscribe": {"/r1/odom": {"type": "nav_msgs/msg/Odometry", "fields": ["a.b[0]"]}}}]
+    pipes.lines.subscribe(
+        {"/r1/odom": "nav_msgs/msg/Odometry"}, {"/r1/odom": ["a.b[0]"], "/other": []}
+    )
+    assert pipes.heard() == [
+        {"subscribe": {"/r1/odom": {"type": "nav_msgs/msg/Odometry", "fields": ["a.b[0]"]}}}
+    ]
 
 
 @pytest.mark.parametrize(
@@ -80,7 +93,10 @@ def test_the_advice_is_written_and_the_end_is_seen(pipes: Pipes) -> None:
     pipes.lines.tell(News(advice, 1.7e6, "husky", [], False))
     lines = pipes.heard()
     published = {line["publish"]: line["type"] for line in lines if "publish" in line}
-    assert published == {topic if topic == "/diagnostics" else f"/r1{topic}": kind for topic, kind in PUBLISHED.items()}
+    assert published == {
+        topic if topic == "/diagnostics" else f"/r1{topic}": kind
+        for topic, kind in PUBLISHED.items()
+    }
     assert lines[-1]["advice"]["way_home_m"] == 100.0
     assert not pipes.lines.ended
     os.close(pipes.writes)

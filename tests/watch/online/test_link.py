@@ -18,7 +18,9 @@ def advice() -> Advice:
     return companion.update(1.0, position=100.0)
 
 
-@pytest.mark.parametrize(("chance", "reached"), [(1.0, True), (0.98, True), (0.9799, False), (0.0, False)])
+@pytest.mark.parametrize(
+    ("chance", "reached"), [(1.0, True), (0.98, True), (0.9799, False), (0.0, False)]
+)
 def test_home_is_reached_at_the_accepted_risk(advice: Advice, chance: float, reached: bool) -> None:
     assert can_reach_home(dataclasses.replace(advice, chance_home=chance, risk=0.02)) == reached
 

@@ -12,33 +12,48 @@ from homeward.diagnosis import RecordingError
 from homeward.logs.bags.topics import Topics, load_topics
 from homeward.watch.online.listener import Heard, Listener
 
-BATTERY, ODOMETRY, IMU = "sensor_msgs/msg/BatteryState", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
+BATTERY, ODOMETRY, IMU = (
+    "sensor_msgs/msg/BatteryState",
+    "nav_msgs/msg/Odometry",
+    "sensor_msgs/msg/Imu",
+)
 TWIST = "geometry_msgs/msg/TwistStamped"
 ROBOT = {"/battery_state": BATTERY, "/odom": ODOMETRY, "/imu": IMU}
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 
 
 def header(time_s: float) -> SimpleNamespace:
-    return SimpleNamespace(stamp=SimpleNamespace(sec=int(1000.0 + time_s), nanosec=round(time_s % 1.0 * 1e9)))
+    return SimpleNamespace(
+        stamp=SimpleNamespace(sec=int(1000.0 + time_s), nanosec=round(time_s % 1.0 * 1e9))
+    )
 
 
 def vector(*values: float) -> SimpleNamespace:
     return SimpleNamespace(**dict(zip("xyzw", values, strict=False)))
 
 
-def battery(time_s: float, voltage: float = 24.0, current: float = -5.0, percentage: float = math.nan) -> Any:
-    return SimpleNamespace(header=header(time_s), voltage=voltage, current=current, percentage=percentage)
+def battery(
+    time_s: float, voltage: float = 24.0, current: float = -5.0, percentage: float = math.nan
+) -> Any:
+    return SimpleNamespace(
+        header=header(time_s), voltage=voltage, current=current, percentage=percentage
+    )
 
 
 def odometry(time_s: float, x: float, speed: float = 1.0, yaw: float = 0.2) -> Any:
     pose = SimpleNamespace(
-        position=vector(x, 0.0, 0.0), orientation=vector(0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+        position=vector(x, 0.0, 0.0),
+        orientation=vector(0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)),
     )
     twist = SimpleNamespace(linear=vector(speed, 0.0, 0.0), angular=vector(0.0, 0.0, 0.0))
-    return SimpleNamespace(header=header(time_s), pose=SimpleNamespace(pose=pose), twist=SimpleNamespace(twist=twist))
+    return SimpleNamespace(
+        header=header(time_s), pose=SimpleNamespace(pose=pose), twist=SimpleNamespace(twist=twist)
+    )
 
 
-def imu(time_s: float, orientation: tuple[float, ...] = LEVEL, forward: float = 0.0, known: bool = True) -> Any:
+def imu(
+    time_s: float, orientation: tuple[float, ...] = LEVEL, forward: float = 0.0, known: bool = True
+) -> Any:
     return SimpleNamespace(
         header=header(time_s), orientation=vector(*orientation), angular_velocity=vector(0.0, 0.0, 0.0),
         linear_acceleration=vector(forward, 0.0, 9.8), orientation_covariance=[0.0 if known else -1.0],
@@ -79,9 +94,14 @@ def test_a_reading_of_battery_odometry_and_imu() -> None:
     )  # fmt: skip
     assert heard is not None and heard.time_s == pytest.approx(2.9)
     reading = heard.reading
-    assert reading["speed_mps"] == 1.0 and (reading["voltage_v"], reading["current_a"]) == (24.0, 5.0)
+    assert reading["speed_mps"] == 1.0 and (reading["voltage_v"], reading["current_a"]) == (
+        24.0,
+        5.0,
+    )
     assert reading["soc"] == 0.5 and reading["position"] == pytest.approx((2.9, 0.0))
-    assert reading["heading_rad"] == pytest.approx(0.2) and reading["grade_rad"] == pytest.approx(0.1)
+    assert reading["heading_rad"] == pytest.approx(0.2) and reading["grade_rad"] == pytest.approx(
+        0.1
+    )
     assert bench.listener.sources["grade"] == "/imu" and bench.listener.warnings(2.9) == []
 
 
@@ -114,15 +134,26 @@ def test_a_current_that_flows_the_wrong_way_is_turned() -> None:
     bench = Bench()
     heard = bench.feed(90, battery_state=lambda t: battery(t, current=5.0), odom=drive)
     assert heard is not None and heard.reading["current_a"] == 5.0
-    assert "/battery_state gives the current positive when discharging" in bench.listener.warnings(9.0)[0]
+    assert (
+        "/battery_state gives the current positive when discharging"
+        in bench.listener.warnings(9.0)[0]
+    )
     charging = Bench()
-    heard = charging.feed(90, battery_state=lambda t: battery(t, current=5.0), odom=lambda t: odometry(t, 0.0, 0.0))
-    assert heard is not None and "current_a" not in heard.reading and charging.listener.warnings(9.0) == []
+    heard = charging.feed(
+        90, battery_state=lambda t: battery(t, current=5.0), odom=lambda t: odometry(t, 0.0, 0.0)
+    )
+    assert (
+        heard is not None
+        and "current_a" not in heard.reading
+        and charging.listener.warnings(9.0) == []
+    )
 
 
 @pytest.mark.parametrize("current", [0.0, math.nan])
 def test_what_is_not_measured_is_nothing(current: float) -> None:
-    heard = Bench().feed(30, battery_state=lambda t: battery(t, current=current, percentage=math.nan), odom=drive)
+    heard = Bench().feed(
+        30, battery_state=lambda t: battery(t, current=current, percentage=math.nan), odom=drive
+    )
     assert heard is not None and not {"current_a", "power_w", "soc"} & set(heard.reading)
 
 
@@ -154,9 +185,14 @@ def test_a_current_into_a_battery_that_stands_is_a_charger() -> None:
 def test_the_topic_that_the_mapping_prefers_speaks_as_soon_as_it_does() -> None:
     bench = Bench({"/odom": ODOMETRY, "/odometry/filtered": ODOMETRY, "/battery_state": BATTERY})
     bench.feed(25, odom=drive)
-    filtered = bench.feed(5, **{"odometry/filtered": lambda t: odometry(t, 50.0, 0.5), "odom": drive})
+    filtered = bench.feed(
+        5, **{"odometry/filtered": lambda t: odometry(t, 50.0, 0.5), "odom": drive}
+    )
     assert filtered is not None and filtered.reading["speed_mps"] == 0.5
-    assert bench.listener.sources["speed_mps"] == "/odometry/filtered" and bench.feed(5, odom=drive) is None
+    assert (
+        bench.listener.sources["speed_mps"] == "/odometry/filtered"
+        and bench.feed(5, odom=drive) is None
+    )
 
 
 def test_a_direction_has_no_mean() -> None:
@@ -191,7 +227,9 @@ def test_an_accelerometer_gives_the_slope_where_there_is_no_orientation() -> Non
     """Uphill by 0.05 rad while speeding up by 0.2 m/s^2."""
     felt = 9.80665 * math.sin(0.05) + 0.2
     heard = Bench().feed(
-        50, odom=lambda t: odometry(t, 0.1 * t * t, 0.2 * t), imu=lambda t: imu(t, forward=felt, known=False)
+        50,
+        odom=lambda t: odometry(t, 0.1 * t * t, 0.2 * t),
+        imu=lambda t: imu(t, forward=felt, known=False),
     )
     assert heard is not None and heard.reading["grade_rad"] == pytest.approx(0.05, abs=1e-3)
 
@@ -199,7 +237,8 @@ def test_an_accelerometer_gives_the_slope_where_there_is_no_orientation() -> Non
 def test_turning_rates_give_the_heading_where_nothing_else_does() -> None:
     def twist(time_s: float) -> Any:
         return SimpleNamespace(
-            header=header(time_s), twist=SimpleNamespace(linear=vector(1.0, 0.0, 0.0), angular=vector(0.0, 0.0, 0.5))
+            header=header(time_s),
+            twist=SimpleNamespace(linear=vector(1.0, 0.0, 0.0), angular=vector(0.0, 0.0, 0.5)),
         )
 
     heard = Bench({"/twist": TWIST}).feed(50, twist=twist)
@@ -209,7 +248,9 @@ def test_turning_rates_give_the_heading_where_nothing_else_does() -> None:
 
 def test_the_clock_of_receipt_where_the_mapping_says_so(tmp_path: Any) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text('[[topics]]\nname = "/odom"\nstamp = "receive"\nspeed_mps = "twist.twist.linear.x"\n')
+    file.write_text(
+        '[[topics]]\nname = "/odom"\nstamp = "receive"\nspeed_mps = "twist.twist.linear.x"\n'
+    )
     heard = Bench(mapping=load_topics(file)).feed(30, odom=lambda t: odometry(3.0 * t, t))
     assert heard is not None and heard.time_s == pytest.approx(2.9)
 

@@ -1,4 +1,5 @@
-"""A robot on the network, in a second process, on the loopback interface alone; tests/ros2 has a clock that jumps."""
+"""A robot on the network, in a second process, on the loopback interface alone; tests/ros2 has a
+clock that jumps."""
 
 import time
 from collections.abc import Callable
@@ -44,7 +45,9 @@ class Others:
     def __init__(self) -> None:
         self._participant = DomainParticipant(DOMAIN)
         self._readers = {
-            name: DataReader(self._participant, Topic(self._participant, f"rt{name}", struct_of(kind)))
+            name: DataReader(
+                self._participant, Topic(self._participant, f"rt{name}", struct_of(kind))
+            )
             for name, kind in PUBLISHED.items()
         }
         self.last: dict[str, Any] = {}
@@ -71,30 +74,49 @@ def test_a_charge_keeps_what_is_known_of_the_battery_and_a_swap_does_not() -> No
 def test_lost_messages_a_dead_publisher_and_a_restart() -> None:
     node, others = Node(Companion(HUSKY, home="here"), Network(DOMAIN)), Others()
     with robot("--x", "500", "--lost", "0.3", "--speed", "1"):
-        until(node, lambda: node.advice is not None and node.advice.way_home_m > 1.0 and others.heard())
+        until(
+            node,
+            lambda: node.advice is not None and node.advice.way_home_m > 1.0 and others.heard(),
+        )
         advice = node.advice
         assert advice is not None
         # Home is where it was first believed; it drives at 1 m/s.
         assert advice.way_home_m == pytest.approx(advice.time_s, abs=1.0)
-        assert node.listener.mapping_name == "any_robot" and node.listener.sources["soc"] == "/battery_state"
-        assert others.last["/homeward/can_reach_home"].data and not others.last["/homeward/turn_now"].data
+        assert (
+            node.listener.mapping_name == "any_robot"
+            and node.listener.sources["soc"] == "/battery_state"
+        )
+        assert (
+            others.last["/homeward/can_reach_home"].data
+            and not others.last["/homeward/turn_now"].data
+        )
         assert others.last["/homeward/energy_to_home"].data >= 0.0
         assert 0.5 < others.last["/homeward/battery"].percentage < 1.0
 
     before = node.advice
     assert before is not None
     others.last.clear()
-    until(node, lambda: any("nothing on /odom" in text for text in node.warnings) and others.heard())
+    until(
+        node, lambda: any("nothing on /odom" in text for text in node.warnings) and others.heard()
+    )
     others.last.clear()
     until(node, lambda: others.heard() and node.silent)
     (status,) = others.last["/diagnostics"].status
     assert status.level == STALE and any("nothing on /odom" in pair.value for pair in status.values)
     silent = node.advice
-    assert silent is not None and silent.time_s > before.time_s and silent.way_home_m >= before.way_home_m
+    assert (
+        silent is not None
+        and silent.time_s > before.time_s
+        and silent.way_home_m >= before.way_home_m
+    )
 
     with robot("--x", "0"):
         until(node, lambda: any("/odom was restarted" in text for text in node.warnings))
         until(node, lambda: not node.silent)
         after = node.advice
         assert after is not None and after.time_s > silent.time_s
-        assert before.way_home_m <= after.way_home_m < before.way_home_m + 2.0 * (after.time_s - before.time_s)
+        assert (
+            before.way_home_m
+            <= after.way_home_m
+            < before.way_home_m + 2.0 * (after.time_s - before.time_s)
+        )

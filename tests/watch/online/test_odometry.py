@@ -15,7 +15,8 @@ def test_poses_are_as_published() -> None:
 
 
 def test_one_that_is_restarted_goes_on_where_the_robot_was() -> None:
-    """North at (40, 30) when it stopped, 10 s at 0.5 m/s ago; it begins at zero, looking along its own x."""
+    """North at (40, 30) when it stopped, 10 s at 0.5 m/s ago; it begins at zero, looking along its
+    own x."""
     odometry = Odometry(1.0)
     odometry.place((40.0, 30.0, 0.5 * math.pi), 0.5, 1, 0.0)
     place, moved = odometry.place((0.0, 0.0, 0.0), 0.5, 2, 10.0)

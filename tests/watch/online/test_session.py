@@ -1,4 +1,5 @@
-"""A session on live messages: what is printed, and states that cannot be used; tests/ros2 goes on from one."""
+"""A session on live messages: what is printed, and states that cannot be used; tests/ros2 goes on
+from one."""
 
 import contextlib
 import time
@@ -24,7 +25,8 @@ pytestmark = pytest.mark.usefixtures("loopback")
 
 
 @pytest.mark.parametrize(
-    "content", ['{"companion": {}}', "nonsense", "[]", "", '{"schema": 2, "companion": {}, "seal": ""}']
+    "content",
+    ['{"companion": {}}', "nonsense", "[]", "", '{"schema": 2, "companion": {}, "seal": ""}'],
 )
 def test_a_state_that_cannot_be_used_is_said_and_left_out(
     content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -34,7 +36,10 @@ def test_a_state_that_cannot_be_used_is_said_and_left_out(
     session = Session(load_robot("husky"), Network(DOMAIN), WHERE, state=state)
     session.node.step()
     (said,) = session.node.warnings
-    assert said.startswith("begun without the state: the state in ") and "home is where the robot is now" in said
+    assert (
+        said.startswith("begun without the state: the state in ")
+        and "home is where the robot is now" in said
+    )
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -54,7 +59,11 @@ def test_a_disk_that_cannot_be_written_ends_nothing_and_is_said(
     def done() -> bool:
         assert time.monotonic() < end_s, node.warnings
         said.update(text.split(" failed: ")[0] for text in node.warnings)
-        return {"saving the state", "printing"} <= said and node.advice is not None and node.advice.way_home_m > 2.0
+        return (
+            {"saving the state", "printing"} <= said
+            and node.advice is not None
+            and node.advice.way_home_m > 2.0
+        )
 
     console, went_on = Terminal(), False
     with contextlib.suppress(OSError), Path("/dev/full").open("w") as full, robot("--speed", "1"):
@@ -62,7 +71,10 @@ def test_a_disk_that_cannot_be_written_ends_nothing_and_is_said(
         session.run(console, quiet=False, done=done)
         went_on = True
     assert went_on  # only closing the full file failed
-    assert f"saving the state failed: [Errno 17] File exists: '{state.parent}'" in capsys.readouterr().err
+    assert (
+        f"saving the state failed: [Errno 17] File exists: '{state.parent}'"
+        in capsys.readouterr().err
+    )
 
 
 class Lines:
@@ -98,7 +110,9 @@ def test_while_it_waits_it_says_once_what_it_has_heard() -> None:
     node.found = {"/odom": "nav_msgs/msg/Odometry", "/scan": "b", "/a": "c"}
     printer.say(4.0, True)
     (line,) = lines.taken()
-    assert line.endswith("any_robot: /odom (nav_msgs/msg/Odometry); 2 other topics, such as /a (c), /scan (b)")
+    assert line.endswith(
+        "any_robot: /odom (nav_msgs/msg/Odometry); 2 other topics, such as /a (c), /scan (b)"
+    )
 
 
 def test_without_a_live_view_it_prints_sources_warnings_and_advice_when_they_change() -> None:
@@ -112,7 +126,10 @@ def test_without_a_live_view_it_prints_sources_warnings_and_advice_when_they_cha
     assert lines.taken() == []  # the live view has all that
     printer.say(1.0, True)
     mapping, advice = lines.taken()
-    assert mapping == "topic mapping any_robot: voltage_v, current_a from /battery; speed_mps from /odom"
+    assert (
+        mapping
+        == "topic mapping any_robot: voltage_v, current_a from /battery; speed_mps from /odom"
+    )
     assert advice == f"1 s: {node.advice}"
     printer.say(30.0, True)
     assert lines.taken() == []

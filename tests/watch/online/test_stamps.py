@@ -11,11 +11,15 @@ def fed(pairs: list[tuple[float | None, float]]) -> tuple[Stamps, list[float | N
 
 
 def test_it_is_that_of_the_stamps() -> None:
-    _, times = fed([(100.0, 7.0), (100.1, 7.3), (100.2, 7.31), (100.2, 7.4), (100.15, 7.45), (100.4, 7.5)])
+    _, times = fed(
+        [(100.0, 7.0), (100.1, 7.3), (100.2, 7.31), (100.2, 7.4), (100.15, 7.45), (100.4, 7.5)]
+    )
     assert times == pytest.approx([0.0, 0.1, 0.2, None, None, 0.4])
 
 
-@pytest.mark.parametrize(("stamp_s", "said"), [(3701.0, "set forward by 1 h 00 min"), (1.0, "set back by 100 s")])
+@pytest.mark.parametrize(
+    ("stamp_s", "said"), [(3701.0, "set forward by 1 h 00 min"), (1.0, "set back by 100 s")]
+)
 def test_a_jump_is_said_and_time_goes_on_as_before(stamp_s: float, said: str) -> None:
     stamps, times = fed([(100.0, 0.0), (stamp_s, 1.0)])
     assert times == [0.0, 1.0] and stamps.said is not None and said in stamps.said
@@ -25,7 +29,9 @@ def test_a_jump_is_said_and_time_goes_on_as_before(stamp_s: float, said: str) ->
 
 def test_a_clock_that_stands_still_is_said() -> None:
     stamps, times = fed([(100.0, 0.0), *((100.0, 0.5 * k) for k in range(1, 6))])
-    assert times == [0.0, None, None, None, None, 2.5] and "stood still by 2 s" in (stamps.said or "")
+    assert times == [0.0, None, None, None, None, 2.5] and "stood still by 2 s" in (
+        stamps.said or ""
+    )
 
 
 def test_without_stamps_it_is_the_time_of_receipt() -> None:
@@ -33,7 +39,9 @@ def test_without_stamps_it_is_the_time_of_receipt() -> None:
 
 
 def test_a_simulation_may_run_faster_or_slower() -> None:
-    assert fed([(8.0 * t, t) for t in (0.0, 0.1, 0.2, 0.3)])[1] == pytest.approx([0.0, 0.8, 1.6, 2.4])
+    assert fed([(8.0 * t, t) for t in (0.0, 0.1, 0.2, 0.3)])[1] == pytest.approx(
+        [0.0, 0.8, 1.6, 2.4]
+    )
 
 
 def test_a_gap_is_as_long_as_it_was() -> None:

@@ -16,7 +16,9 @@ def test_a_text_is_sent_when_it_is_new_and_an_order_again() -> None:
     dark = calm._replace(warnings=["nothing on ATTITUDE for 3 s"])
     later = calm._replace(warnings=["nothing on ATTITUDE for 4 s"])
     assert list(texts.due(calm, 0.0)) == []
-    assert list(texts.due(dark, 1.0)) == [(Severity.WARNING, "homeward: nothing on ATTITUDE for 3 s")]
+    assert list(texts.due(dark, 1.0)) == [
+        (Severity.WARNING, "homeward: nothing on ATTITUDE for 3 s")
+    ]
     assert list(texts.due(later, 2.0)) == []
     order = (Severity.CRITICAL, "homeward: TURN NOW, way home 100 m")
     assert list(texts.due(turn, 3.0)) == [order]

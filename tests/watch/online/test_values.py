@@ -8,7 +8,15 @@ import pytest
 pytest.importorskip("rosbags", reason="needs the extra logs")
 
 from homeward.logs.bags.topics import Topic, load_topics
-from homeward.watch.online.values import POSE, acceleration, east_m, field_value, heading, heading_of, slope
+from homeward.watch.online.values import (
+    POSE,
+    acceleration,
+    east_m,
+    field_value,
+    heading,
+    heading_of,
+    slope,
+)
 
 
 @pytest.fixture
@@ -23,14 +31,20 @@ def imu(tmp_path: Path) -> Topic:
 
 def oriented(yaw_rad: float, slope_rad: float, length: float = 1.0) -> dict[str, float]:
     """Yaw about z, then pitch about the robot's y, which is negative uphill (REP 103)."""
-    (s_y, c_y), (s_p, c_p) = ((math.sin(0.5 * one), math.cos(0.5 * one)) for one in (yaw_rad, -slope_rad))
+    (s_y, c_y), (s_p, c_p) = (
+        (math.sin(0.5 * one), math.cos(0.5 * one)) for one in (yaw_rad, -slope_rad)
+    )
     values = (-s_y * s_p, c_y * s_p, s_y * c_p, c_y * c_p)
-    return {f"orientation.{axis}": length * value for axis, value in zip("xyzw", values, strict=True)}
+    return {
+        f"orientation.{axis}": length * value for axis, value in zip("xyzw", values, strict=True)
+    }
 
 
 @pytest.mark.parametrize("yaw_rad", [-3.0, 0.0, 0.4, 2.0])
 @pytest.mark.parametrize("slope_rad", [-0.3, 0.0, 0.1])
-def test_slope_and_heading_are_those_of_the_orientation(imu: Topic, yaw_rad: float, slope_rad: float) -> None:
+def test_slope_and_heading_are_those_of_the_orientation(
+    imu: Topic, yaw_rad: float, slope_rad: float
+) -> None:
     values = oriented(yaw_rad, slope_rad, 1.01)  # rounded, so not quite of length 1
     assert slope(imu)(values) == pytest.approx(slope_rad)
     values = oriented(yaw_rad, slope_rad)
@@ -47,7 +61,9 @@ def test_an_orientation_that_is_not_measured_is_none(imu: Topic) -> None:
 
 
 def test_a_topic_without_an_orientation_has_no_heading(tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text('[[topics]]\nname = "/odom"\nspeed_mps = "twist.twist.linear.x"\n')
+    (tmp_path / "mine.toml").write_text(
+        '[[topics]]\nname = "/odom"\nspeed_mps = "twist.twist.linear.x"\n'
+    )
     topic = load_topics(tmp_path / "mine.toml").topics[0]
     assert math.isnan(heading_of({}, topic)) and math.isnan(heading(topic)({}))
 

@@ -26,8 +26,15 @@ def stamped(now_s: float) -> dict[str, Any]:
     return {"stamp": {"sec": int(now_s), "nanosec": int(now_s % 1.0 * 1e9)}, "frame_id": "odom"}
 
 
-def battery(now_s: float, voltage_v: float, current_a: float, soc: float) -> tuple[str, str, dict[str, Any]]:
-    content = {"header": stamped(now_s), "voltage": voltage_v, "current": current_a, "percentage": soc}
+def battery(
+    now_s: float, voltage_v: float, current_a: float, soc: float
+) -> tuple[str, str, dict[str, Any]]:
+    content = {
+        "header": stamped(now_s),
+        "voltage": voltage_v,
+        "current": current_a,
+        "percentage": soc,
+    }
     return "/battery_state", "sensor_msgs/msg/BatteryState", content
 
 
@@ -59,12 +66,16 @@ def test_no_message_ends_the_session_or_corrupts_its_advice() -> None:
         volts, amperes, soc = (read(sane, share) for sane in (24.0, -6.0, 0.9))
         # Single precision holds no more.
         with np.errstate(over="ignore"):
-            robot.publish(*battery(now_s, *(float(np.float32(value)) for value in (volts, amperes, soc))))
+            robot.publish(
+                *battery(now_s, *(float(np.float32(value)) for value in (volts, amperes, soc)))
+            )
         if node.step() and node.advice is not None:
             advised += 1
             check(node.advice, companion.robot.usable_energy_j)
             said |= {text.split(" left out")[0] for text in node.warnings}
         time.sleep(0.01)
-    assert {"impossible position", "readings of speed_mps that no motion explains are"} <= said, said
+    assert {"impossible position", "readings of speed_mps that no motion explains are"} <= said, (
+        said
+    )
     assert node.failures == []
     assert node.advice is not None and node.advice.way_home_m < 100.0

@@ -16,7 +16,14 @@ LONGEST_S = 60.0
 @contextmanager
 def robot(*options: str) -> Iterator[subprocess.Popen[bytes]]:
     """A simulated robot in a process of its own, which ends as by a power cut."""
-    command = [sys.executable, "-m", "homeward.watch.ros2.simulated", "--domain", str(DOMAIN), *options]
+    command = [
+        sys.executable,
+        "-m",
+        "homeward.watch.ros2.simulated",
+        "--domain",
+        str(DOMAIN),
+        *options,
+    ]
     with subprocess.Popen(command, cwd=Path(__file__).parents[3]) as process:
         try:
             yield process

@@ -24,11 +24,15 @@ def advice() -> Advice:
     return companion.update(1.0, position=100.0)
 
 
-def published(advice: Advice | None, warnings: list[str] | None = None, silent: bool = False) -> dict[str, Any]:
+def published(
+    advice: Advice | None, warnings: list[str] | None = None, silent: bool = False
+) -> dict[str, Any]:
     return filled(advice, warnings or [], silent, "")
 
 
-def filled(advice: Advice | None, warnings: list[str], silent: bool, namespace: str) -> dict[str, Any]:
+def filled(
+    advice: Advice | None, warnings: list[str], silent: bool, namespace: str
+) -> dict[str, Any]:
     """Messages with the fields that are left out, by their topics."""
     contents = messages(advice, FULL_J, "husky", warnings, silent, namespace)
     return {name: message(kind, **content) for name, kind, content in contents}
@@ -41,10 +45,16 @@ def test_what_is_published_when_it_must_turn() -> None:
     assert advice.turn_now and advice.chance_home < 0.5
     said = filled(advice, ["dark"], False, "/r1")
     assert not said["/r1/homeward/can_reach_home"].data and said["/r1/homeward/turn_now"].data
-    assert said["/r1/homeward/battery"].percentage == 0.0 and math.isnan(said["/r1/homeward/battery"].current)
+    assert said["/r1/homeward/battery"].percentage == 0.0 and math.isnan(
+        said["/r1/homeward/battery"].current
+    )
     assert said["/r1/homeward/energy_to_home"].data == advice.energy_home_j.mean > 0.0
     (status,) = said["/diagnostics"].status
-    assert status.level == 2 and "it may not get home" in status.message and status.name == "r1/homeward: way home"
+    assert (
+        status.level == 2
+        and "it may not get home" in status.message
+        and status.name == "r1/homeward: way home"
+    )
     assert ("warning", "dark") in {(pair.key, pair.value) for pair in status.values}
 
 
@@ -65,14 +75,22 @@ def test_reach_and_reserve_are_those_of_every_link(advice: Advice) -> None:
         ({"turn_now": True}, [], False, 1, "turn now"),
         ({"turn_now": True}, [], True, 3, "turn now"),
         ({"chance_home": 0.5}, [], False, 2, "it may not get home: probability 50.00%"),
-        ({"chance_home": 0.5, "turn_now": True}, ["dark"], True, 2, "it may not get home: probability 50.00%"),
+        (
+            {"chance_home": 0.5, "turn_now": True},
+            ["dark"],
+            True,
+            2,
+            "it may not get home: probability 50.00%",
+        ),
     ],
 )
 def test_the_level_of_the_diagnostics_is_the_worst_that_is_known(
     advice: Advice, change: dict[str, Any], warnings: list[str], silent: bool, level: int, text: str
 ) -> None:
     safe = {"turn_now": False, "chance_home": 1.0, "turn_in_m": 1230.0, "turn_in_s": 600.0}
-    (status,) = published(dataclasses.replace(advice, **safe | change), warnings, silent)["/diagnostics"].status
+    (status,) = published(dataclasses.replace(advice, **safe | change), warnings, silent)[
+        "/diagnostics"
+    ].status
     assert (status.level, status.message, status.hardware_id) == (level, text, "husky")
     said = {pair.key: pair.value for pair in status.values}
     assert float(said["way_home_m"]) == pytest.approx(100.0)
@@ -100,5 +118,12 @@ def test_before_the_first_advice_there_are_diagnostics_alone() -> None:
 
 def test_what_a_battery_did_not_measure_is_none(advice: Advice) -> None:
     battery = published(advice)["/homeward/battery"]
-    assert all(math.isnan(getattr(battery, name)) for name in ("voltage", "temperature", "charge", "design_capacity"))
-    assert battery.present and battery.header.stamp.sec > 0 and 0 <= battery.header.stamp.nanosec < 10**9
+    assert all(
+        math.isnan(getattr(battery, name))
+        for name in ("voltage", "temperature", "charge", "design_capacity")
+    )
+    assert (
+        battery.present
+        and battery.header.stamp.sec > 0
+        and 0 <= battery.header.stamp.nanosec < 10**9
+    )

@@ -16,18 +16,24 @@ def test_without_the_extra_a_line_names_it(package: str, monkeypatch: pytest.Mon
     for name in [
         one
         for one in sys.modules
-        if one.startswith(("homeward.watch.ros2", "homeward.watch.online", f"{package}.", "homeward.logs.bags."))
+        if one.startswith(
+            ("homeward.watch.ros2", "homeward.watch.online", f"{package}.", "homeward.logs.bags.")
+        )
     ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(CompanionError, match=rf"--ros2 needs {package}.*: pip install .*(ros2|cyclonedds rosbags)"):
+    with pytest.raises(
+        CompanionError, match=rf"--ros2 needs {package}.*: pip install .*(ros2|cyclonedds rosbags)"
+    ):
         main(Args((), "husky", ros2=True))
 
 
 @pytest.mark.parametrize("domain", ["-1", "233", "one", "²"])
 def test_a_domain_that_there_is_not(domain: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", domain)
-    with pytest.raises(CompanionError, match=f"ROS domain '{domain}' is not allowed; give a number from 0 to 232"):
+    with pytest.raises(
+        CompanionError, match=f"ROS domain '{domain}' is not allowed; give a number from 0 to 232"
+    ):
         main(Args((), "husky", ros2=True))
 
 
@@ -36,7 +42,9 @@ def test_what_does_not_go_together() -> None:
         main(Args((Path("run.csv"),), "husky", ros2=True))
     with pytest.raises(CompanionError, match="with a leading slash"):
         main(Args((), "husky", ros2=True, namespace="robot1"))
-    with pytest.raises(CompanionError, match="--namespace, --home and --docks are for --ros2 and --stdin"):
+    with pytest.raises(
+        CompanionError, match="--namespace, --home and --docks are for --ros2 and --stdin"
+    ):
         main(Args((Path("run.csv"),), "husky", docks=("bay=1,2",)))
     with pytest.raises(CompanionError, match="--domain is for --ros2"):
         main(Args((Path("run.csv"),), "husky", domain=3))
@@ -56,7 +64,9 @@ def test_docks_are_those_of_the_companion(monkeypatch: pytest.MonkeyPatch) -> No
     with open(os.devnull) as nothing:
         monkeypatch.setattr("sys.stdin", nothing)
         main(Args((), "husky", stdin=True, docks=("bay=40,-12",)))
-        with pytest.raises(CompanionError, match=r"dock 'bay' = 1.0 is not allowed; give \(east, north\)"):
+        with pytest.raises(
+            CompanionError, match=r"dock 'bay' = 1.0 is not allowed; give \(east, north\)"
+        ):
             main(Args((), "husky", stdin=True, docks=("bay=1",)))
     (companion,) = met
     (bay,) = companion.update(0.0, position=(0.0, 0.0)).others

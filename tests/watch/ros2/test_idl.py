@@ -25,7 +25,9 @@ def drawn(store: Any, definition: Any, rng: np.random.Generator) -> Any:
     """A random content of a field, as rosbags wants it."""
     node, content = definition
     if node == Nodetype.NAME:
-        return store.types[content](*(drawn(store, one, rng) for _, one in store.fielddefs[content][1]))
+        return store.types[content](
+            *(drawn(store, one, rng) for _, one in store.fielddefs[content][1])
+        )
     if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
         inner, size = content
         several = [drawn(store, inner, rng) for _ in range(size or int(rng.integers(0, 4)))]
@@ -36,7 +38,9 @@ def drawn(store: Any, definition: Any, rng: np.random.Generator) -> Any:
         return "grüße"[: int(rng.integers(0, 6))]
     if name == "bool":
         return bool(rng.integers(2))
-    return float(np.float32(rng.normal())) if name.startswith("float") else int(rng.integers(0, 100))
+    return (
+        float(np.float32(rng.normal())) if name.startswith("float") else int(rng.integers(0, 100))
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -60,7 +64,9 @@ def test_a_type_has_the_name_that_ros_2_gives_it(kind: str) -> None:
 
 
 def test_a_type_that_ships_here_is_known() -> None:
-    assert kind_of("clearpath_platform_msgs::msg::dds_::Power_") == "clearpath_platform_msgs/msg/Power"
+    assert (
+        kind_of("clearpath_platform_msgs::msg::dds_::Power_") == "clearpath_platform_msgs/msg/Power"
+    )
     assert kind_of("some_robot_msgs::msg::dds_::Battery_") is None
 
 

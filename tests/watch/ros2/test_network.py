@@ -61,6 +61,8 @@ def test_what_one_publishes_another_finds_and_reads_in_order() -> None:
 def test_a_domain_that_cannot_be_joined_takes_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Domain><General><Interfaces><NetworkInterface "
                        'name="no_such"/></Interfaces></General></Domain></CycloneDDS>')  # fmt: skip
-    with pytest.raises(CompanionError, match=r"^cannot join domain \d+: .*; check CYCLONEDDS_URI") as caught:
+    with pytest.raises(
+        CompanionError, match=r"^cannot join domain \d+: .*; check CYCLONEDDS_URI"
+    ) as caught:
         Network(DOMAIN + 1)
     assert "\n" not in str(caught.value)

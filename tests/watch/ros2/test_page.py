@@ -22,14 +22,19 @@ def page(root: Path) -> str:
 def published() -> dict[str, str]:
     """Topics and types, in their short form."""
     advice = Companion("husky").update(0.0, position=100.0)
-    return {name: kind.replace("/msg/", "/") for name, kind, _ in messages(advice, 1.7e6, "husky", [], False, "")}
+    return {
+        name: kind.replace("/msg/", "/")
+        for name, kind, _ in messages(advice, 1.7e6, "husky", [], False, "")
+    }
 
 
 def test_every_topic_is_listed_with_its_type(page: str, published: dict[str, str]) -> None:
     assert dict(re.findall(r"^\| `(/\w\S*)` \| `(\w+/\w+)` \|", page, re.MULTILINE)) == published
 
 
-def test_the_behaviour_tree_reads_a_battery_state_that_is_published(page: str, published: dict[str, str]) -> None:
+def test_the_behaviour_tree_reads_a_battery_state_that_is_published(
+    page: str, published: dict[str, str]
+) -> None:
     (tree,) = re.findall(r"```xml\n(.+?)```", page, re.DOTALL)
     (condition,) = ElementTree.fromstring(tree).iter("IsBatteryLow")
     assert published[condition.attrib["battery_topic"]] == "sensor_msgs/BatteryState"

@@ -30,7 +30,9 @@ def quaternion(given: Any) -> Any:
 @pytest.mark.parametrize("yaw_rad", [0.0, math.pi, 0.7])
 @pytest.mark.parametrize("slope_rad", [0.0, 0.03, -0.2])
 def test_its_messages_are_what_they_are_read_as(yaw_rad: float, slope_rad: float) -> None:
-    battery, odometry, imu = simulated._contents(1234.25, 250.0, 0.81234, 7.5, yaw_rad, slope_rad, 0.8)
+    battery, odometry, imu = simulated._contents(
+        1234.25, 250.0, 0.81234, 7.5, yaw_rad, slope_rad, 0.8
+    )
     # Discharging is negative in sensor_msgs/BatteryState.
     assert battery["voltage"] * battery["current"] == pytest.approx(-250.0)  # type: ignore[operator]
     assert battery["percentage"] == 0.812
@@ -54,7 +56,9 @@ class Recorder:
         self.now_s = 5000.0
         monkeypatch.setattr(simulated, "DomainParticipant", lambda domain: None)
         monkeypatch.setattr(simulated, "Topic", lambda participant, name, kind: name)
-        monkeypatch.setattr(simulated, "DataWriter", lambda participant, topic, qos: self.writer(topic))
+        monkeypatch.setattr(
+            simulated, "DataWriter", lambda participant, topic, qos: self.writer(topic)
+        )
         monkeypatch.setattr(simulated, "time", self)
 
     def writer(self, name: str) -> Any:
@@ -82,7 +86,9 @@ def test_it_drives_to_and_fro_and_its_battery_pays(monkeypatch: pytest.MonkeyPat
     np.testing.assert_allclose(np.abs(np.diff(x_m)), 0.05)
     battery = recorder.written["rt/battery_state"]
     assert battery[0].percentage == 0.5
-    slopes = 0.03 * np.sin(np.array([20.0, *x_m[:-1]]) / 40.0) * np.where(np.arange(80) < 40, 1.0, -1.0)
+    slopes = (
+        0.03 * np.sin(np.array([20.0, *x_m[:-1]]) / 40.0) * np.where(np.arange(80) < 40, 1.0, -1.0)
+    )
     power_w = [-one.voltage * one.current for one in battery]
     np.testing.assert_allclose(power_w, mission_energy(HUSKY, 0.5, 0.5, slopes), rtol=1e-5)
 
@@ -92,14 +98,20 @@ def test_messages_are_lost_by_chance_and_the_clock_jumps(monkeypatch: pytest.Mon
     main(Args(hz=100.0, seconds=10.0, lost=0.3, jump_at_s=5.0, jump_s=-3600.0, seed=1))
     for kept in recorder.written.values():
         assert 0.64 < len(kept) / 1000 < 0.76
-    stamps = np.array([one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in recorder.written["rt/imu"]])
+    stamps = np.array(
+        [
+            one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec
+            for one in recorder.written["rt/imu"]
+        ]
+    )
     early = stamps[stamps >= 5000.0]
     assert early.max() < 5005.0 and (stamps < 5000.0).sum() > 300
     assert stamps.min() == pytest.approx(5005.0 - 3600.0, abs=0.1)
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"hz": 0.0}, {"lost": 1.1}, {"lost": -0.1}, {"speed": 0.0}, {"speed": 1.01}, {"out_s": 0.0}]
+    "wrong",
+    [{"hz": 0.0}, {"lost": 1.1}, {"lost": -0.1}, {"speed": 0.0}, {"speed": 1.01}, {"out_s": 0.0}],
 )
 def test_what_it_cannot_do_takes_one_line(wrong: dict[str, float]) -> None:
     with pytest.raises(CompanionError, match=r"^give --hz and --out-s above 0, .*, up to 1 m/s$"):

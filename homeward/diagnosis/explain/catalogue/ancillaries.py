@@ -6,7 +6,14 @@ from itertools import pairwise
 import numpy as np
 
 from homeward.diagnosis.explain.change_points import Schedule
-from homeward.diagnosis.explain.hypothesis import Hypothesis, Numbers, Setting, Spread, everywhere, temperatures
+from homeward.diagnosis.explain.hypothesis import (
+    Hypothesis,
+    Numbers,
+    Setting,
+    Spread,
+    everywhere,
+    temperatures,
+)
 from homeward.diagnosis.fit.replay import Runs
 from homeward.logs.channels import Array
 from homeward.physics.effects import compute, cooler, heater, intermittent_load, radio, standby
@@ -14,7 +21,8 @@ from homeward.physics.effects import compute, cooler, heater, intermittent_load,
 _ON_BELOW_C = heater.EFFECT.parameters[1]
 _ON_ABOVE_C = cooler.EFFECT.parameters[1]
 _UP_TO_M = radio.EFFECT.parameters[1]
-_OFF_ABOVE_C = 15.0  # thermostats of outdoor enclosures switch on at 5 and off at 15 degC (Stego KTO 011, data sheet)
+# thermostats of outdoor enclosures switch on at 5 and off at 15 degC (Stego KTO 011, data sheet)
+_OFF_ABOVE_C = 15.0
 
 
 def _while_cold(hypothesis: Hypothesis, setting: Setting) -> Array | None:
@@ -54,7 +62,10 @@ def _rhythm(schedule: Schedule, runs: Runs) -> tuple[Numbers, Spread]:
     window_s = float(np.median(runs.duration_s))  # resolution of a moment
     period_s, period_interval = _mean_within(periods_s, window_s, 1.0, 1e5)
     duty, duty_interval = _mean_within(duties, window_s / float(np.mean(periods_s)), 0.01, 0.99)
-    return {"period_s": period_s, "duty": duty}, {"period_s": period_interval, "duty": duty_interval}
+    return {"period_s": period_s, "duty": duty}, {
+        "period_s": period_interval,
+        "duty": duty_interval,
+    }
 
 
 def _mean_within(
@@ -63,7 +74,10 @@ def _mean_within(
     """Mean of the cycles and its interval, within the bounds of the parameter."""
     mean = float(np.mean(values))
     half_width = 2.0 * float(np.hypot(np.std(values), resolution) / np.sqrt(len(values)))
-    return float(np.clip(mean, low, high)), (max(mean - half_width, low), min(mean + half_width, high))
+    return float(np.clip(mean, low, high)), (
+        max(mean - half_width, low),
+        min(mean + half_width, high),
+    )
 
 
 HYPOTHESES = (
@@ -75,20 +89,23 @@ HYPOTHESES = (
         load=everywhere,
         check="unplug one device after the other with a clamp meter on the battery lead",
     ),
-    # Constant at any sensing rate above zero, proportional to the rate, or any rising function of it.
+    # Constant at any sensing rate above zero, proportional to the rate, or any rising function of
+    # it.
     Hypothesis(
         compute.EFFECT,
         shapes=_at_any_rate,
         rises_with="sensing_hz",
         check="put a clamp meter on the lead of the computer",
     ),
-    # The data rate falls in steps with distance, and the airtime rises; constant beyond the recorded distance.
+    # The data rate falls in steps with distance, and the airtime rises; constant beyond the
+    # recorded distance.
     Hypothesis(
         radio.EFFECT,
         rises_with="base_distance_m",
         reach=_farthest,
     ),
-    # Proportional to the cold, any rising function of it, or switched by a thermostat while it is cold.
+    # Proportional to the cold, any rising function of it, or switched by a thermostat while it is
+    # cold.
     Hypothesis(
         heater.EFFECT,
         shapes=temperatures(_ON_BELOW_C),

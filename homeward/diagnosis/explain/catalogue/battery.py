@@ -1,4 +1,5 @@
-"""Effects on battery energy: resistance, capacity lost at high power, by age and in the cold, and starts."""
+"""Effects on battery energy: resistance, capacity lost at high power, by age and in the cold, and
+starts."""
 
 from collections.abc import Iterator
 
@@ -7,7 +8,13 @@ import numpy as np
 from homeward.diagnosis.explain.hypothesis import Hypothesis, Numbers, Setting, temperatures
 from homeward.diagnosis.explain.menu import Drive
 from homeward.logs.channels import Array
-from homeward.physics.effects import ageing, breakaway, cold_battery, internal_resistance, rate_capacity
+from homeward.physics.effects import (
+    ageing,
+    breakaway,
+    cold_battery,
+    internal_resistance,
+    rate_capacity,
+)
 
 CONFOUNDED_WITH_LOAD = rate_capacity.EFFECT.id
 CONFOUNDED_WITH_COLD = cold_battery.EFFECT.id
@@ -15,7 +22,8 @@ CONFOUNDED_WITH_COLD = cold_battery.EFFECT.id
 
 WARM_C, COLD_W = cold_battery.EFFECT.parameters[1:]
 _OVER_M = breakaway.EFFECT.parameters[1]
-_SECONDS = (0.3, 1.0, 3.0)  # at top speed, over which a start is tried; chosen: threefold each, refined afterwards
+# at top speed, over which a start is tried; chosen: threefold each, refined afterwards
+_SECONDS = (0.3, 1.0, 3.0)
 
 
 def _references(setting: Setting) -> Iterator[Numbers]:
@@ -28,7 +36,8 @@ def _references(setting: Setting) -> Iterator[Numbers]:
 
 
 def _colds(setting: Setting) -> Iterator[Numbers]:
-    """Capacity lost below a temperature, and a resistance that grows below it: a share at the median power drawn."""
+    """Capacity lost below a temperature, and a resistance that grows below it: a share at the
+    median power drawn."""
     median_power = list(_references(setting))[-1:]  # none where nothing is drawn
     for shape in temperatures(WARM_C)(setting):
         yield shape
@@ -37,14 +46,16 @@ def _colds(setting: Setting) -> Iterator[Numbers]:
 
 
 def _ways(setting: Setting) -> Iterator[Numbers]:
-    """Ways over which the energy of a start is spent: at once, and what the robot drives in some seconds."""
+    """Ways over which the energy of a start is spent: at once, and what the robot drives in some
+    seconds."""
     yield {}
     for seconds in _SECONDS:
         yield {_OVER_M.name: seconds * setting.parameters.nominal.max_speed_mps}
 
 
 def share_of_the_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
-    """Contribution to a test drive of an effect that is a share of the power drawn, shape (samples,)."""
+    """Contribution to a test drive of an effect that is a share of the power drawn, shape
+    (samples,)."""
     return size * np.maximum(drive.plain, 0.0)
 
 
@@ -57,7 +68,8 @@ INTERNAL_RESISTANCE = Hypothesis(  # rarely changes, except when a connector wor
     check="read the battery voltage at rest and under a known load",
 )
 
-AGEING = Hypothesis(  # between runs: in power, and in a recorded state of charge, which alone identifies it
+# between runs: in power, and in a recorded state of charge, which alone identifies it
+AGEING = Hypothesis(
     ageing.EFFECT,
     needs=(),
     steady=None,

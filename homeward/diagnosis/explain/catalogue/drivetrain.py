@@ -1,32 +1,57 @@
-"""Effects on the power of the drive: turning, regeneration, losses of the windings, and motors that warm up."""
+"""Effects on the power of the drive: turning, regeneration, losses of the windings, and motors that
+warm up."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from homeward.diagnosis.explain.hypothesis import TINY, Hypothesis, Numbers, Setting, Term, responses
-from homeward.physics.effects import Parameter, copper_loss, inertia, motor_heating, regeneration, turning
+from homeward.diagnosis.explain.hypothesis import (
+    TINY,
+    Hypothesis,
+    Numbers,
+    Setting,
+    Term,
+    responses,
+)
+from homeward.physics.effects import (
+    Parameter,
+    copper_loss,
+    inertia,
+    motor_heating,
+    regeneration,
+    turning,
+)
 
-_TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)  # tried where a file has no track; chosen: by factors of two, refined afterwards
-_TRACK = Parameter(name="track_m", unit="m", low=0.02, high=5.0, meaning="distance between left and right wheels")
-_TIME_CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)  # tried; chosen: a minute to half an hour, about threefold each
-_TYPICAL_RISE_K = 40.0  # of a winding at mean load; chosen: only its product with per_k is estimated
-_LIMIT_QUANTILES = (0.25, 0.5, 0.75)  # of the braking power, tried as its largest; chosen: refined afterwards
+# tried where a file has no track; chosen: by factors of two, refined afterwards
+_TRACKS_M = (0.1, 0.2, 0.4, 0.8, 1.6)
+_TRACK = Parameter(
+    name="track_m", unit="m", low=0.02, high=5.0, meaning="distance between left and right wheels"
+)
+# tried; chosen: a minute to half an hour, about threefold each
+_TIME_CONSTANTS_S = (60.0, 200.0, 600.0, 1800.0)
+# of a winding at mean load; chosen: only its product with per_k is estimated
+_TYPICAL_RISE_K = 40.0
+# of the braking power, tried as its largest; chosen: refined afterwards
+_LIMIT_QUANTILES = (0.25, 0.5, 0.75)
 _UP_TO_W = regeneration.EFFECT.parameters[1]
 _HEATING = {parameter.name: parameter for parameter in motor_heating.EFFECT.parameters}
 
 
 def _also_at_a_slip_angle(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """Cornering drag of steered wheels, F_y^2 / C_alpha (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6), W."""
+    """Cornering drag of steered wheels, F_y^2 / C_alpha (Gillespie, Fundamentals of Vehicle
+    Dynamics, ch. 6), W."""
     yield from responses(hypothesis, setting)
     speed_mps = setting.runs.context.get("speed_mps")
     rate_radps = setting.runs.context.get("yaw_rate_radps")
     if speed_mps is None or rate_radps is None:
         return
-    drag = np.abs(speed_mps) * (speed_mps * rate_radps) ** 2  # W but for a factor: the lateral force is m v w
+    # W but for a factor: the lateral force is m v w
+    drag = np.abs(speed_mps) * (speed_mps * rate_radps) ** 2
     column = drag[:, None] / max(float(np.max(drag)), 1e-300)
     largest_w = float(np.max(np.abs(setting.runs.observed)))
-    yield Term(hypothesis, column, low=np.zeros(1), high=np.array([largest_w]), fixed=True, flexible=True)
+    yield Term(
+        hypothesis, column, low=np.zeros(1), high=np.array([largest_w]), fixed=True, flexible=True
+    )
 
 
 def _time_constants(setting: Setting) -> Iterator[Numbers]:

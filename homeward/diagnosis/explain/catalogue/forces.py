@@ -1,26 +1,47 @@
-"""Effects on the force at the wheels: inertia, friction that grows with speed, wind, ground, load, slope and slip."""
+"""Effects on the force at the wheels: inertia, friction that grows with speed, wind, ground, load,
+slope and slip."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from homeward.diagnosis.explain.hypothesis import CHECKS, SMALL_STEP, Hypothesis, Numbers, Setting, Term, level_name
+from homeward.diagnosis.explain.hypothesis import (
+    CHECKS,
+    SMALL_STEP,
+    Hypothesis,
+    Numbers,
+    Setting,
+    Term,
+    level_name,
+)
 from homeward.diagnosis.explain.menu import Drive
 from homeward.diagnosis.fit.parameter_groups import DRAG, ROLLING
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.logs.channels import Array
-from homeward.physics.effects import air_temperature, hidden_grade, inertia, payload, slip, surface, viscous, wind
+from homeward.physics.effects import (
+    air_temperature,
+    hidden_grade,
+    inertia,
+    payload,
+    slip,
+    surface,
+    viscous,
+    wind,
+)
 
 _STORM_MPS = 40.0  # chosen: above the lower limit of a hurricane, 33 m/s on the Beaufort scale
 _EXPOSED = {"exposure": 1.0}
 
 
 def _rougher(hypothesis: Hypothesis, setting: Setting) -> Array:
-    """Contribution per unit of relative rise of the rolling resistance, W or A, shape (windows,)."""
+    """Contribution per unit of relative rise of the rolling resistance, W or A, shape
+    (windows,)."""
     theta = setting.theta.copy()
     theta[ROLLING] += SMALL_STEP * setting.rolling_kg
-    return (setting.parameters.predict(setting.runs, theta, setting.present) - setting.predicted) / SMALL_STEP
+    return (
+        setting.parameters.predict(setting.runs, theta, setting.present) - setting.predicted
+    ) / SMALL_STEP
 
 
 def _rougher_drive(hypothesis: Hypothesis, drive: Drive, size: float, shape: Numbers) -> Array:
@@ -51,14 +72,17 @@ def _against_the_way(hypothesis: Hypothesis, setting: Setting) -> Array | None:
 def _headings(runs: Runs) -> list[Array]:
     """Heading of each run, rad; none where one lacks it, in part or altogether."""
     headings = [run.context["heading_rad"] for run in runs.signals if "heading_rad" in run.context]
-    is_complete = len(headings) == len(runs.signals) and all(np.isfinite(heading).all() for heading in headings)
+    is_complete = len(headings) == len(runs.signals) and all(
+        np.isfinite(heading).all() for heading in headings
+    )
     return headings if is_complete else []
 
 
 def _blowing(setting: Setting, along: Sequence[Array]) -> Array:
     """Contribution of a headwind of 1 m/s times its component `along` the way, an array per run."""
     theta = setting.theta.copy()
-    theta[DRAG] = max(theta[DRAG], setting.parameters.start[DRAG])  # a refit without wind may underestimate it
+    # a refit without wind may underestimate it
+    theta[DRAG] = max(theta[DRAG], setting.parameters.start[DRAG])
     wind_mps = 1e-3  # small: the contribution is linear in it
     windy = _blown(setting.present, [wind_mps * component for component in along])
     predicted = setting.parameters.predict(setting.runs, theta, windy)
@@ -67,7 +91,9 @@ def _blowing(setting: Setting, along: Sequence[Array]) -> Array:
 
 
 def _blown(so_far: WithEffects, headwind_mps: Sequence[Array]) -> WithEffects:
-    return replace(so_far, effects={**so_far.effects, wind.EFFECT.id: _EXPOSED}, headwind_mps=headwind_mps)
+    return replace(
+        so_far, effects={**so_far.effects, wind.EFFECT.id: _EXPOSED}, headwind_mps=headwind_mps
+    )
 
 
 def _wind_names(term: Term) -> list[tuple[str, str]]:
@@ -77,7 +103,9 @@ def _wind_names(term: Term) -> list[tuple[str, str]]:
     return [(level_name("headwind_mps", size, sizes), "m/s") for size in range(sizes)]
 
 
-def _in_the_wind(hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs) -> WithEffects:
+def _in_the_wind(
+    hypothesis: Hypothesis, so_far: WithEffects, numbers: Numbers, runs: Runs
+) -> WithEffects:
     ahead_mps, left_mps = numbers.values()
     headwind_mps = []
     for heading in _headings(runs):

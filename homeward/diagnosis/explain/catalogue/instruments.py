@@ -1,4 +1,5 @@
-"""Faults of instruments: a power reading that is shifted, scaled or late, and odometers that disagree."""
+"""Faults of instruments: a power reading that is shifted, scaled or late, and odometers that
+disagree."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,15 +23,27 @@ from homeward.logs.channels import Array
 from homeward.logs.times import median_step_s
 from homeward.physics.effects import Parameter
 
-_LAGS_S = 0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0  # tried, with both signs; chosen: finest where typical
+# tried, with both signs; chosen: finest where typical
+_LAGS_S = 0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0
 _LONGEST_LAG_S = 5.0  # that is fitted; chosen: beyond the longest that is tried
-_FIX_S = 5.0  # between the positions compared; chosen: so much is driven meanwhile that their noise adds little
+# between the positions compared; chosen: so much is driven meanwhile that their noise adds little
+_FIX_S = 5.0
 
-_SCALE = Parameter(name="scale", unit="1", low=-0.5, high=1.0, meaning="relative error of the speed reading")
-_OFFSET = Parameter(name="offset", unit="W", low=-10000.0, high=10000.0, meaning="added to every reading")
-_GAIN = Parameter(name="gain", unit="1", low=-0.9, high=10.0, meaning="relative error of every reading")
+_SCALE = Parameter(
+    name="scale", unit="1", low=-0.5, high=1.0, meaning="relative error of the speed reading"
+)
+_OFFSET = Parameter(
+    name="offset", unit="W", low=-10000.0, high=10000.0, meaning="added to every reading"
+)
+_GAIN = Parameter(
+    name="gain", unit="1", low=-0.9, high=10.0, meaning="relative error of every reading"
+)
 _LAG = Parameter(
-    name="lag_s", unit="s", low=-_LONGEST_LAG_S, high=_LONGEST_LAG_S, meaning="time by which the power reading is late"
+    name="lag_s",
+    unit="s",
+    low=-_LONGEST_LAG_S,
+    high=_LONGEST_LAG_S,
+    meaning="time by which the power reading is late",
 )
 
 
@@ -56,15 +69,19 @@ def _late(hypothesis: Hypothesis, setting: Setting, lag_s: float) -> Term:
     change = setting.parameters.predict(setting.runs, setting.theta, late) - setting.predicted
     low, high = np.clip(sorted((0.5 * lag_s, 1.5 * lag_s)), _LAG.low, _LAG.high)
     column = change[:, None] / lag_s
-    return Term(hypothesis, column, low=np.array([low]), high=np.array([high]), hidden=1, shape=shape)
+    return Term(
+        hypothesis, column, low=np.array([low]), high=np.array([high]), hidden=1, shape=shape
+    )
 
 
 def _by_run(hypothesis: Hypothesis, setting: Setting) -> Iterator[Term]:
-    """A speed reading that a position fix contradicts: its scale is estimated from the fix, not from power."""
+    """A speed reading that a position fix contradicts: its scale is estimated from the fix, not
+    from power."""
     ratios = _ratios(setting.runs)
     if min(ratios) <= 0.0:
         return  # the fix moves while the odometer does not
-    closest_to_one = min(ratios, key=lambda ratio: abs(ratio - 1.0))  # that odometer is taken to be right
+    # that odometer is taken to be right
+    closest_to_one = min(ratios, key=lambda ratio: abs(ratio - 1.0))
     scale = np.array(ratios) / closest_to_one - 1.0
     scale[np.abs(scale) < thresholds.SAME_ODOMETER] = 0.0
     if not scale.any() or (scale <= -1.0).any():

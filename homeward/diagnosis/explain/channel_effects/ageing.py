@@ -16,8 +16,11 @@ from homeward.logs.channels import Array, Index
 from homeward.physics import Robot
 
 
-def fading(channel: Reading, runs: Runs, robot: Robot, drawn: Array, rng: Generator) -> ChannelEffect | None:
-    """A battery that fades: in each run the charge falls faster by what was drawn, (known windows, 1), than before."""
+def fading(
+    channel: Reading, runs: Runs, robot: Robot, drawn: Array, rng: Generator
+) -> ChannelEffect | None:
+    """A battery that fades: in each run the charge falls faster by what was drawn, (known windows,
+    1), than before."""
     numbers = np.unique(channel.run)
     if len(numbers) < thresholds.FEWEST_RUNS:
         return None
@@ -29,7 +32,8 @@ def fading(channel: Reading, runs: Runs, robot: Robot, drawn: Array, rng: Genera
     proof = channel.proof(drawn, per_run[:, 1:], rng)
     if proof is None:
         return None
-    # A charge that falls so many times as fast is that of a battery with one over so much of its energy.
+    # A charge that falls so many times as fast is that of a battery with one over so much of its
+    # energy.
     lost_by_run = np.zeros(len(runs.signals))
     lost_by_run[numbers] = np.clip(1.0 - 1.0 / np.maximum(rate, 1e-9), 0.0, None)
     lost_now = _lost_in_last(robot, float(rate[-1]), thresholds.NORMAL_95 * float(errors[-1]))
@@ -53,8 +57,8 @@ def fading(channel: Reading, runs: Runs, robot: Robot, drawn: Array, rng: Genera
 
 
 def _lost_in_last(robot: Robot, rate: float, half_width: float) -> Value:
-    """Share of the usable energy that is lost in the last run, whose charge falls `rate` +- `half_width` times as
-    fast."""
+    """Share of the usable energy that is lost in the last run, whose charge falls `rate` +-
+    `half_width` times as fast."""
     usable_in_file = 1.0 - battery.AGEING.in_file(robot)[0]
 
     def lost(times_as_fast: float) -> float:
@@ -65,7 +69,8 @@ def _lost_in_last(robot: Robot, rate: float, half_width: float) -> Value:
 
 
 def _confounders(rate: Array, runs: Runs, numbers: Index) -> tuple[str, ...]:
-    """Confounders of ageing: cold or load, where they are rank-correlated with the faster fall of the charge."""
+    """Confounders of ageing: cold or load, where they are rank-correlated with the faster fall of
+    the charge."""
     confounders: list[str] = []
     load = pd.Series(runs.observed).groupby(runs.run).mean()[numbers]
     if spearmanr(rate, load).statistic > thresholds.NEARLY_ALL:

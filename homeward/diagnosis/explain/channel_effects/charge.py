@@ -1,4 +1,5 @@
-"""What the state of charge shows: the capacity of the battery, and an effect that changes its fall."""
+"""What the state of charge shows: the capacity of the battery, and an effect that changes its
+fall."""
 
 import dataclasses
 
@@ -24,9 +25,11 @@ from homeward.physics.battery import CHEMISTRIES, curve_of, energy_share
 def state_of_charge(
     fit: Refit, runs: Runs, lost_w: Array, sag: ChannelEffect | None, block: Index, rng: Generator
 ) -> tuple[Capacity | None, ChannelEffect | None]:
-    """Capacity by the state of charge, and an effect that changes its fall; None of both where it hardly fell.
+    """Capacity by the state of charge, and an effect that changes its fall; None of both where it
+    hardly fell.
 
-    The capacity is one for all runs, of an aged battery that of the last; the effect is not that of the voltage's sag.
+    The capacity is one for all runs, of an aged battery that of the last; the effect is not that of
+    the voltage's sag.
     """
     robot = fit.parameters.nominal
     soc = runs.context.get("soc")
@@ -59,13 +62,15 @@ def state_of_charge(
 
 
 def _fall(soc: Array, run: Index) -> float:
-    """By how much the state of charge, (windows,), changes in all runs together; a run that lacks it adds nothing."""
+    """By how much the state of charge, (windows,), changes in all runs together; a run that lacks
+    it adds nothing."""
     soc_of_run = pd.Series(soc).groupby(run)
     return float((soc_of_run.max() - soc_of_run.min()).sum())
 
 
 def _shown(losses: Losses, rng: Generator) -> list[ChannelEffect]:
-    """Effects that the fall of the charge shows: a loss inside or a battery that fades, what explains more first."""
+    """Effects that the fall of the charge shows: a loss inside or a battery that fades, what
+    explains more first."""
     effects = [
         losses.proven(rng),
         fading(losses.channel, losses.runs, losses.robot, losses.drawn, rng),
@@ -85,7 +90,8 @@ def _with_rivals(shown: list[ChannelEffect]) -> ChannelEffect:
 
 
 def covered(soc: Array, run: Index) -> tuple[float, float]:
-    """Lowest and highest state of charge, (windows,), of the widest part of a battery that runs cover together."""
+    """Lowest and highest state of charge, (windows,), of the widest part of a battery that runs
+    cover together."""
     is_known = np.isfinite(soc)
     soc_of_run = pd.Series(soc[is_known]).clip(0.0, 1.0).groupby(run[is_known])
     # From the emptiest on: runs whose parts overlap cover one part together.
@@ -101,9 +107,11 @@ def covered(soc: Array, run: Index) -> tuple[float, float]:
     return widest
 
 
-def capacity_of(robot: Robot, rate: float, error: float, part: tuple[float, float]) -> Capacity | None:
-    """Capacity of a battery whose charge falls `rate` times as fast as its file implies, with a standard error of the
-    regression, from a part of its charge; None from less than half."""
+def capacity_of(
+    robot: Robot, rate: float, error: float, part: tuple[float, float]
+) -> Capacity | None:
+    """Capacity of a battery whose charge falls `rate` times as fast as its file implies, with a
+    standard error of the regression, from a part of its charge; None from less than half."""
     if part[1] - part[0] < thresholds.HALF:
         return None
     error_of_instruments = rate * np.hypot(thresholds.GAUGE_GAIN_SD, _curve_error(robot, part))
@@ -123,8 +131,8 @@ def capacity_of(robot: Robot, rate: float, error: float, part: tuple[float, floa
 
 
 def _curve_error(robot: Robot, part: tuple[float, float]) -> float:
-    """Relative standard error of the energy of a part of the charge, as the open-circuit curve may be another one: any
-    of the known ones where the robot's file has none."""
+    """Relative standard error of the energy of a part of the charge, as the open-circuit curve may
+    be another one: any of the known ones where the robot's file has none."""
     low, high = part
     if robot.curve.mean_v > 0.0:
         return thresholds.CURVE_SD * (1.0 - (high - low))

@@ -16,11 +16,12 @@ from homeward.logs.channels import Index
 def find_effects(
     fit: Refit, runs: Runs, block: Index, rng: Generator
 ) -> tuple[Capacity | None, tuple[ChannelEffect, ...]]:
-    """Effects identified by voltage, state of charge and distance; windows of a `block`, (windows,), are dependent."""
+    """Effects identified by voltage, state of charge and distance; windows of a `block`,
+    (windows,), are dependent."""
     robot = fit.parameters.nominal
     by_voltage = sag(robot, runs, block, rng)
-    # A recorded `power_w` counts as what the battery gives and loses, as it does in the replay, unless the charge
-    # showed that it does not (`gauge.weigh_gauge`).
+    # A recorded `power_w` counts as what the battery gives and loses, as it does in the replay,
+    # unless the charge showed that it does not (`gauge.weigh_gauge`).
     at_terminals = np.array([run.at_terminals for run in runs.signals])[runs.run]
     lost_w = at_terminals * inside_w(robot, runs)
     if by_voltage is not None:

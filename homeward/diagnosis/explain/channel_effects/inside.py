@@ -27,9 +27,12 @@ def inside_w(robot: Robot, runs: Runs) -> Array:
     unknown_c = np.full(len(runs.observed), _MILD_C)
     air_c = np.nan_to_num(runs.context.get("temperature_c", unknown_c), nan=_MILD_C)
     conditions = SimpleNamespace(temperature_c=air_c)
-    # The voltage is that at the state of charge; where none was recorded, that of a full battery, as a replay begins.
+    # The voltage is that at the state of charge; where none was recorded, that of a full battery,
+    # as a replay begins.
     soc = np.nan_to_num(runs.context.get("soc", np.ones(len(runs.observed))), nan=1.0)
-    state = SimpleNamespace(energy_j=energy_share(robot.curve, np.clip(soc, 0.0, 1.0)), capacity_j=1.0)
+    state = SimpleNamespace(
+        energy_j=energy_share(robot.curve, np.clip(soc, 0.0, 1.0)), capacity_j=1.0
+    )
     record = robot.record().view(np.recarray)[0]
     drawn_w = np.maximum(runs.observed, 0.0)
     total_w = drawn_w

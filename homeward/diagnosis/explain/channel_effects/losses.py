@@ -1,4 +1,5 @@
-"""Losses inside the battery by the state of charge: it falls faster at some loads or temperatures than at others."""
+"""Losses inside the battery by the state of charge: it falls faster at some loads or temperatures
+than at others."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -24,7 +25,8 @@ from homeward.logs.channels import Array
 from homeward.physics import Robot
 from homeward.physics.terminal_power import lost_inside
 
-_SEARCHED = 3.0  # upper end of the search, over the linear estimate; chosen: room for one that bends
+# upper end of the search, over the linear estimate; chosen: room for one that bends
+_SEARCHED = 3.0
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,11 @@ class Losses:
         setting = Setting.of(self.fit, self.runs)
         losses = []
         for hypothesis in CATALOGUE.values():
-            if not lost_inside(hypothesis.entry) or hypothesis.steady is None or hypothesis.missing(self.runs):
+            if (
+                not lost_inside(hypothesis.entry)
+                or hypothesis.steady is None
+                or hypothesis.missing(self.runs)
+            ):
                 continue
             size_in_file, numbers_in_file = hypothesis.in_file(self.robot)
             is_sag = self.sag is not None and hypothesis is self.sag.hypothesis
@@ -89,8 +95,9 @@ class Losses:
         )
 
     def instead(self, rate: float) -> tuple[str, ...]:
-        """Losses that explain a charge which falls `rate` times as fast as the file's capacity implies, as well as a
-        smaller capacity does; a voltage that was recorded would have shown a resistance."""
+        """Losses that explain a charge which falls `rate` times as fast as the file's capacity
+        implies, as well as a smaller capacity does; a voltage that was recorded would have shown a
+        resistance."""
         by_capacity = self.channel.target - rate * self.drawn[:, 0]
         limit = thresholds.NO_WORSE * float(by_capacity @ by_capacity)
         unexplained = self.channel.target - self.drawn[:, 0]
@@ -112,8 +119,8 @@ class Losses:
         return tuple(dict.fromkeys(explaining))
 
     def residual_beside_capacity(self, fallen: Array) -> Array:
-        """Residual of the charge with a loss, its capacity fitted: at most that of the file, as a larger one together
-        with a larger loss fits a loss of any form."""
+        """Residual of the charge with a loss, its capacity fitted: at most that of the file, as a
+        larger one together with a larger loss fits a loss of any form."""
         design = self.drawn + fallen
         rate = np.maximum(least_squares(design, self.channel.target), 1.0)
         return np.asarray(self.channel.target - design @ rate)
@@ -151,8 +158,8 @@ class _Loss:
         return inside_w(larger, self.among.runs) - self.among.in_file_w
 
     def closest_size(self, linear_size: float, residual: Callable[[Array], Array]) -> float:
-        """Size with the least squared residual: searched up to a multiple of the linear estimate, as sizes are
-        often far below their bound."""
+        """Size with the least squared residual: searched up to a multiple of the linear estimate,
+        as sizes are often far below their bound."""
         up_to = float(np.clip(_SEARCHED * linear_size, TINY * self.largest_size, self.largest_size))
 
         def squared_error(size: float) -> float:
@@ -163,7 +170,9 @@ class _Loss:
     def size_beside_capacity(self) -> tuple[float, float]:
         """Size fitted together with the capacity, and half the width of its 95 % interval."""
         among = self.among
-        rate, per_size = least_squares(np.column_stack([among.drawn, self.per_size]), among.channel.target)
+        rate, per_size = least_squares(
+            np.column_stack([among.drawn, self.per_size]), among.channel.target
+        )
         linear_size = per_size / max(float(rate), 1e-9)
         size = self.closest_size(linear_size, among.residual_beside_capacity)
         step = SMALL_STEP * max(size, TINY)
@@ -172,13 +181,17 @@ class _Loss:
         fallen = self.fallen(size)
         derivative = (self.fallen(size + step) - fallen) / step
         design = np.column_stack([among.drawn + fallen, derivative])
-        errors = standard_errors(design, among.residual_beside_capacity(fallen), among.channel.block)
+        errors = standard_errors(
+            design, among.residual_beside_capacity(fallen), among.channel.block
+        )
         return size, thresholds.NORMAL_95 * float(errors[-1])
 
     def values(self, size: float, half_width: float) -> dict[str, Value]:
         """The parameters of the effect, with what the robot file has of it."""
         total = self.hypothesis.in_file(self.among.robot)[0] + size
-        return values_of(self.hypothesis, total, (max(total - half_width, 0.0), total + half_width), self.shape)
+        return values_of(
+            self.hypothesis, total, (max(total - half_width, 0.0), total + half_width), self.shape
+        )
 
 
 class _ProvenLoss(NamedTuple):

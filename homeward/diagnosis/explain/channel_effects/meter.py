@@ -1,4 +1,5 @@
-"""What the state of charge says of the power meter: the charge falls by the true energy, whatever a meter reads."""
+"""What the state of charge says of the power meter: the charge falls by the true energy, whatever a
+meter reads."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -26,11 +27,11 @@ from homeward.physics.battery import energy_share
 def not_contradicted(
     candidates: Sequence[Term], base: Array, setting: Setting, misread: Array, block: Index
 ) -> list[Term]:
-    """Hypotheses that the state of charge does not contradict: what a faulty meter adds is not drawn, and what a load
-    adds is.
+    """Hypotheses that the state of charge does not contradict: what a faulty meter adds is not
+    drawn, and what a load adds is.
 
-    `base`, shape (windows, columns), is fitted beside the hypotheses; `misread`, W, (windows,), is known to be an error
-    of the meter.
+    `base`, shape (windows, columns), is fitted beside the hypotheses; `misread`, W, (windows,), is
+    known to be an error of the meter.
     """
     runs = setting.runs
     soc = runs.context.get("soc")
@@ -42,7 +43,8 @@ def not_contradicted(
     read_w = runs.observed - misread
 
     def fallen(power_w: Array) -> Array:
-        """The charge as it falls by the energy and by a loss inside the battery that grows with the square of power."""
+        """The charge as it falls by the energy and by a loss inside the battery that grows with the
+        square of power."""
         columns = np.column_stack([channel.summed(power_w), channel.summed(power_w**2)])
         low = np.array([-np.inf, 0.0])
         high = np.array([np.inf, np.inf])
@@ -50,10 +52,13 @@ def not_contradicted(
         return columns @ weights
 
     def contradicted(term: Term) -> bool:
-        """Whether the charge falls by the energy with what a fault adds, or by that without what a load draws."""
+        """Whether the charge falls by the energy with what a fault adds, or by that without what a
+        load draws."""
         weights = least_squares(np.column_stack([base, term.columns]), setting.residual)
         added_w = term.columns @ weights[base.shape[1] :]
-        gained_without = delta_bic(channel.target, fallen(read_w), fallen(read_w - added_w), channel.run, 0)
+        gained_without = delta_bic(
+            channel.target, fallen(read_w), fallen(read_w - added_w), channel.run, 0
+        )
         if term.misread:
             return -gained_without >= thresholds.STRONG_BIC
         return gained_without >= thresholds.STRONG_BIC
@@ -69,8 +74,8 @@ def not_contradicted(
 def misread(
     fit: Refit, runs: Runs, channel: Reading, drawn: Array, block: Index, rng: Generator
 ) -> ChannelEffect | None:
-    """A fault of the meter that power shows, be it too little to be named: less its error, the charge falls by the
-    energy drawn, at least as well as with a capacity for each run."""
+    """A fault of the meter that power shows, be it too little to be named: less its error, the
+    charge falls by the energy drawn, at least as well as with a capacity for each run."""
     setting = Setting.of(fit, runs)
     faults: list[_Fault] = []
     for term in terms(setting):
@@ -103,7 +108,13 @@ class _Fault(NamedTuple):
 
 
 def _fault(
-    term: Term, setting: Setting, fit: Refit, channel: Reading, drawn: Array, block: Index, rng: Generator
+    term: Term,
+    setting: Setting,
+    fit: Refit,
+    channel: Reading,
+    drawn: Array,
+    block: Index,
+    rng: Generator,
 ) -> _Fault | None:
     """A fault of the meter, where it is proven."""
     runs = setting.runs
@@ -114,7 +125,11 @@ def _fault(
     truly_drawn = drawn - channel.summed(added_w / fit.parameters.nominal.usable_energy_j)[:, None]
     gained_by_ageing = channel.delta_bic(truly_drawn, channel.per_run(drawn))
     proof = channel.proof(drawn, truly_drawn, rng)
-    if proof is None or gained_by_ageing >= thresholds.STRONG_BIC or not matters(np.abs(added_w), runs):
+    if (
+        proof is None
+        or gained_by_ageing >= thresholds.STRONG_BIC
+        or not matters(np.abs(added_w), runs)
+    ):
         return None
     error = float(standard_errors(design, setting.residual - design @ weights, block)[-1])
     half_width = thresholds.NORMAL_95 * error

@@ -16,13 +16,18 @@ def odometer(fit: Refit, runs: Runs) -> ChannelEffect | None:
     scales = np.array([run.odometer_scale for run in runs.signals])
     if not scales.any():
         return None
-    # Probability that as many runs disagree in all parts of their way, if the sign of each part is random.
+    # Probability that as many runs disagree in all parts of their way, if the sign of each part is
+    # random.
     disagreeing = scales[scales != 0.0]
-    p_value = float(binom.sf(len(disagreeing) - 1, len(scales), 2.0 ** (1 - thresholds.FEWEST_BLOCKS)))
+    p_value = float(
+        binom.sf(len(disagreeing) - 1, len(scales), 2.0 ** (1 - thresholds.FEWEST_BLOCKS))
+    )
     if p_value > thresholds.FALSE_ALARM_RATE:
         return None
     as_recorded = WithEffects(speed_factors=(1.0 + scales).tolist())
-    added_w = fit.parameters.predict(runs, fit.theta, as_recorded) - fit.parameters.predict(runs, fit.theta)
+    added_w = fit.parameters.predict(runs, fit.theta, as_recorded) - fit.parameters.predict(
+        runs, fit.theta
+    )
     switch = instruments.ODOMETRY_SCALE.entry.switch
     interval = (float(disagreeing.min()), float(disagreeing.max()))
     size = Value(float(np.mean(disagreeing)), interval, switch.unit)

@@ -1,4 +1,5 @@
-"""Regression of a recorded channel, such as a voltage or the state of charge, on what the runs say of it."""
+"""Regression of a recorded channel, such as a voltage or the state of charge, on what the runs say
+of it."""
 
 from collections.abc import Sequence
 
@@ -16,7 +17,8 @@ from homeward.logs.channels import Array, Index, Mask
 
 
 class Reading:
-    """Regression of a channel, where it is known, with fixed effects: a mean for each stretch without a gap.
+    """Regression of a channel, where it is known, with fixed effects: a mean for each stretch
+    without a gap.
 
     The energy drawn in a gap is unknown. Columns have shape (known windows, columns).
     """
@@ -32,22 +34,27 @@ class Reading:
         self.target = self.within(values)
 
     def within(self, values: Array) -> Array:
-        """Within transformation of values of all windows, less the mean of their stretch, shape (known windows,)."""
+        """Within transformation of values of all windows, less the mean of their stretch, shape
+        (known windows,)."""
         values = values[self.known]
         count = np.maximum(np.bincount(self.stretch), 1)
         mean = np.bincount(self.stretch, values) / count
         return np.asarray(values - mean[self.stretch])
 
     def summed(self, rate: Array) -> Array:
-        """A rate of all windows integrated over time, to the middle of each window, shape (known windows,)."""
+        """A rate of all windows integrated over time, to the middle of each window, shape (known
+        windows,)."""
         amount = rate * self.duration_s
         to_the_middle = np.cumsum(amount) - 0.5 * amount
         return self.within(to_the_middle)
 
     def fit(self, columns: Array) -> tuple[Array, Array]:
-        """Coefficients of columns and their standard errors, clustered by block, shape (columns,) each."""
+        """Coefficients of columns and their standard errors, clustered by block, shape (columns,)
+        each."""
         coefficients = least_squares(columns, self.target)
-        return coefficients, standard_errors(columns, self.target - columns @ coefficients, self.block)
+        return coefficients, standard_errors(
+            columns, self.target - columns @ coefficients, self.block
+        )
 
     def per_run(self, column: Array) -> Array:
         """A column of its own for each run, shape (known windows, runs)."""
@@ -68,14 +75,20 @@ class Reading:
 
         return held_out(predict, self.block % FOLDS)
 
-    def proof(self, base: Array, added: Array, rng: Generator, searched: Sequence[Array] = ()) -> Proof | None:
-        """Evidence that the added columns, best of those searched, explain the channel beside the base; None if
-        weak."""
+    def proof(
+        self, base: Array, added: Array, rng: Generator, searched: Sequence[Array] = ()
+    ) -> Proof | None:
+        """Evidence that the added columns, best of those searched, explain the channel beside the
+        base; None if weak."""
         predicted = self.held_out(base)
         predicted_with = self.held_out(np.column_stack([base, added]))
         gained = gain(self.target, predicted, predicted_with, self.block, rng)
         bic_gain = delta_bic(self.target, predicted, predicted_with, self.run, added.shape[1])
-        if bic_gain < thresholds.STRONG_BIC or gained.share < thresholds.SMALLEST_GAIN or gained.ci95[0] <= 0.0:
+        if (
+            bic_gain < thresholds.STRONG_BIC
+            or gained.share < thresholds.SMALLEST_GAIN
+            or gained.ci95[0] <= 0.0
+        ):
             return None
         p_value = self._p_value(base, added, np.column_stack([added, *searched]), rng)
         if p_value > thresholds.FALSE_ALARM_RATE:
@@ -83,10 +96,12 @@ class Reading:
         return Proof(bic_gain, gained.share, p_value)
 
     def _p_value(self, base: Array, added: Array, searched: Array, rng: Generator) -> float:
-        """P-value: how often, on random signs of blocks, some column searched explains as much as the best added."""
+        """P-value: how often, on random signs of blocks, some column searched explains as much as
+        the best added."""
         residual = self.target - _projected(self.target, base)
         beside_base = searched - _projected(searched, base)
-        # If the base is all there is, the sign of each block's sum is random (wild cluster bootstrap).
+        # If the base is all there is, the sign of each block's sum is random (wild cluster
+        # bootstrap).
         sums = per_block(beside_base * residual[:, None], self.block)
         spread = np.sqrt((sums**2).sum(axis=0))
         is_used = spread > 0.0
@@ -99,7 +114,8 @@ class Reading:
 
 
 def _projected(target: Array, design: Array) -> Array:
-    """Least-squares prediction of a target, or of several as columns, by a design, of the target's shape."""
+    """Least-squares prediction of a target, or of several as columns, by a design, of the target's
+    shape."""
     return np.asarray(design @ least_squares(design, target))
 
 

@@ -31,13 +31,15 @@ class ChannelEffect:
 
     @property
     def gained(self) -> float:
-        """Share of the channel's held-out squared error that it explains; 0 where no model was compared."""
+        """Share of the channel's held-out squared error that it explains; 0 where no model was
+        compared."""
         return self.proof.held_out_gain or 0.0
 
 
 @dataclass(frozen=True)
 class Capacity:
-    """Energy of a full battery by a recorded state of charge, J; `ci95` has the errors of gauge and curve."""
+    """Energy of a full battery by a recorded state of charge, J; `ci95` has the errors of gauge and
+    curve."""
 
     assumed_j: float
     fitted_j: float  # one for all runs
@@ -48,7 +50,8 @@ class Capacity:
 
     @property
     def asked(self) -> bool:
-        """Whether it is off, and above what the battery's maker rates: asked about, and not written to a file."""
+        """Whether it is off, and above what the battery's maker rates: asked about, and not written
+        to a file."""
         return self.off and self.above_rated
 
     @property
@@ -57,9 +60,13 @@ class Capacity:
         return self.off and not self.above_rated
 
 
-def values_of(hypothesis: Hypothesis, size: float, ci95: tuple[float, float], shape: Numbers) -> dict[str, Value]:
+def values_of(
+    hypothesis: Hypothesis, size: float, ci95: tuple[float, float], shape: Numbers
+) -> dict[str, Value]:
     """The parameters of an effect: its fitted size, and the others of its form."""
     units = {parameter.name: parameter.unit for parameter in hypothesis.entry.parameters}
     switch = hypothesis.entry.switch
-    of_shape = {name: Value(number, (number, number), units[name]) for name, number in shape.items()}
+    of_shape = {
+        name: Value(number, (number, number), units[name]) for name, number in shape.items()
+    }
     return {switch.name: Value(size, ci95, switch.unit), **of_shape}

@@ -19,7 +19,8 @@ from homeward.physics import Robot
 
 
 def sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffect | None:
-    """Resistance by the voltage, beside the file's, where it loses a material share of the energy."""
+    """Resistance by the voltage, beside the file's, where it loses a material share of the
+    energy."""
     voltage_v = runs.context.get("voltage_v", np.zeros(1))
     is_known = voltage_v > 0.0
     if runs.unit != "W" or not is_known.any():
@@ -52,7 +53,9 @@ def sag(robot: Robot, runs: Runs, block: Index, rng: Generator) -> ChannelEffect
         rivals = (battery.COLD_BATTERY.id,)
     return ChannelEffect(
         hypothesis=resistance,
-        parameters=values_of(resistance, total_ohm, (total_ohm - half_width, total_ohm + half_width), {}),
+        parameters=values_of(
+            resistance, total_ohm, (total_ohm - half_width, total_ohm + half_width), {}
+        ),
         contribution=lost_w,
         proof=proof,
         rivals=rivals,
@@ -83,7 +86,9 @@ class _Warmth:
     warmer: Array
 
     @classmethod
-    def of(cls, channel: Reading, base: Array, drawn: Array, current_a: Array, runs: Runs) -> "_Warmth | None":
+    def of(
+        cls, channel: Reading, base: Array, drawn: Array, current_a: Array, runs: Runs
+    ) -> "_Warmth | None":
         """The designs; None without an air temperature."""
         air_c = runs.context.get("temperature_c", np.full(1, np.nan))
         if not np.isfinite(air_c).all():
@@ -113,7 +118,8 @@ class _Warmth:
 
     @property
     def rivals(self) -> tuple[Array, Array]:
-        """A resistance that differs from run to run, and one that changes as the battery empties."""
+        """A resistance that differs from run to run, and one that changes as the battery
+        empties."""
         drawn_as = pd.Series(self.current_a * self.runs.duration_s)
         emptied_as = drawn_as.groupby(self.runs.run).cumsum().to_numpy()
         later = self.channel.within(self.current_a * emptied_as)[:, None]
@@ -126,14 +132,18 @@ class _Warmth:
         """Reduction of BIC by the better rival, over the better form of warmth."""
         gains = []
         for rival in self.rivals:
-            over_forms = [self.channel.delta_bic(design, rival) for design in (self.by_warmth, self.bent)]
+            over_forms = [
+                self.channel.delta_bic(design, rival) for design in (self.by_warmth, self.bent)
+            ]
             gains.append(min(over_forms))
         return max(gains)
 
     def effect(self, robot: Robot, rng: Generator) -> ChannelEffect | None:
-        """A cold battery, where the resistance falls with warmth, and explains the voltage no worse than its rivals.
+        """A cold battery, where the resistance falls with warmth, and explains the voltage no worse
+        than its rivals.
 
-        The resistance is named as a rival where it explains the voltage no better than one of these.
+        The resistance is named as a rival where it explains the voltage no better than one of
+        these.
         """
         cold = battery.COLD_BATTERY
         channel = self.channel
@@ -144,7 +154,8 @@ class _Warmth:
         ohm_per_k = float(coefficients[-1])
         mean_c = float(np.mean(self.runs.context["temperature_c"]))
         warm_c = mean_c + ohm / max(ohm_per_k, TINY)  # where the resistance would reach zero
-        # At a reference power P, an ohm more loses (P / V)^2, a share of the P + R (P / V)^2 that the cells give.
+        # At a reference power P, an ohm more loses (P / V)^2, a share of the P + R (P / V)^2 that
+        # the cells give.
         reference_w = float(np.median(self.runs.observed[self.runs.observed > 0.0]))
         voltage_v = self.runs.context["voltage_v"]
         mean_v = np.mean(voltage_v[voltage_v > 0.0])
@@ -160,7 +171,10 @@ class _Warmth:
         proof = channel.proof(self.base, np.hstack([self.drawn, self.warmer]), rng)
         if proof is None:
             return None
-        is_clear = all(channel.delta_bic(rival, self.by_warmth) >= thresholds.STRONG_BIC for rival in self.rivals)
+        is_clear = all(
+            channel.delta_bic(rival, self.by_warmth) >= thresholds.STRONG_BIC
+            for rival in self.rivals
+        )
         rivals = () if is_clear else (battery.INTERNAL_RESISTANCE.id,)
         shape = {battery.WARM_C.name: warm_c, battery.COLD_W.name: reference_w}
         return ChannelEffect(

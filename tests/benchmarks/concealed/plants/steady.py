@@ -24,16 +24,29 @@ def motion(speed_mps: float = 1.0, seconds: float = 60.0, **changes: Any) -> Mot
         "elevation_m": 0.0, "base_distance_m": 5.0, "sensing_hz": 0.0, "temperature_c": 20.0, "speed_mps": speed_mps,
     }  # fmt: skip
     numbers = {name: changes.pop(name) for name in list(changes) if name in held}
-    arrays = {name: np.broadcast_to(np.asarray(value, float), (n,)).copy() for name, value in (held | numbers).items()}
+    arrays = {
+        name: np.broadcast_to(np.asarray(value, float), (n,)).copy()
+        for name, value in (held | numbers).items()
+    }
     distance_m = np.concatenate([[0.0], np.cumsum(arrays["speed_mps"][:-1] * DT_S)])
-    kept = {"time_s": time_s, "distance_m": distance_m, "place_m": distance_m, "day_s": 0.0, "index": 0}
+    kept = {
+        "time_s": time_s,
+        "distance_m": distance_m,
+        "place_m": distance_m,
+        "day_s": 0.0,
+        "index": 0,
+    }
     return Motion(**kept | arrays | changes)  # type: ignore[arg-type]
 
 
-def drawn(effect: str, run: Motion, *, vehicle: Plant = SCOUT, seed: int = 0, runs: int = 1, **more: Any) -> Work:
+def drawn(
+    effect: str, run: Motion, *, vehicle: Plant = SCOUT, seed: int = 0, runs: int = 1, **more: Any
+) -> Work:
     """What a drive with one effect, of the catalogue of plants, comes to."""
     rng = np.random.default_rng(seed)
-    return rollout(vehicle, run, [EFFECTS[effect](vehicle, rng, runs)], np.random.default_rng(1), **more)
+    return rollout(
+        vehicle, run, [EFFECTS[effect](vehicle, rng, runs)], np.random.default_rng(1), **more
+    )
 
 
 def plain(run: Motion, vehicle: Plant = SCOUT, **more: Any) -> Work:

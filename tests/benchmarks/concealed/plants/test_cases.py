@@ -47,19 +47,25 @@ def test_recordings_obey_the_format(part: Part) -> None:
 
 def test_every_mechanism_and_fault_changes_what_is_recorded() -> None:
     rng = np.random.default_rng(1)
-    drives = make_drives(SCOUT, [make_route(SCOUT, rng) for _ in range(2)], rng, 5, -4.0, short=True)
+    drives = make_drives(
+        SCOUT, [make_route(SCOUT, rng) for _ in range(2)], rng, 5, -4.0, short=True
+    )
     hidden = {name: draw(SCOUT, rng, 5) for name, draw in EFFECTS.items()}
     hidden |= {name: make_outside(name, SCOUT, rng, 5)[0] for name in OUTSIDE}
 
     def written(*names: str) -> pd.DataFrame:
         works = [
-            rollout(SCOUT, run, [hidden[n] for n in names], np.random.default_rng(2), "terminals") for run in drives
+            rollout(SCOUT, run, [hidden[n] for n in names], np.random.default_rng(2), "terminals")
+            for run in drives
         ]
         noise = NOISES["low"]
-        return pd.concat([record(work, noise, Logging(), np.random.default_rng(3)) for work in works])
+        return pd.concat(
+            [record(work, noise, Logging(), np.random.default_rng(3)) for work in works]
+        )
 
     clean = written()
-    for name in set(hidden) - {"regeneration", "cooler"}:  # which want steeper hills and hotter air than these
+    # which want steeper hills and hotter air than these
+    for name in set(hidden) - {"regeneration", "cooler"}:
         assert not written(name).equals(clean), name
     work = rollout(SCOUT, drives[0], [], rng)
     frame = record(work, NOISES["low"], Logging(), rng)
@@ -76,7 +82,10 @@ def test_a_misset_file_is_off_within_limits_and_never_in_mass_and_rolling_at_onc
         off = {name for name, error in errors.items() if error != 0.0}
         assert all(0.1 - 1e-9 <= abs(errors[name]) <= 0.4 + 1e-9 for name in off)
         assert ("mass_kg" in off) != ("rolling_resistance" in off)
-        assert dataclasses.replace(robot, **{name: getattr(SCOUT.robot, name) for name in names}) == SCOUT.robot
+        assert (
+            dataclasses.replace(robot, **{name: getattr(SCOUT.robot, name) for name in names})
+            == SCOUT.robot
+        )
         wrong |= off
     assert wrong == set(names)
 
@@ -87,15 +96,21 @@ def test_a_refit_misses_nothing_of_the_papers_model_and_what_no_parameter_makes_
 
     def missed(*effects: str) -> float:
         some = [EFFECTS[name](SCOUT, np.random.default_rng(1), len(drives)) for name in effects]
-        return missed_share([rollout(SCOUT, run, some, np.random.default_rng(2), "gauge") for run in drives])
+        return missed_share(
+            [rollout(SCOUT, run, some, np.random.default_rng(2), "gauge") for run in drives]
+        )
 
     assert missed() < 0.01 < 0.03 < missed("turning")
 
 
-def test_two_faults_of_instruments_two_laws_of_a_battery_and_heat_and_cold_are_not_hidden_together() -> None:
+def test_two_faults_of_instruments_two_laws_of_a_battery_and_heat_and_cold_are_not_hidden_together() -> (
+    None
+):
     apart = {(one, other) for one in EFFECTS for other in EFFECTS if not go_together(one, other)}
     alike = [(name, name) for name in EFFECTS]
-    weather = [pair for cold in ("heater", "cold_battery") for pair in ((cold, "cooler"), ("cooler", cold))]
+    weather = [
+        pair for cold in ("heater", "cold_battery") for pair in ((cold, "cooler"), ("cooler", cold))
+    ]
     of_kind = (itertools.product(kind, repeat=2) for kind in (INSTRUMENTS, BATTERY_LAWS))
     assert apart == {*alike, *weather, *itertools.chain(*of_kind)}
 

@@ -1,4 +1,5 @@
-"""Plants with the catalogue's own formulas: the replay, and true parameters that a robot file may hold."""
+"""Plants with the catalogue's own formulas: the replay, and true parameters that a robot file may
+hold."""
 
 import dataclasses
 
@@ -25,7 +26,9 @@ def test_a_file_may_hold_what_is_drawn_on_every_vehicle_and_it_is_at_work(effect
         for _ in range(20):
             drawn = TRUTHS[effect](vehicle, rng)
             assert set(drawn) <= known
-            assert dataclasses.replace(vehicle.robot, effects={effect: drawn}).active_effects == (effect,)
+            assert dataclasses.replace(vehicle.robot, effects={effect: drawn}).active_effects == (
+                effect,
+            )
 
 
 def test_a_recorded_replay_is_seen_as_it_is_drawn() -> None:

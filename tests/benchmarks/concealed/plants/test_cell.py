@@ -19,12 +19,15 @@ def test_a_pack_that_fades_shows_in_its_charge_and_not_in_its_power() -> None:
     pack = dict(cell.PACKS)[("ageing",)]
     vehicle, (_, last) = cell.fitted(pack, SCOUT, drives, rng)
     plain, faded = (
-        rollout(vehicle, last, some, rng, "terminals") for some in ([], [cell.in_pack(pack, "ageing", vehicle, rng, 2)])
+        rollout(vehicle, last, some, rng, "terminals")
+        for some in ([], [cell.in_pack(pack, "ageing", vehicle, rng, 2)])
     )
     np.testing.assert_allclose(faded.seen_w, plain.seen_w)
     assert np.all(faded.chemical_w > plain.chemical_w)
     lost = np.sum(faded.chemical_w - plain.chemical_w) / np.sum(plain.chemical_w)
     assert 0.0 < lost < 0.1
     assert faded.capacity_share < 0.75
-    assert 0.95 - faded.soc[-1] == pytest.approx((1.0 + lost) / faded.capacity_share * (0.95 - plain.soc[-1]))
+    assert 0.95 - faded.soc[-1] == pytest.approx(
+        (1.0 + lost) / faded.capacity_share * (0.95 - plain.soc[-1])
+    )
     assert 0.9 < faded.voltage_v.mean() / vehicle.robot.nominal_voltage_v < 1.2

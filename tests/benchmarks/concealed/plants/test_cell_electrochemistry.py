@@ -8,7 +8,12 @@ import pytest
 pytest.importorskip("pybamm")
 
 from benchmarks.concealed.plants import cell
-from benchmarks.concealed.plants.cell_electrochemistry import Cell, Discharge, ExhaustedError, discharge
+from benchmarks.concealed.plants.cell_electrochemistry import (
+    Cell,
+    Discharge,
+    ExhaustedError,
+    discharge,
+)
 from benchmarks.concealed.plants.motion import Array
 
 POWER_CELL = Cell(cell.POWER_CELL)
@@ -22,11 +27,16 @@ def under(which: Cell, air_c: float, load_w: float = 0.6) -> tuple[Array, Discha
 
 def test_cold_costs_energy_and_contacts_lose_what_ohm_says() -> None:
     contact = 0.2 / 0.15625  # Ohm, of a cell of 0.15625 A h
-    (load, bare), (_, loose) = under(POWER_CELL, 25.0), under(Cell(cell.POWER_CELL, contact_ohm_ah=0.2), 25.0)
+    (load, bare), (_, loose) = (
+        under(POWER_CELL, 25.0),
+        under(Cell(cell.POWER_CELL, contact_ohm_ah=0.2), 25.0),
+    )
     steady = (TIME_S % 15.0) > 5.0  # the load is a ramp of one second between its levels
     extra = loose.chemical_w - bare.chemical_w
     np.testing.assert_allclose(extra[steady], contact * loose.current_a[steady] ** 2, rtol=0.15)
-    warm, cold = (np.sum(one.chemical_w - load) / np.sum(load) for one in (bare, under(POWER_CELL, -10.0)[1]))
+    warm, cold = (
+        np.sum(one.chemical_w - load) / np.sum(load) for one in (bare, under(POWER_CELL, -10.0)[1])
+    )
     assert 0.0 < warm < 0.03 < cold
 
 

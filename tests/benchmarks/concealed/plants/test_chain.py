@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.concealed.plants.chain import Mechanism, Stage, Work, charge_left, resistance_law, rollout
+from benchmarks.concealed.plants.chain import (
+    Mechanism,
+    Stage,
+    Work,
+    charge_left,
+    resistance_law,
+    rollout,
+)
 from benchmarks.concealed.plants.motion import make_drives, make_route
 from benchmarks.concealed.plants.vehicles import GRAVITY_MPS2, SCOUT, VEHICLES
 from tests.benchmarks.concealed.plants.steady import DT_S, ROBOT, motion, plain
@@ -84,7 +91,10 @@ def test_what_one_stage_changes_the_next_ones_see(stage: Stage, name: str) -> No
     def double(work: Work, _: np.random.Generator) -> None:
         setattr(work, name, 2.0 * getattr(work, name))
 
-    work, run = rollout(SCOUT, motion(), [Mechanism("x", stage, double)], np.random.default_rng(0)), motion()
+    work, run = (
+        rollout(SCOUT, motion(), [Mechanism("x", stage, double)], np.random.default_rng(0)),
+        motion(),
+    )
     drag_w = 0.15 / ROBOT.traction_efficiency * (name == "rolling")
     np.testing.assert_allclose(work.drive_w, 2.0 * plain(run).drive_w - drag_w)
 
@@ -95,7 +105,9 @@ def test_nothing_hidden_is_the_papers_model() -> None:
         robot = vehicle.robot
         run = make_drives(vehicle, [make_route(vehicle, rng)], rng, 1, 15.0, short=True)[0]
         weight_n = robot.mass_kg * GRAVITY_MPS2
-        force_n = weight_n * (robot.rolling_resistance * np.cos(run.grade_rad) + np.sin(run.grade_rad))
+        force_n = weight_n * (
+            robot.rolling_resistance * np.cos(run.grade_rad) + np.sin(run.grade_rad)
+        )
         force_n += robot.drag_ns2_per_m2 * run.speed_mps**2
         expected_w = np.maximum(force_n, 0.0) * run.speed_mps / robot.traction_efficiency
         expected_w += robot.sensing_idle_w + robot.communication_w + robot.controller_w

@@ -23,7 +23,11 @@ def test_a_seed_always_gives_the_same_cases(part: Part) -> None:
 
 @pytest.mark.parametrize(("part", "kinds"), [("singles", 81), ("controls", 30), ("outside", 17)])
 def test_every_kind_comes_in_turn(part: Part, kinds: int) -> None:
-    expected = {"singles": len(EFFECTS) * len(NOISES), "controls": 2 * (len(FAULTS) + 1), "outside": len(OUTSIDE)}
+    expected = {
+        "singles": len(EFFECTS) * len(NOISES),
+        "controls": 2 * (len(FAULTS) + 1),
+        "outside": len(OUTSIDE),
+    }
     assert kinds == expected[part]
     few = [make_case(part, 2, number, short=True) for number in range(4)]
     assert len({(case.hidden, case.label, case.fault) for case in few}) == 4

@@ -1,4 +1,5 @@
-"""Concealed effects: each against a formula at one point, nothing where its cause is nothing, and its sign."""
+"""Concealed effects: each against a formula at one point, nothing where its cause is nothing, and
+its sign."""
 
 from __future__ import annotations
 
@@ -53,9 +54,13 @@ def test_a_lag_follows_a_step_exponentially() -> None:
 
 def test_autocorrelated_noise_has_its_deviation_and_correlation() -> None:
     noise = ornstein_uhlenbeck(np.random.default_rng(0), 200_000, 0.1, 2.0, 1.0)
-    assert noise.mean() == pytest.approx(0.0, abs=0.1) and noise.std() == pytest.approx(2.0, rel=0.03)
+    assert noise.mean() == pytest.approx(0.0, abs=0.1) and noise.std() == pytest.approx(
+        2.0, rel=0.03
+    )
     assert np.corrcoef(noise[10:], noise[:-10])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.02)
-    starts = [ornstein_uhlenbeck(np.random.default_rng(seed), 1, 0.1, 2.0, 1.0)[0] for seed in range(2000)]
+    starts = [
+        ornstein_uhlenbeck(np.random.default_rng(seed), 1, 0.1, 2.0, 1.0)[0] for seed in range(2000)
+    ]
     assert np.std(starts) == pytest.approx(2.0, rel=0.06)  # from the first sample on
 
 
@@ -86,7 +91,10 @@ def test_turning_is_zero_straight_on_and_the_same_to_either_side(seed: int) -> N
 def test_wheels_that_are_steered_scrub_as_their_side_force_squared() -> None:
     """F_y^2 / C v with C of 3 to 6 weights per rad; twice the yaw rate is four times the power."""
     vehicle, weight_n = RACER, RACER.robot.mass_kg * GRAVITY_MPS2
-    slow, fast = (drawn("turning", motion(2.0, yaw_rate_radps=yaw), vehicle=vehicle).turning_w[0] for yaw in (0.4, 0.8))
+    slow, fast = (
+        drawn("turning", motion(2.0, yaw_rate_radps=yaw), vehicle=vehicle).turning_w[0]
+        for yaw in (0.4, 0.8)
+    )
     assert fast == pytest.approx(4.0 * slow)
     side_n = RACER.robot.mass_kg * 2.0 * 0.4
     assert side_n**2 / (6.0 * weight_n) * 2.0 <= slow <= side_n**2 / (3.0 * weight_n) * 2.0
@@ -120,7 +128,10 @@ def test_grease_drags_in_proportion_to_speed_and_thins(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_wind_from_ahead_and_from_behind_are_the_same_wind(seed: int) -> None:
     """The head wind of one heading is the tail wind of the other; both are drawn alike."""
-    out, back = (drawn("wind", motion(heading_rad=heading), seed=seed).air_mps - 1.0 for heading in (0.0, np.pi))
+    out, back = (
+        drawn("wind", motion(heading_rad=heading), seed=seed).air_mps - 1.0
+        for heading in (0.0, np.pi)
+    )
     np.testing.assert_allclose(out, -back, atol=1e-9)
     across = drawn("wind", motion(heading_rad=0.5 * np.pi), seed=seed).air_mps - 1.0
     speed_mps = np.hypot(out, across)
@@ -147,7 +158,10 @@ def test_a_load_weighs_from_where_it_is_picked_up(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_hidden_slope_is_against_the_way_out_and_with_the_way_home(seed: int) -> None:
-    out, home = (drawn("hidden_grade", motion(direction=direction), seed=seed).grade_rad for direction in (1.0, -1.0))
+    out, home = (
+        drawn("hidden_grade", motion(direction=direction), seed=seed).grade_rad
+        for direction in (1.0, -1.0)
+    )
     np.testing.assert_allclose(out, -home)
     assert 0.2 * 0.7 <= np.abs(out).max() / ROBOT.rolling_resistance <= 0.5 * 1.3
 
@@ -172,8 +186,11 @@ def test_only_braking_is_recovered_and_no_more_than_its_work(seed: int) -> None:
     work = drawn("regeneration", motion(1.0, grade_rad=-0.12), seed=seed)
     braking_w = -work.force_n * ROBOT.traction_efficiency
     limit_w = 1.2 * rolling_power_w(SCOUT)
-    assert (work.returned_w > 0.0).all() and (work.returned_w <= np.minimum(0.85 * braking_w, limit_w)).all()
-    assert not drawn("regeneration", motion(0.02, grade_rad=-0.12), seed=seed).returned_w.any()  # too slow
+    assert (work.returned_w > 0.0).all() and (
+        work.returned_w <= np.minimum(0.85 * braking_w, limit_w)
+    ).all()
+    # too slow
+    assert not drawn("regeneration", motion(0.02, grade_rad=-0.12), seed=seed).returned_w.any()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -196,8 +213,13 @@ def test_no_load_loss_is_of_turning_motors_alone(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_motor_that_warms_consumes_more_and_no_more_than_copper_at_its_limit(seed: int) -> None:
-    hot = drawn("motor_heating", motion(1.5, 3600.0), seed=seed).drive_w / plain(motion(1.5, 3600.0)).drive_w
-    assert hot[0] == pytest.approx(1.0, abs=0.01) and (np.diff(hot) >= -1e-12).all() and hot[-1] > 1.05
+    hot = (
+        drawn("motor_heating", motion(1.5, 3600.0), seed=seed).drive_w
+        / plain(motion(1.5, 3600.0)).drive_w
+    )
+    assert (
+        hot[0] == pytest.approx(1.0, abs=0.01) and (np.diff(hot) >= -1e-12).all() and hot[-1] > 1.05
+    )
     limit = (1.0 + COPPER_PER_K * 130.0) / (1.0 - 0.13) ** 2 - 1.0
     assert hot[-1] <= 1.0 + 0.55 * limit
     assert not extra_w("motor_heating", motion(0.0), seed).any()
@@ -207,7 +229,11 @@ def test_a_motor_that_warms_consumes_more_and_no_more_than_copper_at_its_limit(s
 def test_a_warm_motor_has_the_resistance_of_warm_copper_and_weaker_magnets(seed: int) -> None:
     rng, run = np.random.default_rng(seed), motion(0.5, 3600.0 * 3.0)
     copper_share = rng.uniform(0.35, 0.55)
-    rise_k = (rng.uniform(40.0, 60.0) + rng.uniform(25.0, 45.0)) * plain(run).drive_w[0] / rolling_power_w(SCOUT)
+    rise_k = (
+        (rng.uniform(40.0, 60.0) + rng.uniform(25.0, 45.0))
+        * plain(run).drive_w[0]
+        / rolling_power_w(SCOUT)
+    )
     hotter = (1.0 + COPPER_PER_K * rise_k) / (1.0 - 0.001 * rise_k) ** 2
     hot = drawn("motor_heating", run, seed=seed).drive_w / plain(run).drive_w
     assert hot[-1] == pytest.approx(1.0 + copper_share * (hotter - 1.0), rel=1e-6)
@@ -231,7 +257,11 @@ def test_a_battery_loses_what_ohm_says_and_delivers_what_is_asked(effect: str, s
 def test_a_resistance_is_the_share_of_the_peak_that_it_is_drawn_as(seed: int) -> None:
     """Before polarisation builds up, three quarters of it are in series."""
     run = motion(1.0)
-    ohm = np.random.default_rng(seed).uniform(0.12, 0.2) * ROBOT.nominal_voltage_v**2 / peak_power_w(SCOUT)
+    ohm = (
+        np.random.default_rng(seed).uniform(0.12, 0.2)
+        * ROBOT.nominal_voltage_v**2
+        / peak_power_w(SCOUT)
+    )
     work = drawn("internal_resistance", run, seed=seed)
     current_a = float(work.power_w[0] / work.voltage_v[0])
     sag_v = float(plain(run).voltage_v[0] - work.voltage_v[0])
@@ -252,7 +282,10 @@ def test_peukert_loses_nothing_up_to_the_rated_power(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_old_battery_falls_faster_and_delivers_alike(seed: int) -> None:
-    work, without = drawn("ageing", motion(), seed=seed, read_by="terminals"), plain(motion(), read_by="terminals")
+    work, without = (
+        drawn("ageing", motion(), seed=seed, read_by="terminals"),
+        plain(motion(), read_by="terminals"),
+    )
     np.testing.assert_array_equal(work.seen_w, without.seen_w)
     ratio = (0.95 - work.soc) / (0.95 - without.soc)
     assert 1.0 / 0.85 <= ratio[0] <= 1.0 / 0.65
@@ -263,7 +296,10 @@ def test_an_old_battery_falls_faster_and_delivers_alike(seed: int) -> None:
 def test_cold_raises_a_batterys_resistance(seed: int) -> None:
     lost_w = [
         float(np.sum(work.chemical_w - work.power_w))
-        for work in (drawn("cold_battery", motion(temperature_c=at_c), seed=seed) for at_c in (-15.0, 5.0, 25.0))
+        for work in (
+            drawn("cold_battery", motion(temperature_c=at_c), seed=seed)
+            for at_c in (-15.0, 5.0, 25.0)
+        )
     ]
     assert lost_w[0] > 2.0 * lost_w[1] > 2.0 * lost_w[2] > 0.0
 
@@ -289,7 +325,8 @@ def test_a_processor_follows_the_sensing_rate(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_radio_is_longer_on_the_air_farther_away(seed: int) -> None:
     near, mid, far = (
-        extra_w("radio", motion(base_distance_m=at_m), seed) for at_m in (0.5, 0.5 * SCOUT.leg_m, 2.0 * SCOUT.leg_m)
+        extra_w("radio", motion(base_distance_m=at_m), seed)
+        for at_m in (0.5, 0.5 * SCOUT.leg_m, 2.0 * SCOUT.leg_m)
     )
     assert near.mean() < mid.mean() < far.mean() and near.min() > 0.0
     assert far.max() == pytest.approx(9.0 * near.min(), rel=1e-9)  # 54 over 6 Mbit/s
@@ -327,7 +364,12 @@ def test_effects_of_the_road_change_no_reading_and_instruments_no_power() -> Non
     for name in EFFECTS:
         work = drawn(name, run)
         readings = (work.read_gain, work.read_offset_w, work.odometer_gain)
-        told = (work.read_lag_s, *(float(np.abs(one - default).max()) for one, default in zip(readings, (1, 0, 1))))  # noqa: B905
+        defaults = (1, 0, 1)
+        changes = [
+            float(np.abs(reading - default).max())
+            for reading, default in zip(readings, defaults, strict=True)
+        ]
+        told = (work.read_lag_s, *changes)
         if name not in INSTRUMENTS:
             assert not any(told), name
         else:
@@ -341,7 +383,12 @@ Reading = Callable[[Work], Array]
 @pytest.mark.parametrize(
     ("effect", "reads", "least", "most"),
     [
-        ("sensor_offset", lambda work: np.abs(work.read_offset_w) / typical_power_w(SCOUT), 0.1, 0.25),
+        (
+            "sensor_offset",
+            lambda work: np.abs(work.read_offset_w) / typical_power_w(SCOUT),
+            0.1,
+            0.25,
+        ),
         ("sensor_gain", lambda work: work.read_gain - 1.0, 0.12, 0.3),
         ("odometry_scale", lambda work: np.abs(work.odometer_gain - 1.0), 0.08, 0.2),
     ],
@@ -366,12 +413,15 @@ def test_a_clock_that_lags_reads_what_was(seed: int) -> None:
 
 
 def test_every_effect_of_the_catalogue_has_a_plant() -> None:
-    """But for the road load by temperature, whose size is published: files have it, and few drives could prove it."""
+    """But for the road load by temperature, whose size is published: files have it, and few drives
+    could prove it."""
     from homeward.physics.effects import EFFECTS as CATALOGUE
 
     catalogue = {effect.id for effect in CATALOGUE} - {"air_temperature"}
     assert set(EFFECTS) == {*catalogue, *INSTRUMENTS}
-    assert all(draw(SCOUT, np.random.default_rng(0), 3).effect == name for name, draw in EFFECTS.items())
+    assert all(
+        draw(SCOUT, np.random.default_rng(0), 3).effect == name for name, draw in EFFECTS.items()
+    )
 
 
 def test_effects_are_drawn_anew_with_another_seed() -> None:
@@ -380,6 +430,9 @@ def test_effects_are_drawn_anew_with_another_seed() -> None:
     runs.append(later(motion(1.2, 120.0, temperature_c=35.0), 3))  # for a cooler
     for name in set(EFFECTS) - set(INSTRUMENTS) - {"ageing"}:
         assert any(
-            (drawn(name, run, seed=0, runs=3).chemical_w != drawn(name, run, seed=1, runs=3).chemical_w).any()
+            (
+                drawn(name, run, seed=0, runs=3).chemical_w
+                != drawn(name, run, seed=1, runs=3).chemical_w
+            ).any()
             for run in runs
         ), name

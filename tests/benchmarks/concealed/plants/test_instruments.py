@@ -1,4 +1,5 @@
-"""Instruments of the concealed plants: what they read, their noise, and what each fault does to a log."""
+"""Instruments of the concealed plants: what they read, their noise, and what each fault does to a
+log."""
 
 from __future__ import annotations
 
@@ -9,7 +10,14 @@ import pandas as pd
 import pytest
 
 from benchmarks.concealed.plants.chain import Work
-from benchmarks.concealed.plants.instruments import FAULTS, NOISES, Logging, NoiseLevel, read_power, record
+from benchmarks.concealed.plants.instruments import (
+    FAULTS,
+    NOISES,
+    Logging,
+    NoiseLevel,
+    read_power,
+    record,
+)
 from benchmarks.concealed.plants.vehicles import SCOUT, typical_power_w
 from tests.benchmarks.concealed.plants.steady import DT_S, ROBOT, motion, plain
 
@@ -57,8 +65,12 @@ def test_voltage_times_current_is_the_power_at_the_terminals() -> None:
 def test_wheels_turn_for_the_speed_and_the_bend() -> None:
     frame = clean(driven(), Logging(wheels=True))
     assert not {"speed_mps", "yaw_rate_radps"} & set(frame)
-    np.testing.assert_allclose(0.5 * (frame["wheel_left_mps"] + frame["wheel_right_mps"]), SPEED, atol=1e-12)
-    np.testing.assert_allclose((frame["wheel_right_mps"] - frame["wheel_left_mps"]) / ROBOT.track_m, 0.1)
+    np.testing.assert_allclose(
+        0.5 * (frame["wheel_left_mps"] + frame["wheel_right_mps"]), SPEED, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        (frame["wheel_right_mps"] - frame["wheel_left_mps"]) / ROBOT.track_m, 0.1
+    )
 
 
 @pytest.mark.parametrize(
@@ -70,13 +82,17 @@ def test_wheels_turn_for_the_speed_and_the_bend() -> None:
         (Logging(charge=False), set(), {"soc"}),
     ],
 )
-def test_a_log_has_the_columns_that_are_logged(logging: Logging, there: set[str], absent: set[str]) -> None:
+def test_a_log_has_the_columns_that_are_logged(
+    logging: Logging, there: set[str], absent: set[str]
+) -> None:
     columns = set(clean(driven(), logging))
     assert there <= columns and not absent & columns
 
 
 @pytest.mark.parametrize("level", NOISES)
-def test_noise_is_as_large_as_its_level_says_and_none_is_on_a_vehicle_that_stands(level: str) -> None:
+def test_noise_is_as_large_as_its_level_says_and_none_is_on_a_vehicle_that_stands(
+    level: str,
+) -> None:
     noise, work = NOISES[level], plain(motion(1.0, 3000.0))
     frame = record(work, noise, Logging(), rng())
     for name, truth, deviation in (
@@ -100,7 +116,11 @@ def test_noise_grows_from_level_to_level() -> None:
 def test_a_reading_has_gain_offset_and_lag() -> None:
     work = driven()
     work.seen_w = 2.0 * work.run.time_s
-    work.read_gain, work.read_offset_w, work.read_lag_s = work.read_gain * 1.5, work.read_offset_w + 7.0, 3.0
+    work.read_gain, work.read_offset_w, work.read_lag_s = (
+        work.read_gain * 1.5,
+        work.read_offset_w + 7.0,
+        3.0,
+    )
     late_s = np.maximum(work.run.time_s - 3.0, 0.0)  # the first reading is held
     np.testing.assert_allclose(read_power(work), 1.5 * 2.0 * late_s + 7.0)
 
@@ -125,9 +145,13 @@ def test_elevation_faults_are_noise_steps_and_delay() -> None:
 
 def test_grade_faults_are_noise_an_angle_and_nothing() -> None:
     work = driven()
-    assert (faulty("noisy_grade", work)["grade_rad"] - 0.02).std() == pytest.approx(np.radians(0.7), rel=0.1)
+    assert (faulty("noisy_grade", work)["grade_rad"] - 0.02).std() == pytest.approx(
+        np.radians(0.7), rel=0.1
+    )
     for level, degrees in ((0.0, 0.5), (1.0, 2.0)):
-        np.testing.assert_allclose(faulty("pitched_imu", work, level)["grade_rad"] - 0.02, np.radians(degrees))
+        np.testing.assert_allclose(
+            faulty("pitched_imu", work, level)["grade_rad"] - 0.02, np.radians(degrees)
+        )
     assert not {"grade_rad", "elevation_m"} & set(faulty("no_grade", work))
 
 
@@ -137,7 +161,9 @@ def test_a_noisy_speed_is_noisy_while_it_stands_and_never_negative() -> None:
     assert (speed - SPEED)[SPEED > 0.0].std() == pytest.approx(0.04 * ROBOT.max_speed_mps, rel=0.1)
     work = driven()
     wheels = FAULTS["noisy_speed"](clean(work, Logging(wheels=True)), work, 0.5, rng())
-    np.testing.assert_allclose((wheels["wheel_right_mps"] - wheels["wheel_left_mps"]) / ROBOT.track_m, 0.1)
+    np.testing.assert_allclose(
+        (wheels["wheel_right_mps"] - wheels["wheel_left_mps"]) / ROBOT.track_m, 0.1
+    )
 
 
 def test_held_values_change_seldom_and_are_values_that_were() -> None:
@@ -202,7 +228,9 @@ def test_a_reset_odometer_begins_again_and_the_meter_reads_nothing_meanwhile() -
     truth, reset = clean(work), faulty("resets", work)
     at = int(np.argmin(np.diff(reset["distance_m"]))) + 1
     assert reset["distance_m"][at] == 0.0 < truth["distance_m"][at]
-    np.testing.assert_allclose(np.diff(reset["distance_m"][at:]), np.diff(truth["distance_m"][at:]), atol=1e-12)
+    np.testing.assert_allclose(
+        np.diff(reset["distance_m"][at:]), np.diff(truth["distance_m"][at:]), atol=1e-12
+    )
     silent = reset["power_w"] == 0.0
     assert silent[at] and 1.0 <= silent.sum() * DT_S <= 2.2
     np.testing.assert_array_equal(reset["power_w"][~silent], truth["power_w"][~silent])

@@ -1,4 +1,5 @@
-"""Motion: routes with the steepest slope that is asked for, and channels that belong to one another."""
+"""Motion: routes with the steepest slope that is asked for, and channels that belong to one
+another."""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ def routes(vehicle: Plant = SCOUT, count: int = 20) -> list[Course]:
     return [make_route(vehicle, rng) for _ in range(count)]
 
 
-def driven(vehicle: Plant = SCOUT, loop: bool = False, seed: int = 1, short: bool = False) -> Motion:
+def driven(
+    vehicle: Plant = SCOUT, loop: bool = False, seed: int = 1, short: bool = False
+) -> Motion:
     rng = np.random.default_rng(seed)
     route = next(one for one in iter(lambda: make_route(vehicle, rng), None) if one.loop == loop)
     return make_drives(vehicle, [route], rng, 1, 15.0, short)[0]
@@ -26,7 +29,9 @@ def test_hills_are_as_steep_as_the_ground_allows_and_end_as_high_as_they_begin()
     for route in routes():
         slopes = np.abs(route.elevation(np.linspace(0.0, route.length_m, 2000), 1))
         assert 0.49 * SCOUT.steepest_grade_rad < slopes.max() < 1.01 * SCOUT.steepest_grade_rad
-        assert route.elevation(0.0) == pytest.approx(float(route.elevation(route.length_m)), abs=1e-9)
+        assert route.elevation(0.0) == pytest.approx(
+            float(route.elevation(route.length_m)), abs=1e-9
+        )
 
 
 def test_a_loop_turns_once_and_a_way_out_turns_nowhere_on_the_whole() -> None:
@@ -45,7 +50,11 @@ def test_a_drive_keeps_the_limits_of_its_vehicle(vehicle: Plant) -> None:
     assert np.abs(np.diff(run.speed_mps)).max() <= vehicle.max_accel_mps2 * run.dt_s * (1.0 + 1e-9)
     assert np.abs(run.yaw_rate_radps).max() <= vehicle.max_turn_radps
     assert np.abs(run.grade_rad).max() <= 1.02 * vehicle.steepest_grade_rad
-    assert {0.0} < set(np.unique(run.sensing_hz / vehicle.robot.max_sensing_hz)) <= {0.0, 0.2, 0.5, 1.0}
+    assert (
+        {0.0}
+        < set(np.unique(run.sensing_hz / vehicle.robot.max_sensing_hz))
+        <= {0.0, 0.2, 0.5, 1.0}
+    )
 
 
 @pytest.mark.parametrize("loop", [False, True])
@@ -67,7 +76,9 @@ def test_slope_is_the_derivative_of_height_in_the_direction_of_travel() -> None:
 
 
 def test_the_way_home_passes_the_places_of_the_way_out() -> None:
-    run = next(run for run in (driven(seed=seed) for seed in range(20)) if (run.direction < 0.0).any())
+    run = next(
+        run for run in (driven(seed=seed) for seed in range(20)) if (run.direction < 0.0).any()
+    )
     assert set(np.unique(run.direction)) == {-1.0, 1.0}
     moving = run.speed_mps[1:] > 0.0
     same_way = run.direction[1:] == run.direction[:-1]
@@ -78,7 +89,9 @@ def test_the_way_home_passes_the_places_of_the_way_out() -> None:
 def test_only_what_turns_on_the_spot_looks_around_while_it_stands() -> None:
     def turns(vehicle: Plant) -> bool:
         runs = [driven(vehicle, seed=seed) for seed in range(4)]
-        return any(((run.speed_mps == 0.0) & (np.abs(run.yaw_rate_radps) > 0.3)).any() for run in runs)
+        return any(
+            ((run.speed_mps == 0.0) & (np.abs(run.yaw_rate_radps) > 0.3)).any() for run in runs
+        )
 
     assert turns(JACKAL)
     # A car turns at the ends of its way only, where it may have stopped.
@@ -100,7 +113,9 @@ def test_drives_take_the_routes_in_turn_and_follow_one_another() -> None:
     found = [make_route(SCOUT, rng) for _ in range(2)]
     runs = make_drives(SCOUT, found, rng, 4, 15.0, short=True)
     assert [run.index for run in runs] == [0, 1, 2, 3]
-    assert [run.elevation_m[0] for run in runs] == [float(found[k % 2].elevation(0.0)) for k in range(4)]
+    assert [run.elevation_m[0] for run in runs] == [
+        float(found[k % 2].elevation(0.0)) for k in range(4)
+    ]
     for run, after in itertools.pairwise(runs):
         assert after.day_s >= run.day_s + run.time_s[-1] + 600.0 - run.dt_s
     assert {round(1.0 / run.dt_s) for run in runs} <= {5, 10, 20}

@@ -1,4 +1,5 @@
-"""Mechanisms outside the catalogue: each does what its sentence says, and nothing where its cause is absent."""
+"""Mechanisms outside the catalogue: each does what its sentence says, and nothing where its cause
+is absent."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def test_furrows_are_the_same_there_and_back_and_hinder_across(seed: int) -> Non
 
 @each_seed
 def test_a_dry_bearing_squeals_once_hot_and_until_clearly_cooler(seed: int) -> None:
-    """It cools as it warms, so that the levels at which it begins and ends follow from the times."""
+    """It cools as it warms, so that the levels at which it begins and ends follow from the
+    times."""
     run = speeds((1.5, 300.0), (0.0, 600.0))
     worse = rolls("squealing_bearing", run, seed) > 1.0
     begins, ends = np.flatnonzero(np.diff(worse.astype(int)))
@@ -66,7 +68,9 @@ def test_a_pump_pulses_with_the_way_and_not_while_standing(seed: int) -> None:
     slow, fast = (adds_w("speed_coupled_pump", motion(speed, 300.0), seed) for speed in (0.5, 1.0))
     assert np.mean(fast > 0.0) == pytest.approx(0.4, abs=0.12)
     starts = [np.flatnonzero(np.diff((one > 0.0).astype(int)) > 0) for one in (slow, fast)]
-    assert np.median(np.diff(starts[0])) == pytest.approx(2.0 * np.median(np.diff(starts[1])), abs=2.0)
+    assert np.median(np.diff(starts[0])) == pytest.approx(
+        2.0 * np.median(np.diff(starts[1])), abs=2.0
+    )
 
 
 @each_seed
@@ -82,7 +86,9 @@ def test_tyres_warm_while_driving(seed: int) -> None:
     worse = rolls("cold_tyres", motion(1.0, 3000.0), seed)
     assert worse[0] + 0.02 >= 1.5 and worse[0] <= 2.0 and worse[-1] == pytest.approx(1.0, abs=1e-3)
     assert (np.diff(worse) <= 0.0).all()
-    assert (np.diff(rolls("cold_tyres", speeds((1.0, 300.0), (0.0, 100.0)), seed)[3001:]) > 0.0).all()
+    assert (
+        np.diff(rolls("cold_tyres", speeds((1.0, 300.0), (0.0, 100.0)), seed)[3001:]) > 0.0
+    ).all()
 
 
 @each_seed
@@ -95,14 +101,19 @@ def test_mud_gathers_with_the_way_and_falls_off_at_a_stop(seed: int) -> None:
 
 @each_seed
 def test_a_tyre_leaks_in_one_drive_and_stays_flat(seed: int) -> None:
-    first, leaks, after = (rolls("slow_puncture", later(motion(), index), seed, runs=1) for index in (-1, 0, 1))
+    first, leaks, after = (
+        rolls("slow_puncture", later(motion(), index), seed, runs=1) for index in (-1, 0, 1)
+    )
     assert (first == 1.0).all() and leaks[0] == 1.0 and leaks[-1] > 1.05
     np.testing.assert_allclose(after, 0.12**-0.4)  # of the pressure that is left
 
 
 @each_seed
 def test_a_brake_sticks_after_a_long_stop_alone(seed: int) -> None:
-    short, long = (rolls("sticking_brake", speeds((1.0, 10.0), (0.0, stop), (1.0, 60.0)), seed) for stop in (5.0, 15.0))
+    short, long = (
+        rolls("sticking_brake", speeds((1.0, 10.0), (0.0, stop), (1.0, 60.0)), seed)
+        for stop in (5.0, 15.0)
+    )
     assert (short == 1.0).all()
     assert 2.3 < long[251] < 4.0 and long[-1] < 1.1 and (long[:249] == 1.0).all()
 
@@ -125,7 +136,9 @@ def test_corrugations_shake_at_one_speed(seed: int) -> None:
 
 @each_seed
 def test_a_bent_linkage_hinders_to_the_left(seed: int) -> None:
-    left, straight, right = (adds_w("damaged_steering", motion(yaw_rate_radps=yaw), seed) for yaw in (0.5, 0.0, -0.5))
+    left, straight, right = (
+        adds_w("damaged_steering", motion(yaw_rate_radps=yaw), seed) for yaw in (0.5, 0.0, -0.5)
+    )
     assert not straight.any() and not right.any()
     assert left[0] / rolling_power_w(SCOUT) == pytest.approx(1.2 * np.tanh(5.0), rel=0.34)
 

@@ -1,4 +1,5 @@
-"""Commands of the rover: within limits, as long as asked, and of the motion that they are named for."""
+"""Commands of the rover: within limits, as long as asked, and of the motion that they are named
+for."""
 
 from collections.abc import Callable
 
@@ -38,7 +39,9 @@ def test_a_drive_is_as_long_as_asked_and_changes_no_faster_than_a_rover_can(kind
 def test_a_ramp_has_the_acceleration_that_is_asked_for() -> None:
     speed, _ = command([Leg(2.0, 0.2), Leg(4.0, 0.8)], 6.0, 0.3)
     assert (speed[: 2 * TICKS_PER_S] == 0.2).all()
-    assert np.flatnonzero(speed >= 0.8 - 1e-9)[0] - 2 * TICKS_PER_S == pytest.approx(2.0 * TICKS_PER_S, abs=1)
+    assert np.flatnonzero(speed >= 0.8 - 1e-9)[0] - 2 * TICKS_PER_S == pytest.approx(
+        2.0 * TICKS_PER_S, abs=1
+    )
 
 
 def test_the_last_leg_holds_its_speed_to_the_end_straight_on() -> None:

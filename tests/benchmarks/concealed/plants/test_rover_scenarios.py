@@ -29,12 +29,15 @@ def test_a_scenario_is_one_that_a_rover_can_drive(build: hidden.Build) -> None:
             assert trip.speed_mps.min() >= 0.0 and trip.speed_mps.max() <= 1.0
             assert trip.payload_kg.min() >= 0.0 and trip.payload_kg.max() <= 30.0
         assert 0.0 < scenario.rover.efficiency < 1.0 and 0.0 <= scenario.rover.recovery < 1.0
-        assert build(np.random.default_rng(seed)).trips[0].speed_mps == pytest.approx(scenario.trips[0].speed_mps)
+        assert build(np.random.default_rng(seed)).trips[0].speed_mps == pytest.approx(
+            scenario.trips[0].speed_mps
+        )
 
 
 @pytest.mark.parametrize("build", BUILDS, ids=lambda build: build.__name__)
 def test_what_is_there_is_what_is_said_to_be_hidden(build: hidden.Build) -> None:
-    """Bends, loads, soft ground and slopes; starts and stops are of inertia, and braking of regeneration."""
+    """Bends, loads, soft ground and slopes; starts and stops are of inertia, and braking of
+    regeneration."""
     scenario = build(np.random.default_rng(1))
     trips, truth = scenario.trips, set(scenario.truth)
     catalogue = truth - {"stuck_brake", "chatter"}
@@ -59,7 +62,8 @@ def test_out_and_back_the_slope_is_met_both_ways() -> None:
     assert (back.start_m, back.heading_rad) == (56.0, np.pi)
     assert at(out, 17.0) == pytest.approx(-at(out, 41.0)) and at(out, 17.0) > 0.02
     knots = np.array(out.world.slope)
-    assert np.trapezoid(knots[:, 1], knots[:, 0]) == pytest.approx(0.0)  # it ends as high as it began
+    # it ends as high as it began
+    assert np.trapezoid(knots[:, 1], knots[:, 0]) == pytest.approx(0.0)
 
 
 def test_ground_of_a_patch_is_below_whoever_is_on_it() -> None:

@@ -21,7 +21,9 @@ each = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda vehicle: vehicle.
 
 def test_the_powers_of_one_vehicle_worked_out_by_hand() -> None:
     """Jackal: 17 kg, C_rr 0.08, 2 m/s; 67.5 % of what motors take reaches the ground."""
-    assert rolling_power_w(JACKAL) == pytest.approx(17.0 * 9.80665 * 0.08 * 1.2 / (0.9 * 0.75), rel=1e-9)
+    assert rolling_power_w(JACKAL) == pytest.approx(
+        17.0 * 9.80665 * 0.08 * 1.2 / (0.9 * 0.75), rel=1e-9
+    )
     assert idle_power_w(JACKAL) == 5.0 + 1.5 + 12.0
     assert typical_power_w(JACKAL) == pytest.approx(rolling_power_w(JACKAL) + 18.5 + 0.15 * 25.0)
     force_n = (0.08 + 0.12) * 17.0 * 9.80665 + 0.08 * 4.0
@@ -40,8 +42,13 @@ def test_powers_rank_and_rolling_is_linear_in_mass(vehicle: Plant) -> None:
 def test_a_vehicle_is_one_that_can_be(vehicle: Plant) -> None:
     robot = vehicle.robot
     assert 0.0 < vehicle.steepest_grade_rad < 0.7
-    assert vehicle.wheelbase_m > 0.0 and robot.track_m > 0.0 and vehicle.leg_m > 10.0 * vehicle.wheelbase_m
-    assert 3600.0 < robot.usable_energy_j / typical_power_w(vehicle) < 86400.0  # a battery lasts hours
+    assert (
+        vehicle.wheelbase_m > 0.0
+        and robot.track_m > 0.0
+        and vehicle.leg_m > 10.0 * vehicle.wheelbase_m
+    )
+    # a battery lasts hours
+    assert 3600.0 < robot.usable_energy_j / typical_power_w(vehicle) < 86400.0
     assert vehicle.source
 
 

@@ -4,7 +4,13 @@ import json
 from pathlib import Path
 
 from benchmarks.concealed.plants.draw import make_case
-from benchmarks.concealed.scoring.count import false_alarm, found_first, share, tables, wrongly_named
+from benchmarks.concealed.scoring.count import (
+    false_alarm,
+    found_first,
+    share,
+    tables,
+    wrongly_named,
+)
 from benchmarks.concealed.scoring.outcome import MODELS, Outcome, read_diagnosis
 
 
@@ -40,12 +46,20 @@ def test_counts_of_a_diagnosis_written_by_hand(tmp_path: Path) -> None:
     assert singles.rows[0][-1] == "2.00"
     pair = outcome(part="pairs", hidden=["payload", "radio"], classes=right.classes, verdict="missing_physics",
                    provable={"payload": True, "radio": False})  # fmt: skip
-    assert [cell.split(" ")[0] for cell in tables([pair])[0].rows[0][1:]] == ["1/1", "0/1", "1/1", "1/1", "0/1"]
+    assert [cell.split(" ")[0] for cell in tables([pair])[0].rows[0][1:]] == [
+        "1/1",
+        "0/1",
+        "1/1",
+        "1/1",
+        "0/1",
+    ]
 
 
 def test_cases_of_other_simulators_are_counted_by_kind() -> None:
     hidden: list[list[str]] = [["turning"], ["turning", "payload"], ["chatter"], []]
-    made = tables([outcome(part="rover", hidden=one, visible=dict.fromkeys(one, True)) for one in hidden])
+    made = tables(
+        [outcome(part="rover", hidden=one, visible=dict.fromkeys(one, True)) for one in hidden]
+    )
     titles = ["One hidden effect", "Two hidden effects", "Controls: no physics is missing",
               "Mechanisms outside the catalogue"]  # fmt: skip
     assert [table.title for table in made] == [f"{title}, rover" for title in titles]
@@ -54,32 +68,48 @@ def test_cases_of_other_simulators_are_counted_by_kind() -> None:
 def test_what_counts_as_a_false_alarm() -> None:
     assert false_alarm(outcome(verdict="missing_physics"))
     assert false_alarm(outcome(verdict="unknown_physics", summary="no grade was recorded"))
-    assert not false_alarm(outcome(verdict="unknown_physics", fault="no_grade", summary="no grade was recorded"))
-    assert false_alarm(outcome(verdict="unknown_physics", fault="no_grade", summary="further from base"))
+    assert not false_alarm(
+        outcome(verdict="unknown_physics", fault="no_grade", summary="no grade was recorded")
+    )
+    assert false_alarm(
+        outcome(verdict="unknown_physics", fault="no_grade", summary="further from base")
+    )
     assert not false_alarm(outcome(verdict="parameters_off"))
 
 
 def test_what_counts_as_wrongly_named() -> None:
     assert wrongly_named(outcome(part="outside", classes=[["radio", "surface"]]))
-    assert not wrongly_named(outcome(part="outside", classes=[["radio", "surface"]], fair=["surface"]))
+    assert not wrongly_named(
+        outcome(part="outside", classes=[["radio", "surface"]], fair=["surface"])
+    )
     assert not wrongly_named(outcome(part="outside", classes=[["a_formula"]]))
 
 
 def test_later_drives_and_intervals_are_counted() -> None:
     drive = dict(zip(MODELS, (9.0, 5.0, 6.1, 6.5), strict=True))
     better = drive | {"corrected": 5.9}
-    made = {table.title: table for table in tables([outcome(later=[drive, better], holds=["radio"])])}
-    assert made["Energy of later drives, median error in %"].rows == [("9.00", "5.00", "6.10", "6.20")]
-    worse = made["Files whose mean error over later drives is larger by over a point than that of"].rows[0]
+    made = {
+        table.title: table for table in tables([outcome(later=[drive, better], holds=["radio"])])
+    }
+    assert made["Energy of later drives, median error in %"].rows == [
+        ("9.00", "5.00", "6.10", "6.20")
+    ]
+    worse = made[
+        "Files whose mean error over later drives is larger by over a point than that of"
+    ].rows[0]
     assert [cell[:3] for cell in worse] == ["0/1", "1/1", "0/1"]
     held = made["Visible effects that a file can say, for which corrected.toml holds"].rows
     assert [row[1].split(" ")[0] for row in held] == ["1/1", "0/1"]
-    intervals = [{"name": "slip.per_load", "true": 1.0, "low": 0.8, "high": top, "off": False} for top in (0.9, 1.2)]
+    intervals = [
+        {"name": "slip.per_load", "true": 1.0, "low": 0.8, "high": top, "off": False}
+        for top in (0.9, 1.2)
+    ]
     covered = tables([outcome(part="coverage", intervals=intervals)])[0]
     assert covered.rows[0][1].startswith("1/2")
     assert covered.rows[0][2] == "0.250"
 
 
 def test_a_share_has_its_wilson_interval() -> None:
-    assert share([True] * 9 + [False]) == "9/10 = 90 % (60–98)"  # Newcombe 1998's formula by hand: 59.58 to 98.21
+    # Newcombe 1998's formula by hand: 59.58 to 98.21
+    assert share([True] * 9 + [False]) == "9/10 = 90 % (60–98)"
     assert share([]) == "–"

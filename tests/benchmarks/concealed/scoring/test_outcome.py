@@ -9,7 +9,14 @@ import pytest
 from benchmarks.concealed.plants.cases import Case, Later
 from benchmarks.concealed.plants.catalogue import replayed_w
 from benchmarks.concealed.plants.draw import make_case
-from benchmarks.concealed.scoring.outcome import MODELS, USABLE_ENERGY, Outcome, ask, read_diagnosis, true_groups
+from benchmarks.concealed.scoring.outcome import (
+    MODELS,
+    USABLE_ENERGY,
+    Outcome,
+    ask,
+    read_diagnosis,
+    true_groups,
+)
 from homeward.commands import diagnose
 from homeward.diagnosis import Analysis, Diagnosis, RecordingError
 from homeward.physics import Robot, load_robot
@@ -62,7 +69,8 @@ def test_intervals_are_kept_where_the_truth_is_known() -> None:
                 "effect": "radio",
                 "confused_with": ["standby"],
                 "parameters": {
-                    name: {"value": 1.0, "ci95": [400.0, 600.0]} for name in ("w_per_km2", "w_per_km2_level_2")
+                    name: {"value": 1.0, "ci95": [400.0, 600.0]}
+                    for name in ("w_per_km2", "w_per_km2_level_2")
                 },
             }
         ],
@@ -75,17 +83,28 @@ def test_intervals_are_kept_where_the_truth_is_known() -> None:
     assert single.intervals == [] and single.classes == coverage.classes == [["radio", "standby"]]
     assert coverage.capacity == ["ageing", "rate_capacity"]
     radio, group = coverage.intervals  # of a level, and of the usable energy, there is no truth
-    assert radio == {"name": "radio.w_per_km2", "true": 500.0, "low": 400.0, "high": 600.0, "off": False}
+    assert radio == {
+        "name": "radio.w_per_km2",
+        "true": 500.0,
+        "low": 400.0,
+        "high": 600.0,
+        "off": False,
+    }
     assert group == {
         "name": "m / Gamma", "true": truth.mass_kg / truth.traction_efficiency, "low": 1.9, "high": 2.1, "off": True,
     }  # fmt: skip
 
 
-def test_a_later_drive_has_the_error_of_its_energy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The truth draws a quarter more than the nominal file says; corrected.toml holds what draws it, or nothing."""
+def test_a_later_drive_has_the_error_of_its_energy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The truth draws a quarter more than the nominal file says; corrected.toml holds what draws
+    it, or nothing."""
     run = motion()
     later = Later(run, 1.25 * replayed_w(ROBOT, run))
-    whole = dataclasses.replace(ROBOT, effects={"standby": {"power_w": float(0.25 * np.mean(replayed_w(ROBOT, run)))}})
+    whole = dataclasses.replace(
+        ROBOT, effects={"standby": {"power_w": float(0.25 * np.mean(replayed_w(ROBOT, run)))}}
+    )
 
     def diagnosed(args: diagnose.Args, without: tuple[str, ...]) -> Analysis:
         found = Diagnosis(ROBOT.name, (), "missing_physics", "")
@@ -102,7 +121,9 @@ def test_a_later_drive_has_the_error_of_its_energy(tmp_path: Path, monkeypatch: 
     assert not (tmp_path / "recordings").exists() and (tmp_path / "nominal.toml").exists()
 
 
-@pytest.mark.parametrize(("error", "verdict"), [(RecordingError("no power"), "refused"), (KeyError("gone"), "crash")])
+@pytest.mark.parametrize(
+    ("error", "verdict"), [(RecordingError("no power"), "refused"), (KeyError("gone"), "crash")]
+)
 def test_what_is_raised_is_refused_if_it_says_why_and_a_crash_otherwise(
     error: Exception, verdict: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
