@@ -1,2 +1,3 @@
-"""The subcommands of `homeward`, one a file; `train`, `evaluate` and `diagnose` are links to the
+"""The subcommands of `homeward`, one a file, beside what they plot; `train`, `evaluate` and `diagnose` are links to the
+scripts at the top."""
 scripts at the top."""
