@@ -1,3 +1,2 @@
-"""The subcommands of `homeward`, one a file, beside what they plot; `train`, `evaluate` and `diagnose` are links to the
-scripts at the top."""
-scripts at the top."""
+"""The subcommands of `homeward`, one a file, beside what they plot; `train`, `evaluate` and `diagnose`
+are links to the scripts at the top."""
