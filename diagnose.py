@@ -96,8 +96,7 @@ def main(args: Args, without: Collection[str] = ()) -> Analysis | Comparison:
 
     Raises:
         RecordingError, RobotError, DatasetError: The input cannot be used. If that is found only
-        after reading all of
-            it, the report with the reason is written nonetheless.
+            after reading all of it, the report with the reason is written nonetheless.
         OSError: The output folder cannot be written to.
     """
     if args.effects is not None and own_file() != args.effects.absolute():

@@ -235,7 +235,7 @@ class Onboard:
 
         Raises:
             KeyError, TypeError, ValueError, zlib.error: The state is invalid, or of other
-            arguments.
+                arguments.
         """
         self.begin()
         self._observer.restore(_unpacked(state["observer"]))
@@ -271,7 +271,7 @@ def load_onboard(
     Raises:
         AgentError: The policy does not exist.
         PolicyFileError, OptionError, RobotError, RouteError: Its file or another argument is
-        invalid.
+            invalid.
 
     >>> onboard = load_onboard("ppo", "OutAndBack")
     >>> onboard.robot.name, onboard.decision_s

@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import html
+import inspect
 import json
 import logging
 import os
@@ -237,8 +238,10 @@ def difficulties() -> str:
 
 def instruments() -> str:
     """Sizes of the errors of each set of instruments, with their meanings from the docstring."""
-    _, _, attributes = (Instruments.__doc__ or "").partition("Attributes:\n")
-    meanings = dict(re.findall(r"^ +(\w+): (.+)$", attributes, re.MULTILINE))
+    _, _, attributes = (inspect.getdoc(Instruments) or "").partition("Attributes:\n")
+    # A meaning goes on in lines that are indented further than its name.
+    entries = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)$", attributes, re.MULTILINE)
+    meanings = {name: " ".join(meaning.split()) for name, meaning in entries}
     rows = []
     for field in dataclasses.fields(Instruments):
         if field.name != "gauges":

@@ -237,7 +237,7 @@ def main(args: Args) -> dict[str, Any]:
 
     Raises:
         TrainingError, OptionError, RobotError, RecordingError, AgentError: An argument cannot be
-        used.
+            used.
         OSError: The output folder cannot be written to.
     """
     if args.episodes < 2 or args.seed < 0 or args.trainings < 1:

@@ -129,7 +129,7 @@ def main(args: Args) -> onnx.ModelProto:
 
     Raises:
         ExportError, PolicyFileError, OptionError, RobotError, RouteError: The policy cannot be
-        exported.
+            exported.
         OSError: The file cannot be written.
     """
     try:

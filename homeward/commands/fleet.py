@@ -84,8 +84,7 @@ def main(args: Args) -> dict[str, Diagnosis]:
 
     Raises:
         RecordingError, RobotError: Input that cannot be used. Nothing has been diagnosed or, where
-        that shows only
-            then, the reports that say why are written nonetheless.
+            that shows only then, the reports that say why are written nonetheless.
         TaskError: A diagnosis failed; finished ones are written, and the same command continues.
         ClusterError: The cluster cannot be reached.
         OSError: The output folder cannot be written to.

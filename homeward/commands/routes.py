@@ -55,7 +55,7 @@ def main(args: Args) -> None:
 
     Raises:
         RouteError, RobotError, OptionError: The route or robot does not exist, or an argument is
-        invalid.
+            invalid.
         OSError: The picture cannot be written.
     """
     console = cli.Terminal()

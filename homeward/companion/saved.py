@@ -34,7 +34,7 @@ def put_values(part: Any, values: dict[str, Any]) -> None:
 
     Raises:
         ArithmeticError, AttributeError, LookupError, TypeError, ValueError, zlib.error: They are of
-        another part.
+            another part.
     """
     for name in part.SAVED:
         setattr(part, name, _decoded(values[name], getattr(part, name)))
