@@ -51,7 +51,7 @@ def check(root: Path, version: str) -> None:
     said = {name: stands(root, name)[1] for name in PLACES if name != "CHANGELOG.md"}
     if len(set(said.values())) > 1:
         raise ReleaseError(
-            f"versions disagree: {', '.join(f'{name} {one}' for name, one in said.items())}"
+            f"versions disagree: {', '.join(f'{name} {version}' for name, version in said.items())}"
         )
     latest = stands(root, "CHANGELOG.md")
     for released in re.findall(rf"^## {VERSION} \(\d", latest.string, re.MULTILINE):

@@ -105,7 +105,7 @@ def network(inputs: int, outputs: int, last_gain: float) -> nn.Sequential:
 def log_prob(policy: list[Categorical], actions: Tensor) -> Tensor:
     """Log probability of actions of shape (n, 3)."""
     return torch.stack(
-        [one.log_prob(action) for one, action in zip(policy, actions.unbind(-1), strict=True)]
+        [choice.log_prob(action) for choice, action in zip(policy, actions.unbind(-1), strict=True)]
     ).sum(0)
 
 
@@ -139,7 +139,7 @@ def main(args: Args) -> list[float]:
         for t in range(args.num_steps):
             with torch.no_grad():
                 policy, values[t] = agent.policy(observation), agent.value(observation)
-                action = torch.stack([one.sample() for one in policy], dim=-1)
+                action = torch.stack([choice.sample() for choice in policy], dim=-1)
                 log_probs[t] = log_prob(policy, action)
             observations[t], actions[t] = observation, action
             following, reward, terminated, truncated, info = envs.step(action.numpy())
@@ -175,11 +175,12 @@ def main(args: Args) -> list[float]:
             targets = advantages + values
 
         flat = [
-            one.flatten(0, 1) for one in (observations, actions, log_probs, advantages, targets)
+            values.flatten(0, 1)
+            for values in (observations, actions, log_probs, advantages, targets)
         ]
         for _ in range(args.epochs):
             for rows in torch.randperm(args.num_steps * args.num_envs).chunk(args.minibatches):
-                seen, taken, old_log_prob, gain, target = (one[rows] for one in flat)
+                seen, taken, old_log_prob, gain, target = (values[rows] for values in flat)
                 policy = agent.policy(seen)
                 ratio = (log_prob(policy, taken) - old_log_prob).exp()
                 gain = (gain - gain.mean()) / (gain.std() + 1e-8)

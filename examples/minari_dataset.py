@@ -97,8 +97,8 @@ def clone(dataset: MinariDataset, args: Args) -> tuple[nn.Sequential, float]:
 
     def stacked(chosen: list[minari.EpisodeData]) -> tuple[torch.Tensor, torch.Tensor]:
         # The last observation of a mission has no action.
-        seen = torch.from_numpy(np.concatenate([one.observations[:-1] for one in chosen]))
-        return seen, torch.from_numpy(np.concatenate([one.actions for one in chosen]))
+        seen = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in chosen]))
+        return seen, torch.from_numpy(np.concatenate([episode.actions for episode in chosen]))
 
     observations, actions = stacked(episodes[apart:])
     network = nn.Sequential(
@@ -129,7 +129,7 @@ def clone(dataset: MinariDataset, args: Args) -> tuple[nn.Sequential, float]:
 def main(args: Args) -> tuple[MinariDataset, float]:
     """Record, learn, and return the data set and the share of right choices."""
     dataset = record(args)
-    mean = np.mean([one.rewards.sum() for one in dataset.iterate_episodes()])
+    mean = np.mean([episode.rewards.sum() for episode in dataset.iterate_episodes()])
     print(
         f"{args.name}: {dataset.total_episodes} missions, {dataset.total_steps} decisions, return {mean:.3f}"
     )

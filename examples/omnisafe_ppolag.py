@@ -74,7 +74,7 @@ class Missions(CMDP):
 
     def __init__(self, env_id: str, num_envs: int = 1, device: str = "cpu", **options: Any) -> None:
         super().__init__(env_id)
-        (mission,) = (mission for mission, one in IDS.items() if one == env_id)
+        (mission,) = (mission for mission, id_of_mission in IDS.items() if id_of_mission == env_id)
         self._env = HomewardVectorEnv(
             num_envs,
             mission=mission,

@@ -72,7 +72,7 @@ def main(args: Args) -> Path:
         f"{args.agent}: {ending} after {len(frames) - 1} decisions, score {quantities.count(score)}"
     )
     used = info["energy_j"]
-    for cause, joules in sorted(used.items(), key=lambda one: -one[1]):
+    for cause, joules in sorted(used.items(), key=lambda entry: -entry[1]):
         if joules > 0.001 * used.total():
             print(f"  {cause:<15}{joules / used.total():6.1%}  {quantities.energy(joules)}")
 

@@ -191,17 +191,21 @@ def contenders(args: Args) -> dict[str, Contender]:
     }
 
 
-def simulator(one: Contender) -> Options:
+def simulator(contender: Contender) -> Options:
     """The environment that a contender knows: its robot file at the site of the preset."""
     return Options(
-        MISSION, robot=one.believes, difficulty=one.difficulty, randomise=one.randomise, scaled_for=NOMINAL
-    )  # fmt: skip
+        MISSION,
+        robot=contender.believes,
+        difficulty=contender.difficulty,
+        randomise=contender.randomise,
+        scaled_for=NOMINAL,
+    )
 
 
-def reality(one: Contender, real: Path) -> Options:
+def reality(contender: Contender, real: Path) -> Options:
     """The environment of the evaluation: the same site and conditions, and the real robot."""
     return dataclasses.replace(
-        simulator(one), difficulty=SITE, randomise="generic", true_robot=str(real)
+        simulator(contender), difficulty=SITE, randomise="generic", true_robot=str(real)
     )
 
 
@@ -210,26 +214,28 @@ def folder(args: Args, label: str, number: int) -> Path:
     return args.out / label / str(args.seed + number)
 
 
-def learn(args: Args, label: str, one: Contender, number: int) -> None:
+def learn(args: Args, label: str, contender: Contender, number: int) -> None:
     """Train a policy in its simulator with `train.py`, or find it trained."""
     settings = train.Args(
         env=IDS[MISSION], out=folder(args, label, number), steps=args.steps, seed=args.seed + number, resume=True,
-        replace=True, curve=4, difficulty=one.difficulty, robot=one.believes, randomise=one.randomise,
+        replace=True, curve=4, difficulty=contender.difficulty, robot=contender.believes, randomise=contender.randomise,
         scaled_for=NOMINAL, ppo=args.ppo,
     )  # fmt: skip
     train.main(settings)
 
 
-def drive(args: Args, label: str, one: Contender, options: Options, seeds: list[int]) -> list[Run]:
+def drive(
+    args: Args, label: str, contender: Contender, options: Options, seeds: list[int]
+) -> list[Run]:
     """Drive unseen missions, once for each training seed."""
     # with the robot that it assumes; the options say what it meets
-    env = HomewardVectorEnv(**vars(simulator(one)))
+    env = HomewardVectorEnv(**vars(simulator(contender)))
     files = (
         [folder(args, label, number) for number in range(args.trainings)]
-        if one.agent == "ppo"
+        if contender.agent == "ppo"
         else [None]
     )
-    return [run_episodes(make_policy(one.agent, env, file), options, seeds) for file in files]
+    return [run_episodes(make_policy(contender.agent, env, file), options, seeds) for file in files]
 
 
 def main(args: Args) -> dict[str, Any]:
@@ -248,24 +254,24 @@ def main(args: Args) -> dict[str, Any]:
     real, all_of_them = args.out / "real.toml", contenders(args)
     analysis = diagnosed(args)
     write_whole(real, real_robot().to_toml())
-    for label, one in all_of_them.items():
-        if one.agent == "ppo":
+    for label, contender in all_of_them.items():
+        if contender.agent == "ppo":
             for number in range(args.trainings):
-                learn(args, label, one, number)
+                learn(args, label, contender, number)
     seeds = episode_seeds(args.seed, args.episodes)
     runs, promised = {}, {}
-    for label, one in all_of_them.items():
-        runs[label] = drive(args, label, one, reality(one, real), seeds)
-        promised[label] = drive(args, label, one, simulator(one), seeds)
+    for label, contender in all_of_them.items():
+        runs[label] = drive(args, label, contender, reality(contender, real), seeds)
+        promised[label] = drive(args, label, contender, simulator(contender), seeds)
     first, rng = next(iter(all_of_them.values())), np.random.default_rng(args.seed)
     result = {
         "command": shlex.join(sys.argv),
         "steps": args.steps,
         "training_seeds": [args.seed + number for number in range(args.trainings)],
         "missing": MISSING,
-        "found": {one.effect: {name: value.value for name, value in one.parameters.items()}
-                  for one in analysis.diagnosis.missing_physics},
-        "contenders": {label: dataclasses.asdict(one) for label, one in all_of_them.items()},
+        "found": {effect.effect: {name: value.value for name, value in effect.parameters.items()}
+                  for effect in analysis.diagnosis.missing_physics},
+        "contenders": {label: dataclasses.asdict(contender) for label, contender in all_of_them.items()},
         "real": Evaluation(IDS[MISSION], reality(first, real), args.seed, seeds, runs).summary(rng),
         "simulated": Evaluation(IDS[MISSION], simulator(first), args.seed, seeds, promised).summary(rng),
     }  # fmt: skip
@@ -294,13 +300,13 @@ def show(result: dict[str, Any], analysis: Analysis, args: Args) -> None:
         f"seed {real['seed']}; training seeds: {args.trainings}, of {args.steps:,} decisions, from {args.ppo.start}",
         caption="below: 95 % intervals, of scores by bootstrap over missions and seeds, of stranding by Wilson\n"
         "simulated: the same seeds in its own simulator, score and share that strands\n"
-        + ", ".join(f"{one} {which}" for one, which in real["versions"].items()),
+        + ", ".join(f"{library} {which}" for library, which in real["versions"].items()),
         box=box.SIMPLE_HEAD,
     )
     table.add_column("driven by", min_width=18)
     for heading in ("score", "minus nominal", "minus corrected", "stranded", "late", "simulated"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for label, one in real["agents"].items():
+    for label, result in real["agents"].items():
         against = [
             real["paired"].get(f"{label} - {other}")
             for other in ("nominal-trained", "corrected-trained")
@@ -308,13 +314,13 @@ def show(result: dict[str, Any], analysis: Analysis, args: Args) -> None:
         alone = simulated["agents"][label]
         table.add_row(
             label,
-            _interval(one["score_mean"], one["score_ci95"], ".0f"),
+            _interval(result["score_mean"], result["score_ci95"], ".0f"),
             *(
                 "" if other is None else _interval(other["mean"], other["ci95"], "+.0f")
                 for other in against
             ),
-            _interval(one["stranded_rate"], one["stranded_ci95"], ".1%"),
-            str(one["timed_out"]),
+            _interval(result["stranded_rate"], result["stranded_ci95"], ".1%"),
+            str(result["timed_out"]),
             f"{alone['score_mean']:.0f}\n{alone['stranded_rate']:.1%}",
         )
     console.print(table)
