@@ -87,7 +87,8 @@ class Companion:
         window_s: Time over which readings are averaged.
         place_m: Length over which the ground is taken as uniform.
         reaction_s: Time from the advice to turn until the robot has turned; by default a window.
-        arrived_m: Length of the way home below which the robot is at home, and `turn_now` ends.
+        arrived_m: Length of the way home below which a robot that comes back is at home, and
+            `turn_now` ends.
         prior: Prior of the estimator, instead of the one that follows from the robot's file.
         policy: A policy for `Advice.action`, such as
             `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")`.
@@ -110,7 +111,7 @@ class Companion:
     """
 
     SAVED: ClassVar = (
-        "_readings", "_way", "_window", "_estimator", "_other_way_m", "_turned", "_charged", "_mismatched",
+        "_readings", "_way", "_window", "_estimator", "_other_way_m", "_turned", "_has_left", "_charged", "_mismatched",
         "_since_stop", "_may_be_swapped", "_left_j", "_used_j", "_stands", "_has", "_action",
     )  # fmt: skip
 
@@ -228,7 +229,7 @@ class Companion:
         self._window = Window()
         self._other_way: RouteLike | None = None
         self._other_way_m: float | None = None
-        self._turned = False
+        self._set_out()
         self._charged = False
         self._mismatched = 0
         self._stands = 0
@@ -361,10 +362,15 @@ class Companion:
         self._used_j = self._estimator.used_j
         self._begin_charge()
 
+    def _set_out(self) -> None:
+        """Begin a way out: it was neither told to turn nor seen away from home."""
+        self._turned = False
+        self._has_left = False
+
     def _begin_charge(self) -> None:
         """Begin a charge that was told, whatever the first readings and the argument `soc` say."""
         self._charged = True
-        self._turned = False
+        self._set_out()
         self._mismatched = 0
         if self._policy is not None:
             self._policy.begin()
@@ -401,7 +407,7 @@ class Companion:
                 f"{self._limits.way_m:.4g} m of where it was"
             )
         self._way.moved_home = checked
-        self._turned = False
+        self._set_out()
         self._other_way = None
         self._other_way_m = None
 
@@ -421,7 +427,7 @@ class Companion:
         if route is not None:
             self._other_way_m = 0.0
         self._way.moved_home = None
-        self._turned = False
+        self._set_out()
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """Energy that a way from here consumes, by the present estimates, J as metered.
@@ -589,12 +595,16 @@ class Companion:
             draws_w=max(estimator.pace_w, self.vehicle.idle_w, 1e-9),
             reaction_s=self._reaction_s,
         )
-        self._turned |= turn.is_due
         # A way from dead reckoning has a relative error: a robot that may be elsewhere has not
         # arrived.
-        self._turned &= (
-            home.way_m + thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m > self._arrived_m
-        )
+        unsure_m = thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m
+        is_home = home.way_m + unsure_m <= self._arrived_m
+        self._has_left |= not is_home
+        # Who comes home has arrived; who has not left yet is told not to leave.
+        if self._has_left and is_home:
+            self._turned = False
+        else:
+            self._turned |= turn.is_due
         chance_there = None
         if self._way.route_m is not None and ways[HOME].ways is None:
             onwards_m = max(self._way.route_m - ways[HOME].way_m, 0.0)

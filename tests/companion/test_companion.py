@@ -192,6 +192,22 @@ def test_it_has_arrived_where_noisy_positions_are_at_home() -> None:
     assert stood[-1].warnings == ()  # noise is not absurd
 
 
+def test_a_robot_that_cannot_come_back_is_told_before_it_leaves() -> None:
+    robot = Driven(health=0.02)
+    weak = Companion(HUSKY, home=(0.0, 0.0), soc=0.02)
+    ready = weak.update(0.0, speed_mps=0.0, position=(0.0, 0.0))
+    assert ready.turn_now and ready.turn_in_m == 0.0
+    near = robot.drive(weak, 0.0, 3.0)
+    assert near.turn_now and near.way_home_m < POSITION_M
+    away = robot.drive(weak, 0.0, 10.0)
+    assert away.turn_now and away.way_home_m > POSITION_M
+    back = robot.drive(weak, HOME, 13.0)
+    assert back.way_home_m < POSITION_M and not back.turn_now  # who comes home has arrived
+    weak.charged(0.02)
+    again = robot.drive(weak, 0.0, 1.0)
+    assert again.turn_now
+
+
 def test_who_reckons_its_way_does_not_know_that_it_has_arrived() -> None:
     one, robot = companion(), Driven(every_s=5.0, rolling=1.2, health=0.85)
     turned(one, robot, position=None)
