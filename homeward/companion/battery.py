@@ -436,16 +436,16 @@ class BatteryBelief:
             deviation.
         """
         cells = self._cells
-        count = len(self._charge)
         knows_voltage = self._volts_covariance[_FAST, _FAST] < self._resistance_variance
-        self.fails = 0.0
-        # neither its curve nor its resistance: it ends when it is empty
-        if not (cells.has_curve or knows_voltage):
-            return np.zeros((1, count)), np.full((1, count), math.inf), np.ones(1)
-        at_rest = self._at_rest()
-        if not cells.has_curve:
+        if cells.has_curve:
+            at_rest = self._at_rest()
+        elif knows_voltage:
             # Where on its curve a battery of unknown chemistry is, nobody knows.
-            at_rest = at_rest - most_fall(self._charge, self._drawn)
+            at_rest = self._at_rest() - most_fall(self._charge, self._drawn)
+        else:
+            # Nothing is known of its voltage: it ends when it is empty, or if its load is too much
+            # for a full one.
+            at_rest = any_cell(np.ones_like(self._charge))
         needs_now = self._needs(self._slow_rate)
         needs_settled = self._needs(max(self._most_slow_rate, self._slow_rate))
         rise = needs_settled - needs_now

@@ -669,11 +669,8 @@ class Companion:
         """Down to which voltage the battery is used."""
         if self._cutoff_v is not None:
             return "the battery is usable down to its cut-off voltage under load (given)"
-        if self.robot.curve.mean_v > 0.0:
-            usual = "that usual for its cells"
-        else:
-            usual = "that usual for cells of any chemistry, once voltage and current are read"
-        return f"the battery is usable down to its cut-off voltage under load (none was given: {usual})"
+        cells = "its cells" if self.robot.curve.mean_v > 0.0 else "cells of any chemistry"
+        return f"the battery is usable down to its cut-off voltage under load (none was given: that usual for {cells})"
 
     def _off_route(self) -> tuple[str, ...]:
         """The warning that the robot is off its route, if it is."""

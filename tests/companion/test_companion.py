@@ -208,6 +208,27 @@ def test_a_robot_that_cannot_come_back_is_told_before_it_leaves() -> None:
     assert again.turn_now
 
 
+@pytest.mark.parametrize(
+    ("temperature_c", "hours", "turns"), [(-5.0, 0.8, True), (25.0, 3.0, False)]
+)
+def test_a_load_that_a_full_cold_battery_may_not_stand_is_told_before_it_leaves(
+    temperature_c: float, hours: float, turns: bool
+) -> None:
+    """Of cells of unknown chemistry whose voltage nobody reads."""
+    small = dataclasses.replace(HUSKY, rated_energy_j=150.0 * 3600.0 * hours)
+    companion = Companion(small, home=(0.0, 0.0), soc=1.0)
+    for second in range(120):
+        advice = companion.update(
+            float(second),
+            speed_mps=0.5,
+            power_w=150.0,
+            position=(0.5 * second, 0.0),
+            temperature_c=temperature_c,
+        )
+        assert advice.turn_now is turns
+    assert any("may fall to the cut-off" in text for text in advice.warnings) is turns
+
+
 def test_who_reckons_its_way_does_not_know_that_it_has_arrived() -> None:
     one, robot = companion(), Driven(every_s=5.0, rolling=1.2, health=0.85)
     turned(one, robot, position=None)
