@@ -242,6 +242,7 @@ def run_drive(
         drive.outcomes["used x 1.2"] = _outcome(
             turn_at_reserve(readings, sizes.rules), battery, way, ground, sizes
         )
+    drive.outcomes["latest turn"] = _latest_turn(battery, way, ground, sizes)
     drive.points = _points(run, readings, battery, way, ground, label, sizes)
     drive.crash = run.crash or drive.crash
     drive.faults = run.faults
@@ -271,6 +272,23 @@ def _outcome(
     if not end.arrived:
         return Outcome(stranded=True, left=math.nan, turned=turned)
     return Outcome(stranded=False, left=end.share / float(way.records[0, SHARE]), turned=turned)
+
+
+def _latest_turn(battery: Battery, way: WayOut, ground: Ground, sizes: Sizes) -> Outcome:
+    """Turn at the last update from which the battery, the ground and the weather as they are let
+    the robot come home: who leaves less does not arrive."""
+    latest = _outcome(0, battery, way, ground, sizes)
+    early = 0
+    late = len(way.records)
+    while late - early > 1:
+        middle = (early + late) // 2
+        outcome = _outcome(middle, battery, way, ground, sizes)
+        if outcome.stranded:
+            late = middle
+        else:
+            early = middle
+            latest = outcome
+    return latest
 
 
 def _points(

@@ -17,7 +17,8 @@ from benchmarks.on_the_robot.gauges.score import covers, crps_j, mean_of, rate_o
 from benchmarks.on_the_robot.gauges.sizes import Sizes
 from benchmarks.tables import table
 
-AGENTS = ("companion", "half charge", "used x 1.2")
+AGENTS = ("companion", "half charge", "used x 1.2", "latest turn")
+"""The last knows everything: nobody who arrives leaves less."""
 PAIRED = ("good instruments", "10 m of noise", "clock steps")
 
 AS_METERED = ", as metered"

@@ -733,6 +733,10 @@ def test_another_seed_is_another_drive_and_rules_at_their_ends_turn_at_once_or_n
     never, at_once = drive.outcomes["half charge"], drive.outcomes["used x 1.2"]
     assert never.stranded and never.turned == 1.0 and math.isnan(never.left)
     assert not at_once.stranded and at_once.turned < 0.1 and at_once.left > 0.9
+    latest = drive.outcomes["latest turn"]
+    assert not latest.stranded
+    assert drive.outcomes["companion"].turned <= latest.turned < 1.0
+    assert latest.left < drive.outcomes["companion"].left
     truths = [truth_of(SIZES, seed=seed).way.empty_s for seed in (1, 1, 2)]
     assert truths[0] == truths[1] != truths[2]
 
@@ -912,8 +916,8 @@ DRIVES = [
 
 def test_stranded_and_left_count_drives_and_leave_out_agents_without_a_gauge() -> None:
     rows = cells_of(report.stranded_table(DRIVES, SIZES, "made up"))
-    assert rows[0] == ["all", "", "25% (5% to 70%) n=4", "-", "-"]  # Wilson's interval of 1 in 4
-    assert ["gauge", "counter", "25% (5% to 70%) n=4", "-", "-"] in rows
+    assert rows[0] == ["all", "", "25% (5% to 70%) n=4", "-", "-", "-"]  # Wilson's interval of 1 in 4
+    assert ["gauge", "counter", "25% (5% to 70%) n=4", "-", "-", "-"] in rows
     assert not any("lfp" in row for row in rows)
     left = cells_of(report.left_table(DRIVES, SIZES, "made up"))
     assert left[0][2].startswith("20.0% (") and left[0][2].endswith("n=3")
