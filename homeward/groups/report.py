@@ -51,14 +51,14 @@ def show_groups(comparison: Comparison, console: Console) -> None:
             number(level.run_spread),
         ]
         levels.add_row(*(plain(cell) for cell in cells))
-    pairs = _table("pair", "quantity", "difference", "95 %", "p, Holm", "held-out error", "")
+    pairs = _table("pair", "quantity", "difference", "95 %", "p, FDR", "held-out error", "")
     for pair in comparison.differences:
         cells = [
             f"{pair.group} - {pair.minus}",
             pair.quantity,
             number(pair.value) + unit_after(pair.unit),
             interval(pair.ci95),
-            f"{pair.p_holm:.2g}",
+            f"{pair.p_fdr:.2g}",
             f"{number(pair.held_out_rmse, 2)} for {number(pair.held_out_rmse_without_groups, 2)}",
             "differs" if pair.named else "",
         ]

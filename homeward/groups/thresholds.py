@@ -6,8 +6,8 @@ from homeward.diagnosis.thresholds import SIGNIFICANT
 # --- Tests ----------------------------------------------------------------------------------------
 
 LEVEL = 0.05
-"""Family-wise significance level: probability of any false positive where no group differs. Chosen:
-the convention."""
+"""False discovery rate: expected share of false ones among the named differences, which is the
+probability of any where no group differs. Chosen: the convention."""
 
 UPPER_95 = 1.0 - 0.5 * SIGNIFICANT
 """Quantile at the upper end of a 95 % interval: half of the level that the diagnosis has for its

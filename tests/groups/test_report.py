@@ -25,7 +25,7 @@ LEVELS = (
     Level("C_rr", "1", "warm", 0.14, (0.13, 0.15), 2, 0.01),
 )
 DIFFERENCE = Difference(
-    "P_anc", "W", "cold", "warm", 2.3766, (1.5, 3.2), 0.001, 0.0042, 0.15, 1.25, True
+    "P_anc", "W", "cold", "warm", 2.3766, (1.5, 3.2), 0.001, 0.0042, 0.0062, 0.15, 1.25, True
 )
 COMPARISON = Comparison(
     "standing", "groups_differ", "P_anc is higher.", RUNS, LEVELS, (DIFFERENCE,),
