@@ -80,11 +80,11 @@ class WithEffects:
     roughness: Array | None = None  # of the ground, (windows,)
 
 
-def average(signals: Sequence[Signals], samples: int = 1) -> Runs:
-    """Average runs of one unit over windows of `WINDOW_S`, or longer so that each holds at least so
+def average(signals: Sequence[Signals], samples: int = 1, window_s: float = WINDOW_S) -> Runs:
+    """Average runs of one unit over windows of `window_s`, or longer so that each holds at least so
     many samples."""
     total_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in signals)
-    shortest_s = max(WINDOW_S, total_s / _MOST_WINDOWS)
+    shortest_s = max(window_s, total_s / _MOST_WINDOWS)
     lengths_s = [max(shortest_s, samples * median_step_s(run.time_s)) for run in signals]
     cuts = [windows(run.time_s, length_s) for run, length_s in zip(signals, lengths_s, strict=True)]
     counts = [int(cut.keep.sum()) for cut in cuts]
