@@ -20,6 +20,7 @@ from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivat
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Value
+from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 
@@ -47,6 +48,22 @@ class Unknown:
     def name(self) -> str:
         """Effect and parameter."""
         return f"{self.effect} {self.parameter}"
+
+
+Shares = Sequence[Array | None]
+"""For each term the shares by distance of the places of its profile, (sizes,), if only differences
+between them are known; None otherwise."""
+
+
+@dataclass(frozen=True)
+class Reported:
+    """Sizes as a report has them, C_rr m that they are relative to, and derivatives of both by
+    groups and unknowns."""
+
+    sizes: Array  # (unknowns,)
+    by_all: Array  # (unknowns, groups + unknowns)
+    rolling_kg: float
+    rolling_by_all: Array  # (groups + unknowns,)
 
 
 @dataclass(frozen=True)
@@ -117,6 +134,44 @@ class Model:
             return 1.0
         return rolling_kg / max(float(theta[ROLLING]), 1e-9)
 
+    def reported(self, theta: Array, values: Array, by_distance: Shares) -> Reported:
+        """The sizes as a report has them, with C_rr m of the ground that they are relative to.
+
+        Of a profile that only differs from place to place, sizes are relative to its mean by
+        distance (`by_distance`): with rough ground, C_rr m is that of the
+        mean ground.
+        """
+        groups = len(theta)
+        sizes = values.copy()
+        by_all = np.zeros((len(values), groups + len(values)))
+        rolling_kg = float(theta[ROLLING])
+        rolling_by_all = np.zeros(groups + len(values))
+        rolling_by_all[ROLLING] = 1.0
+        for index, term in enumerate(self.terms):
+            numbers = self.of(index)
+            columns = [groups + number for number in numbers]
+            shares = by_distance[index]
+            if term.of_rolling_kg is not None:
+                # C_rr m of each place, and of the ground that it is compared with
+                places_kg = theta[ROLLING] + term.of_rolling_kg * values[numbers]
+                places_by_all = np.zeros((len(numbers), groups + len(values)))
+                places_by_all[:, ROLLING] = 1.0
+                places_by_all[range(len(numbers)), columns] = term.of_rolling_kg
+                if shares is not None:
+                    rolling_kg = float(shares @ places_kg)
+                    rolling_by_all = shares @ places_by_all
+                mean_kg = max(rolling_kg, 1e-9)
+                sizes[numbers] = places_kg / mean_kg - 1.0
+                by_all[numbers] = (
+                    places_by_all - np.outer(places_kg / mean_kg, rolling_by_all)
+                ) / mean_kg
+            else:
+                by_all[numbers, columns] = 1.0
+                if shares is not None:
+                    sizes[numbers] -= shares @ values[numbers]
+                    by_all[np.ix_(numbers, columns)] -= shares
+        return Reported(sizes, by_all, rolling_kg, rolling_by_all)
+
     def _over_ground(
         self, within: WithEffects, index: int, theta: Array, values: Array
     ) -> WithEffects:
@@ -173,10 +228,12 @@ class Corrected:
 
     model: Model
     values: Array  # (unknowns,)
-    ci95: tuple[tuple[float, float], ...]
+    ci95: tuple[tuple[float, float], ...]  # of the sizes as reported
     groups: Refit  # of the groups of the refit, fitted together with the effects
     beside: Array  # (windows, unknowns): derivative of the prediction, per unit of each unknown
     contribution: tuple[Array, ...]  # power or current of each term, shape (windows,)
+    by_distance: Shares
+    least_variance: Array  # of the sizes as reported, (unknowns,)
 
     @property
     def parameters(self) -> Parameters:
@@ -249,16 +306,20 @@ class Corrected:
         """Prediction by a replay with these parameters and effects, shape (windows,)."""
         return self.model.predict(runs, self.theta, self.values)
 
+    @property
+    def reported(self) -> Reported:
+        """The sizes as a report has them."""
+        return self.model.reported(self.theta, self.values, self.by_distance)
+
     def parameters_of(self, index: int) -> dict[str, Value]:
-        """Fitted parameters of one named effect."""
+        """Fitted parameters of one named effect, those of a profile relative to its mean where only
+        that is known."""
         term = self.model.terms[index]
-        share = self.share(index)
+        sizes = self.reported.sizes.tolist()
         parameters: dict[str, Value] = {}
         for number in self.model.of(index):
             unknown = self.model.unknowns[number]
-            low, high = self.ci95[number]
-            value = share * float(self.values[number])
-            parameters[unknown.parameter] = Value(value, (share * low, share * high), unknown.unit)
+            parameters[unknown.parameter] = Value(sizes[number], self.ci95[number], unknown.unit)
         for parameter in term.hypothesis.entry.parameters:
             name = parameter.name
             if name in term.spread:
@@ -299,15 +360,19 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
         point.predicted - model.predict(runs, point.theta, point.values, leave_out=index)
         for index in range(len(terms))
     ]
+    by_distance = _shares_by_distance(model, point, runs)
+    least_variance = _least_variance(model, point, runs, by_distance)
     return Corrected(
         model=model,
         values=point.values,
-        ci95=_intervals(model, point, runs, block),
+        ci95=_intervals(model, point, runs, block, by_distance, least_variance),
         groups=dataclasses.replace(
             fit, theta=point.theta, predicted=point.predicted, jacobian=point.jacobian[:, :groups]
         ),
         beside=point.jacobian[:, groups:],
         contribution=tuple(contribution),
+        by_distance=by_distance,
+        least_variance=least_variance,
     )
 
 
@@ -330,25 +395,95 @@ def _linearised(fit: Refit, model: Model, runs: Runs, theta: Array, values: Arra
     )
 
 
-def _intervals(
-    model: Model, point: _Point, runs: Runs, block: Index
-) -> tuple[tuple[float, float], ...]:
-    """95 % interval of each unknown within its bounds, by Student's t with the freedom that blocks
-    leave."""
+def _shares_by_distance(model: Model, point: _Point, runs: Runs) -> Shares:
+    """Of each profile of which only differences between places are known, the shares of the
+    distance driven there; None for other terms.
+
+    Where all sizes together do what other parameters do, their level is not known: rough ground all
+    along is a larger C_rr, and so is a slope all along if the robot drives one way only.
+    """
+    driven_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
     groups = len(model.parameters.groups)
-    residual = runs.observed - point.predicted
-    spread = covariance(point.jacobian, residual, block)[groups:, groups:]
+    shares: list[Array | None] = []
+    for index, term in enumerate(model.terms):
+        is_profile = term.axis == "place" and term.schedule is None
+        if not is_profile or term.at_work is None:
+            shares.append(None)
+            continue
+        columns = [groups + number for number in model.of(index)]
+        others = np.delete(point.jacobian, columns, axis=1)
+        level = point.jacobian[:, columns].sum(axis=1, keepdims=True)
+        if term.of_rolling_kg is not None or _spanned(level, others).all():
+            by_place = driven_m @ term.at_work
+            shares.append(by_place / by_place.sum())
+        else:
+            shares.append(None)
+    return tuple(shares)
+
+
+def _intervals(
+    model: Model,
+    point: _Point,
+    runs: Runs,
+    block: Index,
+    by_distance: Shares,
+    least_variance: Array,
+) -> tuple[tuple[float, float], ...]:
+    """95 % interval of each size as reported, within its bounds, by Student's t with the freedom
+    that blocks leave."""
+    reported = model.reported(point.theta, point.values, by_distance)
+    by_columns = _by_columns(model, reported)
+    clustered = covariance(point.jacobian, runs.observed - point.predicted, block)
+    variance = np.einsum("ij,jk,ik->i", by_columns, clustered, by_columns)
+    variance = np.maximum(variance, least_variance)
     # A meter's scale is uncertain, and every size with it.
-    spread = spread + np.outer(point.values, point.values) * thresholds.GAIN_ERROR**2
+    variance = variance + (thresholds.GAIN_ERROR * reported.sizes) ** 2
     blocks = int(block.max()) + 1
     freedom = max(blocks - point.jacobian.shape[1], 1)
-    widths = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(np.diag(spread), 0.0))
+    widths = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(variance, 0.0))
     intervals = []
-    for unknown, value, width in zip(model.unknowns, point.values, widths, strict=True):
-        low = float(max(value - width, unknown.low))
-        high = float(min(value + width, unknown.high))
-        intervals.append((low, high))
+    for unknown, size, width in zip(model.unknowns, reported.sizes, widths, strict=True):
+        low, high = _bounds_as_reported(model, unknown, point.theta, by_distance)
+        intervals.append((float(max(size - width, low)), float(min(size + width, high))))
     return tuple(intervals)
+
+
+def _least_variance(model: Model, point: _Point, runs: Runs, by_distance: Shares) -> Array:
+    """Variance of sizes by place, of errors that are alike in all windows and autocorrelated, shape
+    (unknowns,); 0 of other sizes.
+
+    A place is driven in few blocks, and the sums of errors over them are what its size fits away:
+    clustered by block, the error of a size by place would be next to none.
+    """
+    in_place = [model.terms[unknown.term].axis == "place" for unknown in model.unknowns]
+    if not any(in_place):
+        return np.zeros(len(in_place))
+    residual = runs.observed - point.predicted
+    freedom = max(len(residual) - int(np.linalg.matrix_rank(point.jacobian)), 1)
+    square = float(residual @ residual) / freedom * correlation_windows(residual, runs.run)
+    bread = np.linalg.pinv(point.jacobian.T @ point.jacobian, rcond=1e-12)
+    by_columns = _by_columns(model, model.reported(point.theta, point.values, by_distance))
+    variance = square * np.einsum("ij,jk,ik->i", by_columns, bread, by_columns)
+    return np.where(in_place, variance, 0.0)
+
+
+def _by_columns(model: Model, reported: Reported) -> Array:
+    """Derivatives of the sizes as reported by the columns of the jacobian, those of groups per unit
+    of `scale`."""
+    unit_of_column = np.concatenate([model.parameters.scale, np.ones(len(model.unknowns))])
+    return np.asarray(reported.by_all * unit_of_column)
+
+
+def _bounds_as_reported(
+    model: Model, unknown: Unknown, theta: Array, by_distance: Shares
+) -> tuple[float, float]:
+    """Least and largest value of a size as reported; differences within a profile have none, but
+    for ground that cannot roll easier than not at all."""
+    is_ground = model.terms[unknown.term].of_rolling_kg is not None
+    if by_distance[unknown.term] is not None:
+        return (-1.0 if is_ground else -np.inf), np.inf
+    share = model.share(unknown.term, theta)
+    return share * unknown.low, share * unknown.high
 
 
 def _ground_is_at_a_bound(model: Model, values: Array) -> bool:

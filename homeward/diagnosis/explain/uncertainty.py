@@ -20,6 +20,7 @@ from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.channel_errors import meter_error
 from homeward.diagnosis.fit.estimates import Estimate, covariance, estimates
 from homeward.diagnosis.fit.held_out import bootstrap
+from homeward.diagnosis.fit.parameter_groups import ROLLING
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import Combination, Product, Range, Value
@@ -54,7 +55,37 @@ class Joint:
 
 def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     """Joint covariance of fitted groups and sizes, clustered by block, shape (windows,), without
-    held groups."""
+    held groups.
+
+    Sizes are those of a report: of a profile relative to its mean where only differences are known,
+    and C_rr m that of the mean ground.
+    """
+    as_fitted = _joint_as_fitted(model, runs, block)
+    if not isinstance(model, Corrected):
+        return as_fitted
+    reported = model.reported
+    problem = model.parameters
+    fitted_groups = np.flatnonzero(~model.groups.held).tolist()
+    of_unknowns = len(problem.groups) + np.arange(len(model.values))
+    kept = [*fitted_groups, *of_unknowns.tolist()]
+    # Derivatives of groups and sizes as reported by those that were fitted, all in their own units.
+    by_all = np.eye(len(problem.groups) + len(model.values))
+    by_all[ROLLING] = reported.rolling_by_all
+    by_all[of_unknowns] = reported.by_all
+    to_group = np.concatenate([problem.to_group, np.ones(len(model.values))])
+    transform = (to_group[:, None] * by_all / to_group)[np.ix_(kept, kept)]
+    theta = model.theta.copy()
+    theta[ROLLING] = reported.rolling_kg
+    values = np.concatenate([theta * problem.to_group, reported.sizes])[kept]
+    covariance_as_reported = transform @ as_fitted.covariance @ transform.T
+    least_variance = np.concatenate([np.zeros(len(fitted_groups)), model.least_variance])
+    variance = np.maximum(np.diag(covariance_as_reported), least_variance)
+    np.fill_diagonal(covariance_as_reported, variance)
+    return replace(as_fitted, values=values, covariance=covariance_as_reported)
+
+
+def _joint_as_fitted(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
+    """The same of sizes as they were fitted."""
     groups = model.groups
     problem = model.parameters
     fitted_groups = np.flatnonzero(~groups.held)
@@ -119,7 +150,7 @@ def _product_with_group(model: Corrected, fitted: Joint, group: int, number: int
     unit = held_group.unit
     if unknown.unit != "1":
         unit = f"{unit} {unknown.unit}"
-    value = assumed * float(model.values[number])
+    value = assumed * float(fitted.values[position])
     half_width = thresholds.NORMAL_95 * assumed * deviation
     return _product((held_group.symbol, unknown.name), value, half_width, unit)
 
@@ -264,7 +295,7 @@ class Open:
         fitted = joint(self.model, runs, block)
         products = [
             *_products_with_groups(self.model, fitted, runs),
-            *_powers(self.model, fitted, runs),
+            *_powers(self.model, _joint_as_fitted(self.model, runs, block), runs),
         ]
         if self.alternatives:
             products += self._equal_products(fitted, runs, block)

@@ -3,6 +3,7 @@ it."""
 
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
+from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.named import Named
 from homeward.diagnosis.explain.places import places, places_of
 from homeward.diagnosis.fit.replay import Runs
@@ -28,7 +29,7 @@ def _named_effect(index: int, named: Named, evidence: Evidence) -> MissingPhysic
     return MissingPhysics(
         effect=hypothesis.id,
         name=hypothesis.name,
-        sentence=hypothesis.entry.sentence,
+        sentence=" ".join([hypothesis.entry.sentence, *_relative_to(index, corrected)]),
         equation=hypothesis.entry.equation,
         source=hypothesis.entry.source,
         parameters=corrected.parameters_of(index),
@@ -40,6 +41,18 @@ def _named_effect(index: int, named: Named, evidence: Evidence) -> MissingPhysic
         ),
         conditions=named.checks,
     )
+
+
+def _relative_to(index: int, corrected: Corrected) -> list[str]:
+    """What the sizes of a profile are relative to, in a sentence, where only their differences are
+    known."""
+    if corrected.by_distance[index] is None:
+        return []
+    if corrected.model.terms[index].of_rolling_kg is not None:
+        return ["Sizes are relative to the mean ground by distance, of which C_rr m is fitted."]
+    return [
+        "Its sizes are relative to their mean by distance, as what is the same all along cannot be known."
+    ]
 
 
 def _channel_effect(effect: ChannelEffect, runs: Runs) -> MissingPhysics:

@@ -14,6 +14,7 @@ from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.change_points import Axis
 from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
 from homeward.diagnosis.explain.joint_fit import Corrected, Model, fit_model, immaterial
+from homeward.diagnosis.explain.uncertainty import joint
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import refit
@@ -230,6 +231,78 @@ def test_ground_that_differs_all_along_leaves_the_rolling_resistance_where_it_wa
     )
     by_all = found.beside.sum(axis=1) / of_rolling_kg * found.parameters.scale[ROLLING]
     np.testing.assert_allclose(by_all, found.groups.jacobian[:, ROLLING], rtol=1e-9)
+
+
+def hats_along(runs: Runs) -> Array:
+    """Six hats along a way that each run drives once, at a steady pace, shape (windows, 6)."""
+    passed = 5.0 * runs.time_s / runs.time_s.max()
+    return np.asarray(np.maximum(1.0 - np.abs(passed[:, None] - np.arange(6)), 0.0))
+
+
+def test_sizes_of_a_profile_of_the_ground_are_relative_to_its_mean(
+    short_runs: Runs, husky: Robot
+) -> None:
+    """With these intervals; and with C_rr of the mean ground they replay what was fitted."""
+    hats = hats_along(short_runs)
+    by_place = hats.T @ np.abs(short_runs.context["speed_mps"])
+    shares = by_place / by_place.sum()
+    covered = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        rolling = rng.uniform(0.7, 1.4) * np.exp(0.3 * rng.standard_normal(6))
+        noise_w = 4.0 * rng.standard_normal(len(short_runs.observed))
+        observed = observed_over(hats @ rolling - 1.0, short_runs, husky) + noise_w
+        runs = dataclasses.replace(short_runs, observed=observed)
+        found = fitted_over_ground(runs, husky, hats, axis="place")
+        true_sizes = rolling / (shares @ rolling) - 1.0
+        for true, value in zip(true_sizes, found.parameters_of(0).values(), strict=True):
+            covered.append(value.ci95[0] <= true <= value.ci95[1])
+            assert value.ci95[1] - value.ci95[0] < 0.5
+    assert np.mean(covered) >= 0.85
+    reported = found.reported
+    assert shares @ reported.sizes == pytest.approx(0.0, abs=1e-9)
+    mean_ground = found.theta.copy()
+    mean_ground[ROLLING] = reported.rolling_kg
+    on_it = WithEffects({"surface": {"gain": 1.0}}, roughness=hats @ reported.sizes)
+    replayed = found.parameters.predict(runs, mean_ground, on_it)
+    np.testing.assert_allclose(replayed, found.predicted, atol=1e-6)
+    all_numbers = joint(found, runs, cut_blocks(runs.run))
+    symbol = found.parameters.groups[ROLLING].symbol
+    assert all_numbers.relative_error[symbol] < 0.05
+    assert all_numbers.values[-6:] == pytest.approx(reported.sizes)
+
+
+@pytest.mark.parametrize("both_ways", [False, True])
+def test_slopes_have_a_level_only_where_both_ways_were_driven(
+    both_ways: bool, short_runs: Runs, husky: Robot
+) -> None:
+    """One way only, a slope all along is a larger C_rr."""
+    hats = hats_along(short_runs)
+    signals = [
+        dataclasses.replace(run, direction=np.full(len(run.time_s), -1.0 if homewards else 1.0))
+        for run, homewards in zip(short_runs.signals, [False, both_ways] * 2, strict=True)
+    ]
+    runs = dataclasses.replace(short_runs, signals=signals)
+    slope = CATALOGUE["hidden_grade"]
+    load = slope.load(slope, Setting.of(refit(runs, husky), runs))
+    assert load is not None
+    true = np.array([0.02, 0.08, -0.03, 0.05, 0.01, 0.04])
+    low, high = slope.limits(6)
+    covered = []
+    for seed in range(8):
+        noise_w = 4.0 * np.random.default_rng(seed).standard_normal(len(load))
+        observed = predict(runs, husky) + load * (hats @ true) + noise_w
+        steep = dataclasses.replace(runs, observed=observed)
+        columns = load[:, None] * hats
+        term = Term(slope, columns, low=low, high=high, axis="place", load=load, at_work=hats)
+        found = fit_model(refit(steep, husky), [term], steep, cut_blocks(runs.run))
+        shares = found.by_distance[0]
+        assert (shares is None) == both_ways
+        level = 0.0 if shares is None else float(shares @ true)
+        for size, value in zip(true, found.parameters_of(0).values(), strict=True):
+            covered.append(value.ci95[0] <= size - level <= value.ci95[1])
+            assert value.ci95[1] - value.ci95[0] < 0.05
+    assert np.mean(covered) >= 0.85
 
 
 def test_a_mass_on_level_ground_is_immaterial(short_runs: Runs, husky: Robot) -> None:
