@@ -137,39 +137,33 @@ class Model:
     def reported(self, theta: Array, values: Array, by_distance: Shares) -> Reported:
         """The sizes as a report has them, with C_rr m of the ground that they are relative to.
 
-        Of a profile that only differs from place to place, sizes are relative to its mean by
-        distance (`by_distance`): with rough ground, C_rr m is that of the
-        mean ground.
+        Sizes of a profile of which only differences are known (`by_distance`) are relative to its
+        mean: with rough ground, C_rr m is that of the mean ground.
         """
         groups = len(theta)
+        # Derivatives of the fitted numbers by themselves: rows of groups, then of unknowns.
+        each_by_all = np.eye(groups + len(values))
         sizes = values.copy()
-        by_all = np.zeros((len(values), groups + len(values)))
+        by_all = each_by_all[groups:].copy()
         rolling_kg = float(theta[ROLLING])
-        rolling_by_all = np.zeros(groups + len(values))
-        rolling_by_all[ROLLING] = 1.0
+        rolling_by_all = each_by_all[ROLLING]
         for index, term in enumerate(self.terms):
             numbers = self.of(index)
-            columns = [groups + number for number in numbers]
             shares = by_distance[index]
             if term.of_rolling_kg is not None:
-                # C_rr m of each place, and of the ground that it is compared with
+                # C_rr m of each place over that of the ground that it is compared with
                 places_kg = theta[ROLLING] + term.of_rolling_kg * values[numbers]
-                places_by_all = np.zeros((len(numbers), groups + len(values)))
-                places_by_all[:, ROLLING] = 1.0
-                places_by_all[range(len(numbers)), columns] = term.of_rolling_kg
+                places_by_all = each_by_all[ROLLING] + term.of_rolling_kg * by_all[numbers]
                 if shares is not None:
                     rolling_kg = float(shares @ places_kg)
                     rolling_by_all = shares @ places_by_all
-                mean_kg = max(rolling_kg, 1e-9)
-                sizes[numbers] = places_kg / mean_kg - 1.0
-                by_all[numbers] = (
-                    places_by_all - np.outer(places_kg / mean_kg, rolling_by_all)
-                ) / mean_kg
-            else:
-                by_all[numbers, columns] = 1.0
-                if shares is not None:
-                    sizes[numbers] -= shares @ values[numbers]
-                    by_all[np.ix_(numbers, columns)] -= shares
+                ratio = places_kg / max(rolling_kg, 1e-9)
+                sizes[numbers] = ratio - 1.0
+                ratio_by_all = places_by_all - np.outer(ratio, rolling_by_all)
+                by_all[numbers] = ratio_by_all / max(rolling_kg, 1e-9)
+            elif shares is not None:
+                sizes[numbers] -= shares @ values[numbers]
+                by_all[numbers] -= shares @ by_all[numbers]
         return Reported(sizes, by_all, rolling_kg, rolling_by_all)
 
     def _over_ground(

@@ -916,7 +916,14 @@ DRIVES = [
 
 def test_stranded_and_left_count_drives_and_leave_out_agents_without_a_gauge() -> None:
     rows = cells_of(report.stranded_table(DRIVES, SIZES, "made up"))
-    assert rows[0] == ["all", "", "25% (5% to 70%) n=4", "-", "-", "-"]  # Wilson's interval of 1 in 4
+    assert rows[0] == [
+        "all",
+        "",
+        "25% (5% to 70%) n=4",
+        "-",
+        "-",
+        "-",
+    ]  # Wilson's interval of 1 in 4
     assert ["gauge", "counter", "25% (5% to 70%) n=4", "-", "-", "-"] in rows
     assert not any("lfp" in row for row in rows)
     left = cells_of(report.left_table(DRIVES, SIZES, "made up"))
