@@ -18,6 +18,7 @@ def test_numbers_are_what_their_origins_state() -> None:
     # Patterns of signs, for many channels.
     assert 2.0 ** -(thresholds.FEWEST_BLOCKS - 1) < thresholds.FALSE_ALARM_RATE / 100.0
     assert 2.0 * norm.sf(thresholds.FAR_APART / 2.0) == pytest.approx(0.046, abs=0.001)
+    assert 1.0 - math.sqrt(1.0 - thresholds.SMALLEST_GAIN_TO_NAME) == pytest.approx(0.05, abs=0.002)
     # an angle more acute than the corners of a triangle with equal sides
     assert math.degrees(2.0 * math.acos(thresholds.SHARP)) == pytest.approx(52.0, abs=0.5)
     assert 2.0 * (4.0 * thresholds.CLOSED) ** 2 < thresholds.AS_FAR  # odometry, four times over
