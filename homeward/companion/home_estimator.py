@@ -434,7 +434,7 @@ class HomeEstimator:
             sine = math.sin(reading.grade_rad)
         self._state["speed_mps"] = speed_before_mps
         self._state["step_s"] = dt_s
-        powers: tuple[float, float, float] = modelled_power(
+        modelled_w, drive_w, steady_w = modelled_power(
             self.vehicle,
             self._record,
             self._state,
@@ -450,7 +450,8 @@ class HomeEstimator:
             self.speed_mps = reading.speed_mps
         if math.isfinite(step.heading_rad):
             self._heading_rad = step.heading_rad
-        return powers
+        # Numbers of numpy would make truths of numpy, which JSON does not take.
+        return float(modelled_w), float(drive_w), float(steady_w)
 
     @contextmanager
     def with_open(self, window: Window, position_m: float) -> Iterator[None]:
