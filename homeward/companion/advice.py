@@ -113,9 +113,9 @@ class Advice:
         risk: Accepted probability of not getting home, used for the next three.
         turn_in_m: How far the robot may drive on before it must turn, m; 0 if it must turn now.
         turn_in_s: The time that this takes at its present pace, s.
-        turn_now: Whether it must turn now, or, at home, must not leave. It stays true, whatever the
-            estimates become, until the robot comes home, within `Companion(arrived_m=...)`, or
-            another battery, charge or home is told.
+        turn_now: Whether it must turn now, or, before it leaves home, must not leave. Once it has
+            left, it stays true, whatever the estimates become, until the robot comes home, within
+            `Companion(arrived_m=...)`, or another battery, charge or home is told.
         chance_there_and_back: Probability of getting to the end of the route and home, to no dock;
             None without a route.
         looks_back: Whether an excitation step now, driving towards home for a moment, would

@@ -87,8 +87,8 @@ class Companion:
         window_s: Time over which readings are averaged.
         place_m: Length over which the ground is taken as uniform.
         reaction_s: Time from the advice to turn until the robot has turned; by default a window.
-        arrived_m: Length of the way home below which a robot that comes back is at home, and
-            `turn_now` ends.
+        arrived_m: Length of the way home below which the robot is at home: `turn_now` ends when it
+            comes back, and before it leaves says whether it must stay.
         prior: Prior of the estimator, instead of the one that follows from the robot's file.
         policy: A policy for `Advice.action`, such as
             `homeward.agents.onboard.load_onboard("ppo", "OutAndBack")`.
@@ -363,7 +363,7 @@ class Companion:
         self._begin_charge()
 
     def _set_out(self) -> None:
-        """Begin a way out: it was neither told to turn nor seen away from home."""
+        """Begin a way out: the robot was neither told to turn nor seen away from home."""
         self._turned = False
         self._has_left = False
 
@@ -600,11 +600,12 @@ class Companion:
         unsure_m = thresholds.DEAD_RECKONING_ERROR * self._way.reckoned_m
         is_home = home.way_m + unsure_m <= self._arrived_m
         self._has_left |= not is_home
-        # Who comes home has arrived; who has not left yet is told not to leave.
-        if self._has_left and is_home:
-            self._turned = False
-        else:
+        if not is_home:
             self._turned |= turn.is_due
+        else:
+            # Who comes home has arrived. Who has not left yet is told not to leave for as long as
+            # that is so: its battery may be charged there.
+            self._turned = turn.is_due and not self._has_left
         chance_there = None
         if self._way.route_m is not None and ways[HOME].ways is None:
             onwards_m = max(self._way.route_m - ways[HOME].way_m, 0.0)

@@ -208,6 +208,24 @@ def test_a_robot_that_cannot_come_back_is_told_before_it_leaves() -> None:
     assert again.turn_now
 
 
+def test_who_is_charged_at_home_before_it_leaves_may_leave() -> None:
+    """Nobody tells of the charge: power that flows into the battery does."""
+    full_j = HUSKY.usable_energy_j
+    waits = Companion(HUSKY, home=(0.0, 0.0))
+    empty = waits.update(0.0, speed_mps=0.0, power_w=30.0, soc=0.05, position=(0.0, 0.0))
+    assert empty.turn_now
+    for minute in range(1, 61):
+        charge = 0.05 + 0.9 * minute / 60.0
+        charged = waits.update(
+            60.0 * minute,
+            speed_mps=0.0,
+            power_w=-0.9 * full_j / 3600.0,
+            soc=charge,
+            position=(0.0, 0.0),
+        )
+    assert charged.energy_left_j.mean > 0.7 * full_j and not charged.turn_now
+
+
 @pytest.mark.parametrize(
     ("temperature_c", "hours", "turns"), [(-5.0, 0.8, True), (25.0, 3.0, False)]
 )
