@@ -141,19 +141,21 @@ class Model:
         mean: with rough ground, C_rr m is that of the mean ground.
         """
         groups = len(theta)
-        # Derivatives of the fitted numbers by themselves: rows of groups, then of unknowns.
+        # Derivatives of the fitted numbers by themselves, by groups, then by unknowns. Groups count
+        # from the end of theirs.
         each_by_all = np.eye(groups + len(values))
+        theta_by_all = each_by_all[:groups]
         sizes = values.copy()
         by_all = each_by_all[groups:].copy()
         rolling_kg = float(theta[ROLLING])
-        rolling_by_all = each_by_all[ROLLING]
+        rolling_by_all = theta_by_all[ROLLING]
         for index, term in enumerate(self.terms):
             numbers = self.of(index)
             shares = by_distance[index]
             if term.of_rolling_kg is not None:
                 # C_rr m of each place over that of the ground that it is compared with
                 places_kg = theta[ROLLING] + term.of_rolling_kg * values[numbers]
-                places_by_all = each_by_all[ROLLING] + term.of_rolling_kg * by_all[numbers]
+                places_by_all = theta_by_all[ROLLING] + term.of_rolling_kg * by_all[numbers]
                 if shares is not None:
                     rolling_kg = float(shares @ places_kg)
                     rolling_by_all = shares @ places_by_all

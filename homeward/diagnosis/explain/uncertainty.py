@@ -66,11 +66,12 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     reported = model.reported
     problem = model.parameters
     fitted_groups = np.flatnonzero(~model.groups.held).tolist()
-    of_unknowns = len(problem.groups) + np.arange(len(model.values))
+    groups = len(problem.groups)
+    of_unknowns = groups + np.arange(len(model.values))
     kept = [*fitted_groups, *of_unknowns.tolist()]
     # Derivatives of groups and sizes as reported by those that were fitted, all in their own units.
-    by_all = np.eye(len(problem.groups) + len(model.values))
-    by_all[ROLLING] = reported.rolling_by_all
+    by_all = np.eye(groups + len(model.values))
+    by_all[:groups][ROLLING] = reported.rolling_by_all  # groups count from the end of theirs
     by_all[of_unknowns] = reported.by_all
     to_group = np.concatenate([problem.to_group, np.ones(len(model.values))])
     transform = (to_group[:, None] * by_all / to_group)[np.ix_(kept, kept)]

@@ -15,6 +15,7 @@ from homeward.diagnosis.explain.change_points import Axis
 from homeward.diagnosis.explain.hypothesis import Setting, Term, responses, rising
 from homeward.diagnosis.explain.joint_fit import Corrected, Model, fit_model, immaterial
 from homeward.diagnosis.explain.uncertainty import joint
+from homeward.diagnosis.fit.estimates import covariance
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
 from homeward.diagnosis.fit.refit import refit
@@ -270,6 +271,40 @@ def test_sizes_of_a_profile_of_the_ground_are_relative_to_its_mean(
     symbol = found.parameters.groups[ROLLING].symbol
     assert all_numbers.relative_error[symbol] < 0.05
     assert all_numbers.values[-6:] == pytest.approx(reported.sizes)
+
+
+@pytest.mark.parametrize("place", [True, False])
+def test_what_sizes_of_the_ground_rest_on_is_what_their_intervals_hold(
+    place: bool, short_runs: Runs, husky: Robot
+) -> None:
+    """Derivatives of the sizes and of C_rr m as reported are difference quotients."""
+    hats = hats_along(short_runs)
+    rises = np.array([0.5, 0.8, 0.7, 0.3, 0.6, 0.9])
+    noise_w = np.random.default_rng(0).standard_normal(len(short_runs.observed))
+    observed = observed_over(hats @ rises, short_runs, husky) + noise_w
+    runs = dataclasses.replace(short_runs, observed=observed)
+    at_work, axis = (hats, "place") if place else (hats[:, 3:4], "time")
+    found = fitted_over_ground(runs, husky, at_work, axis)
+    fitted = np.concatenate([found.theta, found.values])
+    groups = len(found.theta)
+
+    def reported(numbers: Array) -> Array:
+        theta, values = numbers[:groups], numbers[groups:]
+        answer = found.model.reported(theta, values, found.by_distance)
+        return np.append(answer.sizes, answer.rolling_kg)
+
+    steps = 1e-6 * np.eye(len(fitted))
+    quotients = [(reported(fitted + step) - reported(fitted - step)) / 2e-6 for step in steps]
+    by_all = np.vstack([found.reported.by_all, found.reported.rolling_by_all])
+    np.testing.assert_allclose(by_all.T, quotients, atol=1e-7)
+    # the same of C_rr m, of all that is fitted together
+    block = cut_blocks(runs.run)
+    all_numbers = joint(found, runs, block)
+    scale = np.append(found.parameters.scale, np.ones(len(found.values)))
+    clustered = covariance(found.jacobian, runs.observed - found.predicted, block)
+    rolling_by_columns = np.array(quotients)[:, -1] * scale * found.parameters.to_group[ROLLING]
+    variance = rolling_by_columns @ clustered @ rolling_by_columns
+    assert all_numbers.covariance[groups + ROLLING, groups + ROLLING] == pytest.approx(variance)
 
 
 @pytest.mark.parametrize("both_ways", [False, True])
