@@ -57,10 +57,11 @@ between them are known; None otherwise."""
 
 @dataclass(frozen=True)
 class Reported:
-    """Sizes as a report has them, C_rr m that they are relative to, and derivatives of both by
-    groups and unknowns."""
+    """Sizes as a report has them and their bounds, C_rr m that they are relative to, and
+    derivatives of both by groups and unknowns."""
 
     sizes: Array  # (unknowns,)
+    bounds: Array  # least and largest value, (2, unknowns)
     by_all: Array  # (unknowns, groups + unknowns)
     rolling_kg: float
     rolling_by_all: Array  # (groups + unknowns,)
@@ -134,11 +135,12 @@ class Model:
             return 1.0
         return rolling_kg / max(float(theta[ROLLING]), 1e-9)
 
-    def reported(self, theta: Array, values: Array, by_distance: Shares) -> Reported:
+    def reported(self, theta: Array, values: Array, by_distance: Shares, held: Mask) -> Reported:
         """The sizes as a report has them, with C_rr m of the ground that they are relative to.
 
         Sizes of a profile of which only differences are known (`by_distance`) are relative to its
-        mean: with rough ground, C_rr m is that of the mean ground.
+        mean: with rough ground, C_rr m is that of the mean ground, but for a C_rr m that is `held`,
+        shape (groups,), of which they are shares.
         """
         groups = len(theta)
         # Derivatives of the fitted numbers by themselves, by groups, then by unknowns. Groups count
@@ -146,27 +148,34 @@ class Model:
         each_by_all = np.eye(groups + len(values))
         theta_by_all = each_by_all[:groups]
         sizes = values.copy()
+        bounds = self.bounds.copy()
         by_all = each_by_all[groups:].copy()
         rolling_kg = float(theta[ROLLING])
         rolling_by_all = theta_by_all[ROLLING]
         for index, term in enumerate(self.terms):
             numbers = self.of(index)
             shares = by_distance[index]
+            least = -np.inf
             if term.of_rolling_kg is not None:
                 # C_rr m of each place over that of the ground that it is compared with
                 places_kg = theta[ROLLING] + term.of_rolling_kg * values[numbers]
                 places_by_all = theta_by_all[ROLLING] + term.of_rolling_kg * by_all[numbers]
-                if shares is not None:
+                if shares is not None and not held[ROLLING]:
                     rolling_kg = float(shares @ places_kg)
                     rolling_by_all = shares @ places_by_all
+                    least = -1.0  # no ground rolls easier than not at all
                 ratio = places_kg / max(rolling_kg, 1e-9)
                 sizes[numbers] = ratio - 1.0
                 ratio_by_all = places_by_all - np.outer(ratio, rolling_by_all)
                 by_all[numbers] = ratio_by_all / max(rolling_kg, 1e-9)
-            elif shares is not None:
-                sizes[numbers] -= shares @ values[numbers]
+                bounds[:, numbers] *= self.share(index, theta)
+            if shares is not None:
+                # Of sizes relative to the mean ground, the mean is zero already.
+                sizes[numbers] -= shares @ sizes[numbers]
                 by_all[numbers] -= shares @ by_all[numbers]
-        return Reported(sizes, by_all, rolling_kg, rolling_by_all)
+                # Differences have no bounds.
+                bounds[:, numbers] = [[least], [np.inf]]
+        return Reported(sizes, bounds, by_all, rolling_kg, rolling_by_all)
 
     def _over_ground(
         self, within: WithEffects, index: int, theta: Array, values: Array
@@ -305,7 +314,7 @@ class Corrected:
     @property
     def reported(self) -> Reported:
         """The sizes as a report has them."""
-        return self.model.reported(self.theta, self.values, self.by_distance)
+        return self.model.reported(self.theta, self.values, self.by_distance, self.groups.held)
 
     def parameters_of(self, index: int) -> dict[str, Value]:
         """Fitted parameters of one named effect, those of a profile relative to its mean where only
@@ -357,11 +366,12 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
         for index in range(len(terms))
     ]
     by_distance = _shares_by_distance(model, point, runs)
-    least_variance = _least_variance(model, point, runs, by_distance)
+    reported = model.reported(point.theta, point.values, by_distance, fit.held)
+    least_variance = _least_variance(model, point, runs, reported)
     return Corrected(
         model=model,
         values=point.values,
-        ci95=_intervals(model, point, runs, block, by_distance, least_variance),
+        ci95=_intervals(model, point, runs, block, reported, least_variance),
         groups=dataclasses.replace(
             fit, theta=point.theta, predicted=point.predicted, jacobian=point.jacobian[:, :groups]
         ),
@@ -396,7 +406,8 @@ def _shares_by_distance(model: Model, point: _Point, runs: Runs) -> Shares:
     distance driven there; None for other terms.
 
     Where all sizes together do what other parameters do, their level is not known: rough ground all
-    along is a larger C_rr, and so is a slope all along if the robot drives one way only.
+    along is a larger C_rr, unless that is held, and so is a slope all along if the robot drives one
+    way only.
     """
     driven_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
     groups = len(model.parameters.groups)
@@ -409,7 +420,7 @@ def _shares_by_distance(model: Model, point: _Point, runs: Runs) -> Shares:
         columns = [groups + number for number in model.of(index)]
         others = np.delete(point.jacobian, columns, axis=1)
         level = point.jacobian[:, columns].sum(axis=1, keepdims=True)
-        if term.of_rolling_kg is not None or _spanned(level, others).all():
+        if _spanned(level, others).all():
             by_place = driven_m @ term.at_work
             shares.append(by_place / by_place.sum())
         else:
@@ -422,12 +433,11 @@ def _intervals(
     point: _Point,
     runs: Runs,
     block: Index,
-    by_distance: Shares,
+    reported: Reported,
     least_variance: Array,
 ) -> tuple[tuple[float, float], ...]:
     """95 % interval of each size as reported, within its bounds, by Student's t with the freedom
     that blocks leave."""
-    reported = model.reported(point.theta, point.values, by_distance)
     by_columns = _by_columns(model, reported)
     clustered = covariance(point.jacobian, runs.observed - point.predicted, block)
     variance = np.einsum("ij,jk,ik->i", by_columns, clustered, by_columns)
@@ -437,14 +447,13 @@ def _intervals(
     blocks = int(block.max()) + 1
     freedom = max(blocks - point.jacobian.shape[1], 1)
     widths = float(student.ppf(0.975, freedom)) * np.sqrt(np.maximum(variance, 0.0))
-    intervals = []
-    for unknown, size, width in zip(model.unknowns, reported.sizes, widths, strict=True):
-        low, high = _bounds_as_reported(model, unknown, point.theta, by_distance)
-        intervals.append((float(max(size - width, low)), float(min(size + width, high))))
-    return tuple(intervals)
+    least, largest = reported.bounds
+    lows = np.maximum(reported.sizes - widths, least)
+    highs = np.minimum(reported.sizes + widths, largest)
+    return tuple(zip(lows.tolist(), highs.tolist(), strict=True))
 
 
-def _least_variance(model: Model, point: _Point, runs: Runs, by_distance: Shares) -> Array:
+def _least_variance(model: Model, point: _Point, runs: Runs, reported: Reported) -> Array:
     """Variance of sizes by place, of errors that are alike in all windows and autocorrelated, shape
     (unknowns,); 0 of other sizes.
 
@@ -458,7 +467,7 @@ def _least_variance(model: Model, point: _Point, runs: Runs, by_distance: Shares
     freedom = max(len(residual) - int(np.linalg.matrix_rank(point.jacobian)), 1)
     square = float(residual @ residual) / freedom * correlation_windows(residual, runs.run)
     bread = np.linalg.pinv(point.jacobian.T @ point.jacobian, rcond=1e-12)
-    by_columns = _by_columns(model, model.reported(point.theta, point.values, by_distance))
+    by_columns = _by_columns(model, reported)
     variance = square * np.einsum("ij,jk,ik->i", by_columns, bread, by_columns)
     return np.where(in_place, variance, 0.0)
 
@@ -468,18 +477,6 @@ def _by_columns(model: Model, reported: Reported) -> Array:
     of `scale`."""
     unit_of_column = np.concatenate([model.parameters.scale, np.ones(len(model.unknowns))])
     return np.asarray(reported.by_all * unit_of_column)
-
-
-def _bounds_as_reported(
-    model: Model, unknown: Unknown, theta: Array, by_distance: Shares
-) -> tuple[float, float]:
-    """Least and largest value of a size as reported; differences within a profile have none, but
-    for ground that cannot roll easier than not at all."""
-    is_ground = model.terms[unknown.term].of_rolling_kg is not None
-    if by_distance[unknown.term] is not None:
-        return (-1.0 if is_ground else -np.inf), np.inf
-    share = model.share(unknown.term, theta)
-    return share * unknown.low, share * unknown.high
 
 
 def _ground_is_at_a_bound(model: Model, values: Array) -> bool:

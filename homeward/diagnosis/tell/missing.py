@@ -6,6 +6,7 @@ from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.named import Named
 from homeward.diagnosis.explain.places import places, places_of
+from homeward.diagnosis.fit.parameter_groups import ROLLING
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import MissingPhysics, NotNamed, Proof
 from homeward.diagnosis.tell.next_drive import to_tell_apart
@@ -48,8 +49,11 @@ def _relative_to(index: int, corrected: Corrected) -> list[str]:
     known."""
     if corrected.by_distance[index] is None:
         return []
-    if corrected.model.terms[index].of_rolling_kg is not None:
-        return ["Sizes are relative to the mean ground by distance, of which C_rr m is fitted."]
+    is_ground = corrected.model.terms[index].of_rolling_kg is not None
+    if is_ground and not corrected.groups.held[ROLLING]:
+        return [
+            "Its sizes are relative to the mean ground by distance, as rougher ground all along is a larger C_rr."
+        ]
     return [
         "Its sizes are relative to their mean by distance, as what is the same all along cannot be known."
     ]

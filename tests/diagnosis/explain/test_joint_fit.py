@@ -18,7 +18,7 @@ from homeward.diagnosis.explain.uncertainty import joint
 from homeward.diagnosis.fit.estimates import covariance
 from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING
-from homeward.diagnosis.fit.refit import refit
+from homeward.diagnosis.fit.refit import holding, refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict
 from homeward.logs.channels import Array
 from tests.diagnosis import hills
@@ -159,10 +159,15 @@ def observed_over(rise: Array, runs: Runs, robot: Robot) -> Array:
     return predict(runs, on_it, met=WithEffects(roughness=rise))
 
 
-def fitted_over_ground(runs: Runs, robot: Robot, at_work: Array, axis: Axis) -> Corrected:
+def fitted_over_ground(
+    runs: Runs, robot: Robot, at_work: Array, axis: Axis, holds_rolling: bool = False
+) -> Corrected:
     """The drives fitted with rough ground whose sizes are `at_work` there, shape (windows,
     sizes)."""
     fit = refit(runs, robot)
+    held = fit.held.copy()
+    held[ROLLING] = holds_rolling
+    fit = holding(fit, runs, held)
     setting = Setting.of(fit, runs)
     surface = CATALOGUE["surface"]
     load = surface.load(surface, setting)
@@ -273,9 +278,9 @@ def test_sizes_of_a_profile_of_the_ground_are_relative_to_its_mean(
     assert all_numbers.values[-6:] == pytest.approx(reported.sizes)
 
 
-@pytest.mark.parametrize("place", [True, False])
+@pytest.mark.parametrize("axis", ["place", "time"])
 def test_what_sizes_of_the_ground_rest_on_is_what_their_intervals_hold(
-    place: bool, short_runs: Runs, husky: Robot
+    axis: Axis, short_runs: Runs, husky: Robot
 ) -> None:
     """Derivatives of the sizes and of C_rr m as reported are difference quotients."""
     hats = hats_along(short_runs)
@@ -283,14 +288,13 @@ def test_what_sizes_of_the_ground_rest_on_is_what_their_intervals_hold(
     noise_w = np.random.default_rng(0).standard_normal(len(short_runs.observed))
     observed = observed_over(hats @ rises, short_runs, husky) + noise_w
     runs = dataclasses.replace(short_runs, observed=observed)
-    at_work, axis = (hats, "place") if place else (hats[:, 3:4], "time")
-    found = fitted_over_ground(runs, husky, at_work, axis)
+    found = fitted_over_ground(runs, husky, hats if axis == "place" else hats[:, 3:4], axis)
     fitted = np.concatenate([found.theta, found.values])
     groups = len(found.theta)
 
     def reported(numbers: Array) -> Array:
         theta, values = numbers[:groups], numbers[groups:]
-        answer = found.model.reported(theta, values, found.by_distance)
+        answer = found.model.reported(theta, values, found.by_distance, found.groups.held)
         return np.append(answer.sizes, answer.rolling_kg)
 
     steps = 1e-6 * np.eye(len(fitted))
@@ -305,6 +309,24 @@ def test_what_sizes_of_the_ground_rest_on_is_what_their_intervals_hold(
     rolling_by_columns = np.array(quotients)[:, -1] * scale * found.parameters.to_group[ROLLING]
     variance = rolling_by_columns @ clustered @ rolling_by_columns
     assert all_numbers.covariance[groups + ROLLING, groups + ROLLING] == pytest.approx(variance)
+
+
+def test_sizes_are_of_the_rolling_resistance_that_is_held(short_runs: Runs, husky: Robot) -> None:
+    """As where the recordings do not show it: no mean ground would be reported beside them."""
+    hats = hats_along(short_runs)
+    rises = np.array([0.5, 0.8, 0.7, 0.3, 0.6, 0.9])
+    noise_w = np.random.default_rng(0).standard_normal(len(short_runs.observed))
+    observed = observed_over(hats @ rises, short_runs, husky) + noise_w
+    runs = dataclasses.replace(short_runs, observed=observed)
+    found = fitted_over_ground(runs, husky, hats, axis="place", holds_rolling=True)
+    sizes = [value.value for value in found.parameters_of(0).values()]
+    assert sizes == pytest.approx(rises.tolist(), abs=0.03)
+    # Where the power at rest would take its level, they are relative to their mean.
+    shares = np.full(6, 1.0 / 6.0)
+    unlevelled = dataclasses.replace(found, by_distance=(shares,))
+    mean = float(rises.mean())
+    assert unlevelled.reported.sizes == pytest.approx(rises - mean, abs=0.03)
+    assert unlevelled.reported.rolling_kg == found.theta[ROLLING]
 
 
 @pytest.mark.parametrize("both_ways", [False, True])
