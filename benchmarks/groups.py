@@ -65,7 +65,7 @@ def pairs_of(comparison: dict[str, Any]) -> list[Pair]:
         for minus, group in combinations(runs_of, 2):
             freedom = [len(runs_of[name]) - 1 for name in (minus, group)]
             variances = [float(np.var(runs_of[name], ddof=1)) for name in (minus, group)]
-            spread = np.sqrt(np.average(variances, weights=freedom))
+            spread = float(np.sqrt(np.average(variances, weights=freedom)))
             difference = float(runs_of[group].mean() - runs_of[minus].mean())
             compared = by_pair.get((quantity, frozenset((group, minus))))
             pairs.append(
@@ -73,12 +73,19 @@ def pairs_of(comparison: dict[str, Any]) -> list[Pair]:
                     groups=f"{group} - {minus}",
                     quantity=quantity,
                     difference=difference,
-                    spreads=float(abs(difference) / spread) if spread > 0.0 else np.inf,
+                    spreads=_in_spreads(difference, spread),
                     p_fdr=None if compared is None else compared["p_fdr"],
                     named=compared is not None and compared["named"],
                 )
             )
     return sorted(pairs, key=lambda pair: -pair.spreads)
+
+
+def _in_spreads(difference: float, spread: float) -> float:
+    """A difference over the spread of runs; infinite where runs do not differ and groups do."""
+    if spread > 0.0:
+        return abs(difference) / spread
+    return np.inf if difference else 0.0
 
 
 def _values(comparison: dict[str, Any], quantity: str, group: str) -> Array:
