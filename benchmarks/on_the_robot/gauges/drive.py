@@ -276,7 +276,10 @@ def _outcome(
 
 def _latest_turn(battery: Battery, way: WayOut, ground: Ground, sizes: Sizes) -> Outcome:
     """Turn at the last update from which the battery, the ground and the weather as they are let
-    the robot come home: who leaves less does not arrive."""
+    the robot come home: who leaves less does not arrive.
+
+    It is found by bisection, as who turns later has a longer way home with less.
+    """
     latest = _outcome(0, battery, way, ground, sizes)
     early = 0
     late = len(way.records)
