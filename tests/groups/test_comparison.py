@@ -77,7 +77,7 @@ def test_the_share_of_false_ones_among_the_named_is_small() -> None:
             false = [
                 difference
                 for difference in named
-                if ("abc".find(difference.group) < 0) == ("abc".find(difference.minus) < 0)
+                if (difference.group in "abc") == (difference.minus in "abc")
             ]
             false_shares.append(len(false) / max(len(named), 1))
             true_ones += len(named) - len(false)
