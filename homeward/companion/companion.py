@@ -363,7 +363,8 @@ class Companion:
         self._begin_charge()
 
     def _set_out(self) -> None:
-        """Begin a way out: the robot was neither told to turn nor seen away from home."""
+        """Begin a way out on another charge: the robot was neither told to turn nor seen away from
+        home."""
         self._turned = False
         self._has_left = False
 
@@ -407,7 +408,7 @@ class Companion:
                 f"{self._limits.way_m:.4g} m of where it was"
             )
         self._way.moved_home = checked
-        self._set_out()
+        self._turned = False
         self._other_way = None
         self._other_way_m = None
 
@@ -427,7 +428,7 @@ class Companion:
         if route is not None:
             self._other_way_m = 0.0
         self._way.moved_home = None
-        self._set_out()
+        self._turned = False
 
     def ahead(self, ways: NDArray[np.void], other_j: float = 0.0) -> UncertainValue:
         """Energy that a way from here consumes, by the present estimates, J as metered.

@@ -208,6 +208,19 @@ def test_a_robot_that_cannot_come_back_is_told_before_it_leaves() -> None:
     assert again.turn_now
 
 
+@pytest.mark.parametrize("told", ["home", "way"])
+def test_who_is_out_comes_home_also_where_home_or_the_way_there_becomes_another(told: str) -> None:
+    """A base that moves tells its place again and again."""
+    weak, robot = Companion(HUSKY, home=(0.0, 0.0), soc=0.02), Driven(health=0.02)
+    assert robot.drive(weak, 0.0, 20.0).turn_now
+    if told == "home":
+        weak.move_home((robot.xy[0] - 2.0, 0.0))
+    else:
+        weak.take_home(route([0.0] * 2, 2.0))
+    near = robot.drive(weak, HOME, 1.0)
+    assert near.way_home_m < POSITION_M and not near.turn_now
+
+
 def test_who_is_charged_at_home_before_it_leaves_may_leave() -> None:
     """Nobody tells of the charge: power that flows into the battery does."""
     full_j = HUSKY.usable_energy_j
