@@ -714,14 +714,14 @@ def test_a_restart_goes_on_as_if_nothing_had_been(tmp_path: Path) -> None:
 
 
 def test_the_state_and_advice_of_a_robot_that_stands_are_for_json() -> None:
-    one, robot = companion(), Driven(every_s=5.0)
-    robot.drive(one, 0.0, 300.0)
+    waits, robot = companion(), Driven(every_s=5.0)
+    robot.drive(waits, 0.0, 300.0)
     for minute in range(60):
-        stands = one.update(
+        stands = waits.update(
             robot.time_s + 60.0 * minute, speed_mps=0.0, power_w=30.0, position=(300.0, 0.0)
         )
     assert json.loads(json.dumps(stands.to_json()))["turn_now"] is stands.turn_now
-    assert json.loads(json.dumps(one.state()))["companion"]["_turned"] is stands.turn_now
+    assert json.loads(json.dumps(waits.state()))["companion"]["_turned"] is stands.turn_now
 
 
 def test_a_state_with_another_way_home_asks_for_that() -> None:

@@ -60,10 +60,12 @@ def corrected(runs: Runs, husky: Robot) -> Corrected:
 def test_without_noise_groups_and_effect_are_exact(
     short_runs: Runs, husky: Robot, true: Robot
 ) -> None:
-    found = fitted(as_recorded(short_runs, true), husky, "turning")
-    assert found.values[0] == pytest.approx(0.3, rel=1e-4)
-    assert found.theta[ROLLING] == pytest.approx(true.rolling_resistance * true.mass_kg, rel=1e-4)
-    assert found.theta[MASS] == pytest.approx(true.mass_kg, rel=1e-4)
+    fitted_model = fitted(as_recorded(short_runs, true), husky, "turning")
+    assert fitted_model.values[0] == pytest.approx(0.3, rel=1e-4)
+    assert fitted_model.theta[ROLLING] == pytest.approx(
+        true.rolling_resistance * true.mass_kg, rel=1e-4
+    )
+    assert fitted_model.theta[MASS] == pytest.approx(true.mass_kg, rel=1e-4)
 
 
 def test_the_interval_holds_the_true_size_and_the_error_of_the_meter(corrected: Corrected) -> None:
@@ -79,10 +81,10 @@ def test_what_is_not_there_is_at_its_bound(short_runs: Runs, husky: Robot) -> No
     """Less is drawn in turns than anything predicts; a scrub has no negative size."""
     plain = as_recorded(short_runs, husky)
     excess = predict(short_runs, dataclasses.replace(husky, effects=TURNING)) - plain.observed
-    found = fitted(
+    fitted_model = fitted(
         dataclasses.replace(plain, observed=plain.observed - 0.3 * excess), husky, "turning"
     )
-    assert found.values[0] == 0.0 and found.ci95[0][0] == 0.0
+    assert fitted_model.values[0] == 0.0 and fitted_model.ci95[0][0] == 0.0
 
 
 def test_a_contribution_is_what_the_model_loses_without_its_term(
@@ -194,16 +196,20 @@ def test_a_change_of_the_ground_is_a_share_of_the_rolling_resistance_fitted_with
     resistance."""
     at_work = (short_runs.time_s > 60.0).astype(np.float64)
     observed = observed_over(rise * at_work, short_runs, husky)
-    found = fitted_over_ground(
+    fitted_model = fitted_over_ground(
         dataclasses.replace(short_runs, observed=observed), husky, at_work[:, None], axis="time"
     )
-    assert found.theta[ROLLING] == pytest.approx(husky.rolling_resistance * husky.mass_kg, rel=0.01)
-    (share,) = found.parameters_of(0).values()
+    assert fitted_model.theta[ROLLING] == pytest.approx(
+        husky.rolling_resistance * husky.mass_kg, rel=0.01
+    )
+    (share,) = fitted_model.parameters_of(0).values()
     assert share.value == pytest.approx(rise, rel=0.03)
     added_w = observed - predict(short_runs, husky)
-    np.testing.assert_allclose(found.contribution[0], added_w, atol=0.03 * np.abs(added_w).max())
+    np.testing.assert_allclose(
+        fitted_model.contribution[0], added_w, atol=0.03 * np.abs(added_w).max()
+    )
     # Its columns stay in W per unit of a size, but for downhill, where the drive draws nothing.
-    by_columns_w = found.model.terms[0].columns @ found.sizes(0)
+    by_columns_w = fitted_model.model.terms[0].columns @ fitted_model.sizes(0)
     draws = np.abs(added_w) > 1.0
     assert np.median(by_columns_w[draws] / added_w[draws]) == pytest.approx(1.0, rel=0.02)
 
@@ -226,17 +232,21 @@ def test_ground_that_differs_all_along_leaves_the_rolling_resistance_where_it_wa
     hilly = dataclasses.replace(husky, rolling_resistance=0.03)  # downhill its drive draws nothing
     noise = np.random.default_rng(0).standard_normal(len(rise))
     runs = dataclasses.replace(short_runs, observed=observed_over(rise, short_runs, hilly) + noise)
-    found = fitted_over_ground(runs, hilly, hats, axis="place")
-    assert found.theta[ROLLING] == pytest.approx(hilly.rolling_resistance * hilly.mass_kg, rel=0.1)
+    fitted_model = fitted_over_ground(runs, hilly, hats, axis="place")
+    assert fitted_model.theta[ROLLING] == pytest.approx(
+        hilly.rolling_resistance * hilly.mass_kg, rel=0.1
+    )
     assert len(replays) < 3 * 24
-    of_rolling_kg = found.model.terms[0].of_rolling_kg
+    of_rolling_kg = fitted_model.model.terms[0].of_rolling_kg
     assert of_rolling_kg is not None
-    estimate = _known(refit(runs, hilly), found, runs, cut_blocks(runs.run))[ROLLING]
+    estimate = _known(refit(runs, hilly), fitted_model, runs, cut_blocks(runs.run))[ROLLING]
     assert (
         estimate.status == "confounded" and estimate.mixed_with == ("surface",) and not estimate.off
     )
-    by_all = found.beside.sum(axis=1) / of_rolling_kg * found.parameters.scale[ROLLING]
-    np.testing.assert_allclose(by_all, found.groups.jacobian[:, ROLLING], rtol=1e-9)
+    by_all = (
+        fitted_model.beside.sum(axis=1) / of_rolling_kg * fitted_model.parameters.scale[ROLLING]
+    )
+    np.testing.assert_allclose(by_all, fitted_model.groups.jacobian[:, ROLLING], rtol=1e-9)
 
 
 def hats_along(runs: Runs) -> Array:
@@ -259,21 +269,21 @@ def test_sizes_of_a_profile_of_the_ground_are_relative_to_its_mean(
         noise_w = 4.0 * rng.standard_normal(len(short_runs.observed))
         observed = observed_over(hats @ rolling - 1.0, short_runs, husky) + noise_w
         runs = dataclasses.replace(short_runs, observed=observed)
-        found = fitted_over_ground(runs, husky, hats, axis="place")
+        fitted_model = fitted_over_ground(runs, husky, hats, axis="place")
         true_sizes = rolling / (shares @ rolling) - 1.0
-        for true, value in zip(true_sizes, found.parameters_of(0).values(), strict=True):
+        for true, value in zip(true_sizes, fitted_model.parameters_of(0).values(), strict=True):
             covered.append(value.ci95[0] <= true <= value.ci95[1])
             assert value.ci95[1] - value.ci95[0] < 0.5
     assert np.mean(covered) >= 0.85
-    reported = found.reported
+    reported = fitted_model.reported
     assert shares @ reported.sizes == pytest.approx(0.0, abs=1e-9)
-    mean_ground = found.theta.copy()
+    mean_ground = fitted_model.theta.copy()
     mean_ground[ROLLING] = reported.rolling_kg
     on_it = WithEffects({"surface": {"gain": 1.0}}, roughness=hats @ reported.sizes)
-    replayed = found.parameters.predict(runs, mean_ground, on_it)
-    np.testing.assert_allclose(replayed, found.predicted, atol=1e-6)
-    all_numbers = joint(found, runs, cut_blocks(runs.run))
-    symbol = found.parameters.groups[ROLLING].symbol
+    replayed = fitted_model.parameters.predict(runs, mean_ground, on_it)
+    np.testing.assert_allclose(replayed, fitted_model.predicted, atol=1e-6)
+    all_numbers = joint(fitted_model, runs, cut_blocks(runs.run))
+    symbol = fitted_model.parameters.groups[ROLLING].symbol
     assert all_numbers.relative_error[symbol] < 0.05
     assert all_numbers.values[-6:] == pytest.approx(reported.sizes)
 
@@ -288,25 +298,29 @@ def test_what_sizes_of_the_ground_rest_on_is_what_their_intervals_hold(
     noise_w = np.random.default_rng(0).standard_normal(len(short_runs.observed))
     observed = observed_over(hats @ rises, short_runs, husky) + noise_w
     runs = dataclasses.replace(short_runs, observed=observed)
-    found = fitted_over_ground(runs, husky, hats if axis == "place" else hats[:, 3:4], axis)
-    fitted = np.concatenate([found.theta, found.values])
-    groups = len(found.theta)
+    fitted_model = fitted_over_ground(runs, husky, hats if axis == "place" else hats[:, 3:4], axis)
+    fitted = np.concatenate([fitted_model.theta, fitted_model.values])
+    groups = len(fitted_model.theta)
 
     def reported(numbers: Array) -> Array:
         theta, values = numbers[:groups], numbers[groups:]
-        answer = found.model.reported(theta, values, found.by_distance, found.groups.held)
+        answer = fitted_model.model.reported(
+            theta, values, fitted_model.by_distance, fitted_model.groups.held
+        )
         return np.append(answer.sizes, answer.rolling_kg)
 
     steps = 1e-6 * np.eye(len(fitted))
     quotients = [(reported(fitted + step) - reported(fitted - step)) / 2e-6 for step in steps]
-    by_all = np.vstack([found.reported.by_all, found.reported.rolling_by_all])
+    by_all = np.vstack([fitted_model.reported.by_all, fitted_model.reported.rolling_by_all])
     np.testing.assert_allclose(by_all.T, quotients, atol=1e-7)
     # the same of C_rr m, of all that is fitted together
     block = cut_blocks(runs.run)
-    all_numbers = joint(found, runs, block)
-    scale = np.append(found.parameters.scale, np.ones(len(found.values)))
-    clustered = covariance(found.jacobian, runs.observed - found.predicted, block)
-    rolling_by_columns = np.array(quotients)[:, -1] * scale * found.parameters.to_group[ROLLING]
+    all_numbers = joint(fitted_model, runs, block)
+    scale = np.append(fitted_model.parameters.scale, np.ones(len(fitted_model.values)))
+    clustered = covariance(fitted_model.jacobian, runs.observed - fitted_model.predicted, block)
+    rolling_by_columns = (
+        np.array(quotients)[:, -1] * scale * fitted_model.parameters.to_group[ROLLING]
+    )
     variance = rolling_by_columns @ clustered @ rolling_by_columns
     assert all_numbers.covariance[groups + ROLLING, groups + ROLLING] == pytest.approx(variance)
 
@@ -318,15 +332,15 @@ def test_sizes_are_of_the_rolling_resistance_that_is_held(short_runs: Runs, husk
     noise_w = np.random.default_rng(0).standard_normal(len(short_runs.observed))
     observed = observed_over(hats @ rises, short_runs, husky) + noise_w
     runs = dataclasses.replace(short_runs, observed=observed)
-    found = fitted_over_ground(runs, husky, hats, axis="place", holds_rolling=True)
-    sizes = [value.value for value in found.parameters_of(0).values()]
+    fitted_model = fitted_over_ground(runs, husky, hats, axis="place", holds_rolling=True)
+    sizes = [value.value for value in fitted_model.parameters_of(0).values()]
     assert sizes == pytest.approx(rises.tolist(), abs=0.03)
     # Where the power at rest would take its level, they are relative to their mean.
     shares = np.full(6, 1.0 / 6.0)
-    unlevelled = dataclasses.replace(found, by_distance=(shares,))
+    unlevelled = dataclasses.replace(fitted_model, by_distance=(shares,))
     mean = float(rises.mean())
     assert unlevelled.reported.sizes == pytest.approx(rises - mean, abs=0.03)
-    assert unlevelled.reported.rolling_kg == found.theta[ROLLING]
+    assert unlevelled.reported.rolling_kg == fitted_model.theta[ROLLING]
 
 
 @pytest.mark.parametrize("both_ways", [False, True])
@@ -352,11 +366,11 @@ def test_slopes_have_a_level_only_where_both_ways_were_driven(
         steep = dataclasses.replace(runs, observed=observed)
         columns = load[:, None] * hats
         term = Term(slope, columns, low=low, high=high, axis="place", load=load, at_work=hats)
-        found = fit_model(refit(steep, husky), [term], steep, cut_blocks(runs.run))
-        shares = found.by_distance[0]
+        fitted_model = fit_model(refit(steep, husky), [term], steep, cut_blocks(runs.run))
+        shares = fitted_model.by_distance[0]
         assert (shares is None) == both_ways
         level = 0.0 if shares is None else float(shares @ true)
-        for size, value in zip(true, found.parameters_of(0).values(), strict=True):
+        for size, value in zip(true, fitted_model.parameters_of(0).values(), strict=True):
             covered.append(value.ci95[0] <= size - level <= value.ci95[1])
             assert value.ci95[1] - value.ci95[0] < 0.05
     assert np.mean(covered) >= 0.85
@@ -401,8 +415,8 @@ def test_a_load_on_top_also_makes_turning_harder_where_that_is_flexible(
     (flexible,) = rising(CATALOGUE["turning"], setting)
     (plain,) = responses(CATALOGUE["turning"], setting)
     term = dataclasses.replace(flexible, plain=plain)
-    found = fit_model(fit, [term], recorded, cut_blocks(recorded.run))
-    beside = found.model.setting(recorded, found.theta, found.values)
+    fitted_model = fit_model(fit, [term], recorded, cut_blocks(recorded.run))
+    beside = fitted_model.model.setting(recorded, fitted_model.theta, fitted_model.values)
     payload = CATALOGUE["payload"]
     load, load_alone = payload.load(payload, beside), payload.load(payload, setting)
     with_it = dataclasses.replace(turns, effects={**TURNING, "payload": {"mass_kg": 1.0}})
