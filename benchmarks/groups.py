@@ -10,6 +10,7 @@ a pair where nothing differs.
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -21,7 +22,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from homeward.groups.comparison import Quantity, compare
+from homeward.groups.comparison import SCHEMA, Quantity, compare
 from homeward.logs.channels import Array
 
 SPREADS = 3.0
@@ -139,6 +140,10 @@ def main(args: Args) -> None:
     console = Console()
     for path in args.comparisons:
         comparison = json.loads(path.read_text())
+        if comparison.get("schema") != SCHEMA:
+            sys.exit(
+                f"{path} has format {comparison.get('schema')}, and {SCHEMA} is read: compare the groups again"
+            )
         console.print(f"{path}:")
         show(pairs_of(comparison), console)
         if args.shuffles:

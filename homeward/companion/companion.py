@@ -636,7 +636,7 @@ class Companion:
             rests_on=rests_on(
                 self._has, estimator.known, self._what_home(advised), of_battery, estimator.of_pace
             ),
-            warnings=(*self._readings.warnings(), *self._off_route()),
+            warnings=(*self._readings.warnings(), *self._off_route(), *self._must_stay()),
             action=action,
             home=advised,
             others=tuple(outcomes[name].option(name, ways[name].way_m) for name in others),
@@ -673,6 +673,12 @@ class Companion:
             return "the battery is usable down to its cut-off voltage under load (given)"
         cells = "its cells" if self.robot.curve.mean_v > 0.0 else "cells of any chemistry"
         return f"the battery is usable down to its cut-off voltage under load (none was given: that usual for {cells})"
+
+    def _must_stay(self) -> tuple[str, ...]:
+        """The warning that a robot that has not left home must not leave it, if that is so."""
+        if self._has_left or not self._turned:
+            return ()
+        return (f"do not leave home: at a risk of {self.risk:g} the robot may not come back",)
 
     def _off_route(self) -> tuple[str, ...]:
         """The warning that the robot is off its route, if it is."""

@@ -28,8 +28,9 @@ from homeward.layout.notation import interval, number, unit_after
 from homeward.logs.channels import Array
 from homeward.logs.recordings import Recording
 
-SCHEMA = 1
-"""Version of the format of the comparison as JSON."""
+SCHEMA = 2
+"""Version of the format of the comparison as JSON. In version 1, differences had no `p_fdr`, and
+were named by `p_holm`."""
 
 _MOST_SHOWN = 4  # differences in the summary; chosen: two sentences
 

@@ -189,7 +189,12 @@ def watch(
                 (since_s, float(rest.left_m[sample]), float(rest.took_j[sample]), predicted_j)
             )
             next_s = since_s + window_s
-    assert advice is not None
+    if advice is None or not moments:
+        first_s = float(run.time_s[min(stride, len(run.time_s)) - 1] - run.time_s[0])
+        raise CompanionError(
+            f"{recording.name}: the robot moves only in the first {first_s:.3g} s, before the first reading; "
+            "there is no way to predict"
+        )
     predictions = [predicted_j for _, _, _, predicted_j in moments]
     return Watched(
         name=recording.name,

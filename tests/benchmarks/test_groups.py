@@ -54,3 +54,10 @@ def test_groups_without_any_spread_differ_infinitely_or_not_at_all(written: str)
             run["values"]["P_anc"] = high_w if run["group"] == "high" else low_w
         (pair,) = pairs_of(comparison)
         assert pair.spreads == spreads
+
+
+def test_a_comparison_of_another_format_is_refused_in_a_line(written: str, tmp_path: Path) -> None:
+    older = json.loads(written) | {"schema": 1}
+    (tmp_path / "groups.json").write_text(json.dumps(older))
+    with pytest.raises(SystemExit, match="has format 1, and 2 is read: compare the groups again"):
+        main(Args((tmp_path / "groups.json",)))

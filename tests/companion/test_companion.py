@@ -197,10 +197,12 @@ def test_a_robot_that_cannot_come_back_is_told_before_it_leaves() -> None:
     weak = Companion(HUSKY, home=(0.0, 0.0), soc=0.02)
     ready = weak.update(0.0, speed_mps=0.0, position=(0.0, 0.0))
     assert ready.turn_now and ready.turn_in_m == 0.0
+    stays = "do not leave home: at a risk of 0.001 the robot may not come back"
+    assert stays in ready.warnings
     near = robot.drive(weak, 0.0, 3.0)
     assert near.turn_now and near.way_home_m < POSITION_M
     away = robot.drive(weak, 0.0, 10.0)
-    assert away.turn_now and away.way_home_m > POSITION_M
+    assert away.turn_now and away.way_home_m > POSITION_M and stays not in away.warnings
     back = robot.drive(weak, HOME, 13.0)
     assert back.way_home_m < POSITION_M and not back.turn_now  # who comes home has arrived
     weak.charged(0.02)

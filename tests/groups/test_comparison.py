@@ -140,7 +140,7 @@ def test_groups_from_the_command_line(
         and "Significant: 1 of 1 compared" in said
     )
     data = json.loads((out / "groups.json").read_text())
-    assert (data["schema"], data["kind"], data["verdict"]) == (1, "standing", "groups_differ")
+    assert (data["schema"], data["kind"], data["verdict"]) == (2, "standing", "groups_differ")
     assert [one["group"] for one in data["runs"]] == ["before"] * 3 + ["after"] * 3
     (difference,) = data["differences"]
     assert (

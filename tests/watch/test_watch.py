@@ -287,6 +287,18 @@ def test_the_live_view_says_when_it_warned(runs: list[Watched]) -> None:
     assert "5 min: no reading for 41 s" in text and "6 min: no reading" not in text
 
 
+def test_a_way_that_ends_before_the_first_reading_cannot_be_predicted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reading is the mean of so many samples where a log is long."""
+    table = pd.read_csv(drive(tmp_path, 0))
+    speed_mps = np.where(np.arange(len(table)) < 5, table["speed_mps"] + 0.5, 0.0)
+    table.assign(speed_mps=speed_mps).to_csv(tmp_path / "start.csv", index=False)
+    monkeypatch.setattr("homeward.watch.replay._MOST_FED", len(table) // 10)
+    with pytest.raises(CompanionError, match=r"the robot moves only in the first .* s, before"):
+        main(Args((tmp_path / "start.csv",), "husky", out=tmp_path / "out"))
+
+
 def test_what_cannot_be_watched_takes_one_line(tmp_path: Path) -> None:
     table = pd.read_csv(drive(tmp_path, 0))
     table.assign(speed_mps=0.0).to_csv(tmp_path / "stood.csv", index=False)

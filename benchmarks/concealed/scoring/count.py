@@ -179,8 +179,8 @@ def _provable(outcomes: list[Outcome]) -> str:
 
 def _pairs(outcomes: list[Outcome]) -> Table:
     def row(name: str, cases: list[Outcome]) -> tuple[str, ...]:
-        in_class = [[_is_in_class(case, effect) for effect in case.hidden] for case in cases]
-        by_name = [[_is_named(case, effect) for effect in case.hidden] for case in cases]
+        in_class = [[in_some_class(case, effect) for effect in case.hidden] for case in cases]
+        by_name = [[named_itself(case, effect) for effect in case.hidden] for case in cases]
         return (
             name,
             share(map(all, in_class)),
@@ -199,11 +199,13 @@ def _pairs(outcomes: list[Outcome]) -> Table:
     return Table("Two hidden effects", columns, rows)
 
 
-def _is_in_class(case: Outcome, effect: str) -> bool:
+def in_some_class(case: Outcome, effect: str) -> bool:
+    """Whether the diagnosis names the effect, or a class that it is in."""
     return any(effect in effects for effects in named(case))
 
 
-def _is_named(case: Outcome, effect: str) -> bool:
+def named_itself(case: Outcome, effect: str) -> bool:
+    """Whether the diagnosis names the effect, and not only one that it is confused with."""
     return any(effect == effects[0] for effects in named(case))
 
 
@@ -274,7 +276,7 @@ def _later(outcomes: list[Outcome]) -> list[Table]:
     """Tables of the errors over later drives, and of the effects that files hold."""
     drives = [list(drive.values()) for case in outcomes for drive in case.later]
     medians = [tuple(f"{median:.2f}" for median in np.median(drives, axis=0))] if drives else []
-    mean_pct = [_mean_errors(case) for case in outcomes if case.later]
+    mean_pct = [mean_errors_pct(case) for case in outcomes if case.later]
     is_worse = [
         [mean[-1] > mean[model] + 1.0 for mean in mean_pct] for model in range(len(MODELS) - 1)
     ]
@@ -289,7 +291,7 @@ def _later(outcomes: list[Outcome]) -> list[Table]:
     ]
 
 
-def _mean_errors(case: Outcome) -> list[float]:
+def mean_errors_pct(case: Outcome) -> list[float]:
     """Mean error over the later drives of a case by each of `MODELS`, %."""
     by_drive = [list(drive.values()) for drive in case.later]
     return [float(mean) for mean in np.mean(by_drive, axis=0)]

@@ -25,6 +25,10 @@ from homeward.diagnosis.tell.file_choice import filed
 from homeward.physics import Robot, load_robot
 
 USABLE_ENERGY = "usable energy"
+NOMINAL = "nominal.toml"
+"""Robot file of a case, in its folder."""
+RECORDINGS = "recordings"
+"""Folder of a case's recordings, in its folder; it is deleted after the diagnosis."""
 
 
 class Interval(TypedDict):
@@ -92,16 +96,9 @@ def run_case(
 def ask(case: Case, folder: Path, without: Collection[str] = ()) -> Outcome:
     """Write the case's recordings into the folder, diagnose them, and read diagnosis.json and
     corrected.toml."""
-    outcome = Outcome(case.part, case.number, case.vehicle, case.label, list(case.hidden), case.visible,
-                      sorted(case.fair), case.fault)  # fmt: skip
-    recordings = folder / "recordings"
-    recordings.mkdir(parents=True, exist_ok=True)
-    runs = []
-    for index, frame in enumerate(case.recordings):
-        runs.append(recordings / f"drive{index}.parquet")
-        frame.to_parquet(runs[-1], index=False)
-    (folder / "nominal.toml").write_text(case.nominal.to_toml())
-    args = diagnose.Args(runs=tuple(runs), robot=str(folder / "nominal.toml"), out=folder)
+    outcome = unanswered(case)
+    runs = write_inputs(case, folder)
+    args = diagnose.Args(runs=tuple(runs), robot=str(folder / NOMINAL), out=folder)
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             analysis = diagnose.main(args, without)
@@ -115,8 +112,26 @@ def ask(case: Case, folder: Path, without: Collection[str] = ()) -> Outcome:
         read_diagnosis(outcome, json.loads((folder / "diagnosis.json").read_text()), case)
         assert isinstance(analysis, Analysis)
         _read_corrected(outcome, case, folder, analysis)
-    shutil.rmtree(recordings)
+    shutil.rmtree(folder / RECORDINGS)
     return outcome
+
+
+def unanswered(case: Case) -> Outcome:
+    """An outcome that says what is concealed, but not yet what the diagnosis says."""
+    return Outcome(case.part, case.number, case.vehicle, case.label, list(case.hidden), case.visible,
+                   sorted(case.fair), case.fault)  # fmt: skip
+
+
+def write_inputs(case: Case, folder: Path) -> list[Path]:
+    """Write the robot file and the recordings of a case into the folder; the recordings' paths."""
+    recordings = folder / RECORDINGS
+    recordings.mkdir(parents=True, exist_ok=True)
+    runs = []
+    for index, frame in enumerate(case.recordings):
+        runs.append(recordings / f"drive{index}.parquet")
+        frame.to_parquet(runs[-1], index=False)
+    (folder / NOMINAL).write_text(case.nominal.to_toml())
+    return runs
 
 
 def read_diagnosis(outcome: Outcome, diagnosis: dict[str, Any], case: Case) -> None:
@@ -189,10 +204,10 @@ def _read_corrected(outcome: Outcome, case: Case, folder: Path, analysis: Analys
         refitted, *_ = filed(case.nominal, analysis.evidence.plain, analysis.evidence.runs)
     robots = dict(zip(MODELS, (case.nominal, refitted, case.refit, corrected), strict=True))
     for drive in case.later:
-        outcome.later.append({name: _error_pct(robot, drive) for name, robot in robots.items()})
+        outcome.later.append({name: error_pct(robot, drive) for name, robot in robots.items()})
 
 
-def _error_pct(robot: Robot, drive: Later) -> float:
+def error_pct(robot: Robot, drive: Later) -> float:
     """Absolute error of a trip's energy, %."""
     run = drive.run
     true_j = float(np.sum(drive.power_w)) * run.dt_s

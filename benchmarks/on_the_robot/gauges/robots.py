@@ -114,11 +114,6 @@ def draw_wear(sizes: Sizes, rng: Generator) -> Wear:
     )
 
 
-def draw_pack(chemistry: str, label: Label, sizes: Sizes, rng: Generator) -> Pack:
-    """Draw a true pack: faded, with risen resistance, in air of some temperature."""
-    return worn_pack(chemistry, label, sizes, draw_wear(sizes, rng))
-
-
 def worn_pack(chemistry: str, label: Label, sizes: Sizes, wear: Wear) -> Pack:
     """A true pack.
 

@@ -274,6 +274,9 @@ def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber] = ())
                 quantity.name, "from the recorded state of charge against the energy drawn"
             )
             changed[quantity.name] = f"by diagnose.py, {origin}; it was {old:.6g}"
+    if "rolling_resistance" in changed and "surface" in corrected.effects:
+        # What is fitted is that of the mean ground.
+        changed["rolling_resistance"] += "; the number of this line is that of the smoothest ground"
     for effect, effect_numbers in corrected.effects.items():
         for number_name in effect_numbers:
             name = f"{effect}.{number_name}"

@@ -60,12 +60,13 @@ from benchmarks.on_the_robot.gauges.robots import (
     Label,
     TrueRobot,
     accepted_curve,
-    draw_pack,
     draw_robot,
+    draw_wear,
     label_of,
     measured_curve,
     refusal,
     robot_file,
+    worn_pack,
 )
 from benchmarks.on_the_robot.gauges.score import covers, mean_of, rate_of
 from benchmarks.on_the_robot.gauges.sizes import FILE, Sizes, read_sizes
@@ -151,7 +152,7 @@ def pack_of(
     label = label_of(
         place.preset, place.cells[chemistry], sizes.cells[chemistry].label_v, pack_share
     )
-    return draw_pack(chemistry, label, sizes, rng(seed)), label
+    return worn_pack(chemistry, label, sizes, draw_wear(sizes, rng(seed))), label
 
 
 @dataclass(frozen=True)
@@ -841,7 +842,7 @@ def test_homeward_accepts_the_robot_files(curve: Curve, tmp_path: Path) -> None:
         label = label_of(
             place.preset, place.cells[chemistry], SIZES.cells[chemistry].label_v, pack_share
         )
-        pack = draw_pack(chemistry, label, SIZES, rng(1))
+        pack = worn_pack(chemistry, label, SIZES, draw_wear(SIZES, rng(1)))
         measured_v = measured_curve(pack, SIZES, rng(2)) if curve == "measured" else None
         path = robot_file(tmp_path, place.preset, label, chemistry, curve, measured_v)
         robot = load_robot(path)

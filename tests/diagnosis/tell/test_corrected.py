@@ -19,6 +19,7 @@ from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.corrected import (
     FileContent,
+    comments,
     file_content,
     is_expressible,
     replayed,
@@ -263,3 +264,11 @@ def test_ground_that_no_file_can_say_is_written_as_the_smoothest_that_one_can(
     assert file.effects["surface"]["gain"] == highest
     hardest = file.rolling_resistance * (1.0 + highest)
     assert hardest == pytest.approx(2.0 * robot.rolling_resistance, rel=0.05)
+
+
+def test_the_comment_says_of_which_ground_the_rolling_resistance_is(robot: Robot) -> None:
+    """The fitted number beside it is that of the mean ground."""
+    smoother = dataclasses.replace(robot, rolling_resistance=0.5 * robot.rolling_resistance)
+    rough = dataclasses.replace(smoother, effects={"surface": {"gain": 1.0}})
+    assert "smoothest" not in comments(robot, smoother)["rolling_resistance"]
+    assert comments(robot, rough)["rolling_resistance"].endswith("is that of the smoothest ground")
