@@ -13,8 +13,8 @@ diagnosis. A regression has these windows or means of a second, in which others 
 whichever is better on all later drives of a vehicle: a choice in favour of the regression, as
 nobody who has not driven yet could make it.
 
-What was concealed is a label: BMW and Leaf were recorded with the power of their heaters, which no
-recording contains.
+What was concealed is a label: BMW and Leaf were recorded with the power of heater and cooler, which
+no recording contains.
 """
 
 from __future__ import annotations
@@ -195,7 +195,8 @@ class Outcome:
     errors: dict[str, Errors]
     # by model: share by which the energy of each later drive is off, at most a half
     missed: dict[str, list[float]]
-    heater_j: list[tuple[float, float]]  # of later drives with a label: by the file, by the label
+    # by load of `LABELS`, of later drives with its label: by the file, by the label
+    labelled_j: dict[str, list[tuple[float, float]]]
 
 
 def run(split: Split, without: Sequence[str] = ()) -> Outcome:
@@ -220,7 +221,7 @@ def run(split: Split, without: Sequence[str] = ()) -> Outcome:
     diagnosis = analysis.diagnosis
     named = tuple(effect.effect for effect in diagnosis.missing_physics)
     holds = "nominal" if diagnosis.file is None else diagnosis.file.holds
-    heater = labelled_heater(split, later, corrected)
+    labelled = {effect: labelled_load(effect, split, later, corrected) for effect in LABELS}
     return Outcome(
         split=f"{split.vehicle}, {split.part}",
         vehicle=split.vehicle,
@@ -229,7 +230,7 @@ def run(split: Split, without: Sequence[str] = ()) -> Outcome:
         holds=holds,
         errors=errors,
         missed=missed,
-        heater_j=heater,
+        labelled_j=labelled,
     )
 
 
@@ -420,23 +421,29 @@ def formula(training: Runs, later: Runs) -> Array:
     return predicted(best.x * scale, motion_of(later))
 
 
-def labelled_heater(split: Split, later: Runs, robot: Robot) -> list[tuple[float, float]]:
-    """Energy of the heater in later drives by the file, and by the label that no recording
-    contains, J."""
+LABELS = {"heater": "heater_w", "cooler": "ac_w"}
+"""Mean power that no recording contains, as named in labels.json, by its effect."""
+
+
+def labelled_load(
+    effect: str, split: Split, later: Runs, robot: Robot
+) -> list[tuple[float, float]]:
+    """Energy of a load in later drives by the file, and by the label that no recording contains,
+    J."""
     file = Path(split.later[0].name).parent / "labels.json"
     if split.vehicle not in ("bmw", "leaf") or not file.is_file():
         return []
     labels = json.loads(file.read_text())
-    other_effects = {name: sizes for name, sizes in robot.effects.items() if name != "heater"}
-    unheated = replace(robot, effects=other_effects)
-    heated_w = predict(later, robot) - predict(later, unheated)
+    other_effects = {name: sizes for name, sizes in robot.effects.items() if name != effect}
+    without_it = replace(robot, effects=other_effects)
+    load_w = predict(later, robot) - predict(later, without_it)
     energies = []
     for number, name in enumerate(later.names):
-        label = labels.get(Path(name).stem, {}).get("heater_w", np.nan)
-        if np.isfinite(label):
+        label_w = labels.get(Path(name).stem, {}).get(LABELS[effect], np.nan)
+        if np.isfinite(label_w):
             in_drive = later.run == number
             length_s = later.duration_s[in_drive]
-            energies.append((float(heated_w[in_drive] @ length_s), float(label * length_s.sum())))
+            energies.append((float(load_w[in_drive] @ length_s), float(label_w * length_s.sum())))
     return energies
 
 
@@ -545,8 +552,8 @@ def _cell(errors: Sequence[Errors]) -> str:
 
 
 def show(outcomes: Sequence[Outcome]) -> None:
-    """Print the errors of each split and their mean by vehicle, and the heaters beside their
-    labels."""
+    """Print the errors of each split and their mean by vehicle, and the heaters and coolers
+    beside their labels."""
     console = Console(width=WIDTH)
     table = Table(
         title="Later drives, energy off by: all of it / a drive on average, %; R2 of power"
@@ -576,23 +583,28 @@ def show(outcomes: Sequence[Outcome]) -> None:
         table.add_row(*row, style="bold")
     console.print(table)
     for outcome in outcomes:
-        _show_heater(console, outcome.split, outcome.heater_j)
+        for effect, energies_j in outcome.labelled_j.items():
+            _show_labelled(console, outcome.split, effect, energies_j)
     halves = [
         outcome for outcome in outcomes if outcome.split in ("bmw, odd to even", "bmw, even to odd")
     ]
-    _show_heater(console, "bmw, both halves, each by the file of the other", [
-        energies for outcome in halves for energies in outcome.heater_j
-    ])  # fmt: skip
+    both = "bmw, both halves, each by the file of the other"
+    for effect in LABELS:
+        of_halves = [energies for outcome in halves for energies in outcome.labelled_j[effect]]
+        _show_labelled(console, both, effect, of_halves)
 
 
-def _show_heater(console: Console, drives: str, energies_j: Sequence[tuple[float, float]]) -> None:
-    """Print by how much the heater's energy is off its label in some drives."""
+def _show_labelled(
+    console: Console, drives: str, effect: str, energies_j: Sequence[tuple[float, float]]
+) -> None:
+    """Print a load's energy in some drives by the file and by its label."""
     if not energies_j:
         return
     by_file_j, by_label_j = np.sum(energies_j, axis=0)
-    off = 100.0 * (by_file_j / by_label_j - 1.0) if by_label_j > 0.0 else np.nan
+    off = f"{100.0 * (by_file_j / by_label_j - 1.0):+.0f} %" if by_label_j > 0.0 else "no share"
     console.print(
-        f"{drives}: energy of the heater in {len(energies_j)} labelled drives off by {off:+.0f} %"
+        f"{drives}: the {effect} in {len(energies_j)} labelled drives, {by_file_j / 1e6:.2f} MJ by the file, "
+        f"{by_label_j / 1e6:.2f} MJ by the label: {off}"
     )
 
 

@@ -85,7 +85,7 @@ def test_a_split_is_diagnosed_and_its_file_replayed(
     diagnosed, later = (drives(heavier, seed, np.full(3, 20.0)) for seed in (0, 1))
     outcome = run(Split("car", "first to second", str(tmp_path / "car.toml"), diagnosed, later))
     assert outcome.errors["file"].total_pct <= outcome.errors["given"].total_pct
-    assert not outcome.heater_j
+    assert outcome.labelled_j == {"heater": [], "cooler": []}
     split, errors = regress(
         Split("car", "first to second", str(tmp_path / "car.toml"), diagnosed, later)
     )
