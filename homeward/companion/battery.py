@@ -3,7 +3,8 @@
 A possible battery has a capacity and a state of charge at the start. The energy drawn, which the
 power integrates to, gives its charge at any time. Three witnesses weigh it:
 
-* The robot drives: a battery that would be empty is out.
+* The robot drives: a battery that would be empty is out. If hardly any was expected to hold what
+  was drawn, it is another one or the meter errs, and what is left is as unsure as that was wrong.
 * The voltage: the open-circuit voltage at its charge, less the resistance times the current, of
   which one half acts at once and the other slowly (Thevenin's circuit with one pair of resistance
   and capacity; Plett, Journal of Power Sources 134, 2004). Both, and by how much these cells are
@@ -41,6 +42,8 @@ _PARTS = np.array(
 """Ends of the shares of probability in which the energy left is told; chosen: fine where risks
 are."""
 PARTS = len(_PARTS) - 1
+_SPREAD = -np.diff(np.exp(-0.5 * ndtri(_PARTS) ** 2)) / math.sqrt(2.0 * math.pi) / np.diff(_PARTS)
+"""Means of a normal distribution of deviation 1 in these shares of its probability."""
 _SAG_ENDS = np.array([-np.inf, -1.0, 0.0, 1.0, 2.0, 2.5, 3.09, np.inf])
 _SAG_WEIGHTS = np.diff(ndtr(_SAG_ENDS))
 _SAGS = -np.diff(np.exp(-0.5 * _SAG_ENDS**2)) / math.sqrt(2.0 * math.pi) / _SAG_WEIGHTS
@@ -139,7 +142,7 @@ class BatteryBelief:
     SAVED: ClassVar = (
         "trust", "totals", "weights", "_capacity", "_holds", "_volts", "_volts_covariance", "_charge",
         "_cutoff", "_rate", "_planned_rate", "_time_s", "_slow_rate", "_most_slow_rate", "_start_charge", "_told",
-        "_most", "_drawn", "_cold", "_most_cold", "_used", "fails",
+        "_most", "_drawn", "_cold", "_most_cold", "_used", "_capacity_weights", "fails",
     )  # fmt: skip
 
     def __init__(
@@ -157,13 +160,13 @@ class BatteryBelief:
     def begin(self, start: Start, conditions: Conditions) -> None:
         """Begin with a battery of which only the prior is known."""
         derating = self._cells.derating(conditions.cells_c, conditions.rate_per_h)
-        capacity, capacity_weight = self._capacities(derating, conditions)
+        capacity, self._capacity_weights = self._capacities(derating, conditions)
         charge, charge_weight = _starts(start)
         self._start_charge = start.charge
         self._told = start.told
         self._capacity = np.repeat(capacity, STARTS)
         starts = np.tile(charge, CAPACITIES)
-        weights = np.outer(capacity_weight, charge_weight).ravel()
+        weights = np.outer(self._capacity_weights, charge_weight).ravel()
         rate_per_h = conditions.rate_per_h
         self.trust = GaugeTrust(weights, self._prior, starts, *self._counted(derating), rate_per_h)
         self._holds = np.ones(CAPACITIES * STARTS)
@@ -424,6 +427,21 @@ class BatteryBelief:
         moment_at_end = np.interp(_PARTS, probabilities, moments / weights.sum())
         self.weights = np.diff(_PARTS)
         self.totals = np.diff(moment_at_end) / self.weights
+        if self.is_overdrawn and math.isinf(self._most):  # at its cut-off nothing is left
+            self.totals = self._used + self._overdraft * _SPREAD
+
+    @property
+    def _overdraft(self) -> float:
+        """Root mean square of what was drawn beyond what those possible batteries hold: so wrong
+        was what was believed of the energy, and so unsure is what is left."""
+        holds = energy_share(self._cells.curve, self.trust.start) * self._capacity
+        return math.sqrt(float(self._prior_weights @ (self._used - holds) ** 2))
+
+    @property
+    def _prior_weights(self) -> Floats:
+        """Probability of each battery before anything was read, shape (n,)."""
+        _, of_charge = _starts(self.start)
+        return np.outer(self._capacity_weights, of_charge).ravel()
 
     def _under_load(self) -> tuple[Floats, Floats, Floats]:
         """How a battery ends under the largest load so far, by deviation of its voltage and
@@ -517,6 +535,12 @@ class BatteryBelief:
     def charge_sd(self) -> float:
         """Standard deviation of that."""
         return math.sqrt(max(float(self.trust.weights @ (self._charge - self.charge) ** 2), 0.0))
+
+    @property
+    def is_overdrawn(self) -> bool:
+        """Whether hardly any battery that was possible before anything was read holds what was
+        drawn: it is another one, or the meter reads too much."""
+        return float(self._prior_weights @ self._holds) < thresholds.RISK
 
     @property
     def total(self) -> float:

@@ -112,7 +112,7 @@ class Companion:
 
     SAVED: ClassVar = (
         "_readings", "_way", "_window", "_estimator", "_other_way_m", "_turned", "_has_left", "_charged", "_mismatched",
-        "_since_stop", "_may_be_swapped", "_left_j", "_used_j", "_stands", "_has", "_action",
+        "_since_stop", "_may_be_swapped", "_lowest_j", "_used_j", "_stands", "_has", "_action",
     )  # fmt: skip
 
     def __init__(
@@ -235,7 +235,7 @@ class Companion:
         self._stands = 0
         self._since_stop = math.inf
         self._may_be_swapped = False
-        self._left_j = math.inf
+        self._lowest_j = math.inf
         self._used_j = 0.0
         self._has = dict.fromkeys(("power", "soc", "grade", "heading", "position"), False)
         self._action: tuple[float, float, str] | None = None
@@ -358,8 +358,7 @@ class Companion:
         self._estimator.recharge(soc)
         self._readings.charge()
         # From here on the energy left may rise by no more than is recovered, as before.
-        self._left_j = self._estimator.left_j
-        self._used_j = self._estimator.used_j
+        self._lowest_j = self._estimator.left_j
         self._begin_charge()
 
     def _set_out(self) -> None:
@@ -388,7 +387,7 @@ class Companion:
         check_number("soc", soc, 0.0, 1.0)
         self._flush()
         self._estimator.begin_battery(Start(soc))
-        self._left_j = math.inf
+        self._lowest_j = math.inf
         self._begin_charge()
 
     def move_home(self, home: Position) -> None:
@@ -583,6 +582,7 @@ class Companion:
         home = ways[advised]
         now = outcomes[advised]
         self._check_rise(now.left.mean)
+        self._check_drawn()
         self._check_cutoff()
 
         def low_after_j(onwards_m: float) -> float:
@@ -644,18 +644,41 @@ class Companion:
 
     def _check_rise(self, left_j: float) -> None:
         """Say if the energy left rises by more than was recovered: what is read shows a fuller
-        battery."""
-        used_j = self._estimator.used_j
+        battery.
+
+        It is compared with the lowest one since this was said last, so that a slow rise is said
+        too.
+        """
+        used_j = self._estimator.ever_used_j
         recovered_j = max(self._used_j - used_j, 0.0)
-        rises_j = left_j - self._left_j - recovered_j
-        self._left_j = left_j
         self._used_j = used_j
-        if rises_j > thresholds.LEAST_RISE * self.vehicle.full_j:
+        self._lowest_j += recovered_j
+        rises_j = left_j - self._lowest_j
+        says_so = rises_j > thresholds.LEAST_RISE * self.vehicle.full_j
+        if says_so:
             kind = "the energy left rises"
             share = rises_j / self.vehicle.full_j
             self._readings.say(
                 f"{kind} by {share:.1%} of the battery: what is read shows a fuller one", kind
             )
+        if says_so or left_j < self._lowest_j:
+            self._lowest_j = left_j
+
+    def _check_drawn(self) -> None:
+        """Say if more was drawn than the battery can hold."""
+        estimator = self._estimator
+        if not estimator.battery.is_overdrawn:
+            return
+        kind = "more was drawn"
+        share = estimator.used_j / self.vehicle.full_j
+        errs = "the meter reads"
+        if estimator.has_power is False:
+            errs = "the model consumes"
+        self._readings.say(
+            f"{kind} than this battery can hold ({share:.0%} of the file's): another one, or {errs} too much? "
+            "Call swap_battery or charged, or correct the meter or capacity_j=",
+            kind,
+        )
 
     def _check_cutoff(self) -> None:
         """Say if the battery may be cut off under load, however full it is."""

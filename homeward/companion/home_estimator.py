@@ -138,7 +138,7 @@ class HomeEstimator:
 
     SAVED: ClassVar = (
         "at_terminals", "estimates", "_extra", "_paces", "_state", "windows", "home_mps", "pace_mps", "pace_w",
-        "speed_mps", "_heading_rad", "battery", "has_power", "_temperature_c",
+        "speed_mps", "_heading_rad", "battery", "has_power", "_temperature_c", "_forgotten_j",
     )  # fmt: skip
 
     def __init__(
@@ -252,6 +252,7 @@ class HomeEstimator:
         """Restart from the prior."""
         self._state = plain(full_charge(self._robot))
         self.has_power: bool | None = None
+        self._forgotten_j = 0.0
         self._temperature_c = math.nan
         self._take_meter()
         east_mps, north_mps = np.array(self._forecast_mps)[:, None]
@@ -313,6 +314,12 @@ class HomeEstimator:
         return float(self._estimator.mean()[0, USED]) * self.vehicle.full_j
 
     @property
+    def ever_used_j(self) -> float:
+        """Energy drawn since the first reading, also from batteries before, J as metered: it falls
+        only where energy is recovered."""
+        return self._forgotten_j + self.used_j
+
+    @property
     def left_j(self) -> float:
         """Mean energy left in the battery, J as metered."""
         return self._over(NO_WAYS, 0.0).left.mean
@@ -334,6 +341,7 @@ class HomeEstimator:
 
     def _forget_used(self) -> None:
         """Count the energy drawn from here on."""
+        self._forgotten_j = self.ever_used_j
         self._estimator.recharge(1.0, 0.0)
         # The filter knows the energy drawn; what the battery holds is known by `battery`.
         self._estimator.state["hypotheses"]["mean"][..., PER_CAPACITY] = 1.0

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from homeward.companion.readings import CompanionError
 
-SCHEMA = 4
+SCHEMA = 5
 """Number of the format; files of another one are refused."""
 DAMAGE = ArithmeticError, AttributeError, LookupError, TypeError, ValueError, zlib.error
 """Errors that reading a text raises that is no state, or that is of other code."""

@@ -11,7 +11,8 @@ from homeward.physics import thresholds as physics_thresholds
 # --- Advice ---------------------------------------------------------------------------------------
 
 RISK = 1e-3
-"""Default of the accepted risk of not getting home. Chosen: one mission in a thousand."""
+"""Default of the accepted risk of not getting home. Chosen: one mission in a thousand. As rare is a
+battery that holds more than the prior allows: from there on another explanation is said."""
 
 DETOUR = 1.3
 """Way on the ground over the straight line, for a home that moved off the trail and for docks
@@ -36,7 +37,8 @@ indicate another battery. Monitors that measure voltage are off by some per cent
 that, and more than a single window."""
 
 LEAST_RISE = 0.01
-"""Rise of the energy left, over a full battery, that is said. Chosen: the step of displays."""
+"""Rise of the energy left since its lowest value, over a full battery, that is said. Chosen: the
+step of displays."""
 
 OWN_COURSE = 0.1
 """Prior probability that a state-of-charge reading has a course of its own. Chosen: the drivers

@@ -70,6 +70,21 @@ def test_the_capacity_is_within_the_range_of_age_and_what_was_drawn_excludes_les
     assert battery.total > 0.92 and battery.totals[0] > 0.87
 
 
+def test_more_than_the_prior_allows_leaves_it_as_unsure_as_it_was_wrong() -> None:
+    battery = belief(HUSKY)
+    at_start_sd = battery.total_sd
+    discharge(battery, HUSKY, 1.0, 0.97)
+    assert not battery.is_overdrawn and battery.total_sd < 0.3 * at_start_sd
+    discharge(battery, HUSKY, 1.3, 1.2)
+    assert battery.is_overdrawn
+    assert battery.total == pytest.approx(1.19)  # nothing is left on average
+    assert battery.total_sd > 1.19 - 0.92  # half of the possible batteries hold less than this
+    battery.recharge(1.0)
+    assert not battery.is_overdrawn
+    battery.begin(Start(), Conditions(rate_per_h=RATE_PER_H))
+    assert battery.total_sd == pytest.approx(at_start_sd)
+
+
 def test_a_charge_says_nothing_of_the_capacity_and_loses_nothing_that_is_known() -> None:
     battery = belief(NMC)
     discharge(battery, NMC, 0.85, 0.6, ohm=0.15, learned=0.85)
@@ -161,6 +176,14 @@ def test_a_counter_that_may_not_know_rate_and_cold_does_not_tell_the_capacity(
     battery = belief(LEAD, temperature_c=5.0)
     left = discharge(battery, LEAD, capacity, 0.35, learned=0.9)
     assert abs(battery.total - 0.34 - left) < 2.5 * battery.total_sd
+
+
+def test_a_battery_at_its_cut_off_is_empty_whatever_was_drawn() -> None:
+    battery = belief(NMC, cutoff_v=21.0)
+    discharge(battery, NMC, 1.3, 1.1)
+    battery.see(Witnesses(1.1, 0.0, 20.9, 5.0, 5.0, NOTHING))
+    assert battery.is_overdrawn
+    assert battery.total_sd < 0.01
 
 
 def test_a_battery_at_its_cut_off_is_empty_whatever_its_gauge_shows() -> None:

@@ -912,6 +912,46 @@ def test_a_state_of_charge_that_sticks_is_said_and_not_believed() -> None:
     )
 
 
+@pytest.mark.parametrize("gauge", [None, 0.9])
+def test_more_drawn_than_a_battery_can_hold_is_said_and_widens_what_is_left(
+    gauge: float | None,
+) -> None:
+    """Without a gauge, and with one that is stuck."""
+    one, robot = companion(), Driven(every_s=25.0)
+    robot.drive(one, 0.0, 25.0, soc=gauge)
+    before = None
+    while robot.used_j < 1.2 * robot.full_j:
+        left = robot.drive(one, 0.0, 250.0, soc=gauge).energy_left_j
+        if robot.left_j > 0.0:
+            before = left
+    assert before is not None
+    advice = robot.drive(one, 0.0, 25.0, soc=gauge)
+    left = advice.energy_left_j
+    assert any(
+        text.startswith("more was drawn than this battery can hold") for text in advice.warnings
+    )
+    assert left.mean <= before.high
+    assert left.high > before.high + 0.2 * robot.full_j
+    assert advice.turn_now
+    one.swap_battery()
+    swapped = robot.drive(one, 0.0, 75.0, soc=None)
+    assert not any("more was drawn" in text for text in swapped.warnings)
+
+
+def test_without_a_meter_it_is_the_model_that_may_consume_too_much() -> None:
+    one, robot = companion(), Driven(every_s=50.0)
+    while robot.used_j < 1.6 * robot.full_j:
+        advice = robot.drive(one, 0.0, 500.0, soc=None, power_w=None)
+    assert any("another one, or the model consumes too much?" in text for text in advice.warnings)
+
+
+def test_a_battery_that_is_emptied_to_its_end_is_no_other_one() -> None:
+    one, robot = companion(), Driven(every_s=25.0, health=0.97)
+    while robot.left_j > 0.01 * robot.full_j:
+        advice = robot.drive(one, 0.0, 25.0)
+        assert advice.warnings == ()
+
+
 def test_a_wind_that_turns_against_the_way_home_is_allowed_for() -> None:
     """Of 1.5 m/s, the standard deviation of what the companion expects of a wind that nobody
     forecast."""

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from homeward import load_robot
-from homeward.companion import Advice, Companion
+from homeward.companion import Advice, Companion, UncertainValue
 from homeward.companion.gauge import FOLLOWS, GaugeTrust
 from homeward.estimation import Prior
 from homeward.physics.battery import charge_share, open_circuit_v
+from tests.companion.robots import HUSKY, Driven
 
 NMC = dataclasses.replace(
     load_robot("husky"), chemistry="nmc", cells_in_series=6, nominal_voltage_v=22.2
@@ -113,6 +114,39 @@ def test_the_energy_left_rises_only_within_what_was_said_before_and_says_so(gaug
         rises_j = after.energy_left_j.mean - before.energy_left_j.mean
         said = any(text.startswith("the energy left rises") for text in after.warnings)
         assert said or rises_j < 0.011 * NMC.usable_energy_j
+
+
+def creeps_up(second: float) -> float:
+    return min(0.3 + 0.7 * second / 900.0, 1.0)
+
+
+@pytest.mark.parametrize("has_power", [False, True])
+def test_a_rise_of_the_energy_left_is_said_however_slow_it_is(has_power: bool) -> None:
+    """By less than a step of displays the mean rises unsaid, and stays within the interval at its
+    lowest: without power, and where a gauge creeps up over short windows."""
+    companion = Companion(HUSKY, home=(0.0, 0.0), window_s=2.0 if has_power else None)
+    robot = Driven(every_s=2.0)
+    lowest = UncertainValue(math.inf, 0.0)
+    for _ in range(500):
+        read = {"soc": creeps_up(robot.time_s)} if has_power else {"power_w": None}
+        advice = robot.drive(companion, 0.0, 2.0, **read)
+        left = advice.energy_left_j
+        is_said = any(text.startswith("the energy left rises") for text in advice.warnings)
+        if is_said or left.mean < lowest.mean:
+            lowest = left
+        assert left.mean < lowest.mean + 0.01 * HUSKY.usable_energy_j
+        assert left.mean < lowest.high
+
+
+def test_a_battery_that_is_believed_anew_recovers_nothing() -> None:
+    """Where another meter begins, the capacity that was learned is dropped, and so the energy left
+    rises."""
+    companion, robot = Companion(HUSKY, home=(0.0, 0.0)), Driven(every_s=20.0, health=0.82)
+    before = robot.drive(companion, 0.0, 4000.0)
+    amperes = robot.power_w() / 24.0
+    after = robot.drive(companion, 0.0, 20.0, power_w=None, voltage_v=24.0, current_a=amperes)
+    assert after.energy_left_j.mean > before.energy_left_j.mean + 0.01 * HUSKY.usable_energy_j
+    assert any(text.startswith("the energy left rises") for text in after.warnings)
 
 
 def test_one_that_is_right_again_is_used_again() -> None:

@@ -232,7 +232,7 @@ def test_a_state_of_other_arguments_is_refused(
 
 def test_an_older_state_is_refused_in_one_line() -> None:
     with pytest.raises(
-        CompanionError, match=r"^the state is of another version than 4, or is none$"
+        CompanionError, match=r"^the state is of another version than 5, or is none$"
     ):
         Companion("husky").restore({"schema": 1, "robot": "husky"})
 
