@@ -2,7 +2,7 @@
 conclude."""
 
 import dataclasses
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from homeward.diagnosis.explain.explanation import explain
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.gauge import capacity_question, weigh_gauge
 from homeward.diagnosis.explain.joint_fit import Corrected, immaterial
+from homeward.diagnosis.explain.limits import Limit, limited
 from homeward.diagnosis.explain.residual_test import dependences, independent_blocks
 from homeward.diagnosis.explain.uncertainty import joint, profiled, recorded_range
 from homeward.diagnosis.fit.channel_errors import tilt_error
@@ -256,6 +257,7 @@ def _gather(
     progress("proving")
     free_fit = _estimated_freely(fitted, model, runs)
     plain, model = determined(fitted, model, runs, block)
+    limits: Mapping[str, Limit] = {}
     products: tuple[Product, ...] = ()
     if model is None:
         estimated = _known(free_fit, plain, runs, block)
@@ -263,7 +265,11 @@ def _gather(
         profile = profiled(holding(fitted, runs, model.groups.held), model, runs, block)
         model = profile.spanning
         estimated = profile.spanned(_known(free_fit, model, runs, block), runs, block)
-        products = profile.products(runs, block)
+        with_limits = limited(model, estimated, fitted.parameters, runs, block)
+        model = with_limits.model
+        estimated = with_limits.estimates
+        limits = with_limits.limits
+        products = (*profile.products(runs, block), *with_limits.products)
     predicted = _predictions(fitted, model, explanation.empirical, runs, fold, rng)
     evidence = Evidence(
         runs=runs,
@@ -282,6 +288,7 @@ def _gather(
         capacity=capacity,
         channel_effects=channel_effects,
         remaining=explanation.remaining,
+        limits=limits,
         products=products,
         joint=joint(model or plain, runs, block),
     )

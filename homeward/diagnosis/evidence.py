@@ -8,6 +8,7 @@ from typing import Literal
 from homeward.diagnosis.explain.channel_effects.shown import Capacity, ChannelEffect
 from homeward.diagnosis.explain.formula import Empirical
 from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.explain.limits import Limit
 from homeward.diagnosis.explain.named import Naming
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.explain.residual_test import Dependence
@@ -52,6 +53,7 @@ class Evidence:
     channel_effects: tuple[ChannelEffect, ...]  # effects that other channels than power show
     # the residual of the named effects, where it still depends on a channel
     remaining: RemainingDependence | None
+    limits: Mapping[str, Limit]  # of numbers that are known from one side only, by name
     products: tuple[Product, ...]  # identifiable although their factors are not
     joint: Joint  # covariance of everything that was fitted together
 

@@ -19,6 +19,7 @@ Verdict = Literal[
 ]
 VERDICTS = get_args(Verdict)
 Combination = Literal["product", "ratio", "mean power"]
+Side = Literal["at least", "at most"]
 Followed = Literal["charge", "voltage", "load"]
 
 
@@ -50,11 +51,22 @@ class FittedGroup:
 
 @dataclass(frozen=True)
 class Value:
-    """A fitted parameter of an effect."""
+    """A fitted parameter of an effect.
+
+    If it is limited from one side only, as at its bound, `limit` says from which: it is at least
+    the lower end of `ci95`, whose other end is its bound, or at most the upper end.
+    """
 
     value: float
     ci95: tuple[float, float]
     unit: str
+    limit: Side | None = None
+
+
+def limit_end(value: Value | FileNumber) -> float:
+    """The end of the interval by which a value is limited from one side."""
+    low, high = value.ci95
+    return low if value.limit == "at least" else high
 
 
 @dataclass(frozen=True)
@@ -165,13 +177,14 @@ class NotNamed:
 @dataclass(frozen=True)
 class FileNumber:
     """A fitted number of corrected.toml: proven to differ from the given file, or only fitted so
-    that it predicts."""
+    that it predicts; `limit` as of a `Value`."""
 
     name: str
     value: float
     ci95: tuple[float, float]
     unit: str
     proven: bool
+    limit: Side | None = None
 
 
 @dataclass(frozen=True)

@@ -428,6 +428,9 @@ class Hypothesis:
     rhythm: Callable[[Schedule, Runs], tuple[Numbers, Spread]] = _no_rhythm
     varying: Forms = levels  # forms whose size changes for no recorded reason
 
+    # whether it counts forces at the wheels that the others count over the efficiency of the drive:
+    # only its product with that efficiency is known
+    times_efficiency: bool = False
     # of its size, where they are not those of its first parameter
     bounds: tuple[float, float] | None = None
     # name and unit of each size

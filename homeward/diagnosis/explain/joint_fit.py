@@ -14,13 +14,12 @@ from scipy.stats import t as student
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, Setting, Term
 from homeward.diagnosis.fit.bounded import bounded
-from homeward.diagnosis.fit.estimates import covariance
+from homeward.diagnosis.fit.estimates import covariance, lasting_covariance
 from homeward.diagnosis.fit.fitted import excited
 from homeward.diagnosis.fit.parameter_groups import ROLLING, Parameters, derivatives
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs, WithEffects
 from homeward.diagnosis.result import Value
-from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 
@@ -299,6 +298,14 @@ class Corrected:
         )
         return dataclasses.replace(self, values=values, groups=groups)
 
+    def beyond_bounds(self, numbers: Sequence[int], observed: Array) -> tuple[Array, Array]:
+        """Parameters and values after a step on which these unknowns, by their numbers, have no
+        bounds."""
+        residual = observed - self.predicted
+        step = _step_beyond(self.groups, self.model, self.values, self.jacobian, residual, numbers)
+        groups = len(self.theta)
+        return self.groups.moved(step[:groups]), self.values + step[groups:]
+
     def refitted(self, chosen: Mask, runs: Runs) -> Corrected:
         """The same fitted to the chosen windows only, by replays, with further steps where one
         overshoots."""
@@ -344,23 +351,18 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
     """Fit the groups and the named effects together, by Gauss-Newton through the kernel.
 
     Groups that the refit holds are not fitted; intervals are clustered by `block`, shape
-    (windows,).
+    (windows,). Where the losses of the file would take the share of regeneration beyond its bound,
+    the drive loses as much less as that needs.
     """
     fit = _without_spanned(fit, terms, runs)
-    groups = len(fit.parameters.groups)
-    model = Model(fit.parameters, tuple(terms), _unknowns(terms, fit.parameters.nominal))
-    all_windows = np.ones(len(runs.observed), np.bool_)
-    theta, values = _start(fit, model, runs)
-    point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, theta, values))
-    # The load per unit of a size depends on the groups, such as a share of the power.
-    loads_depend_on_groups = any(term.at_work is not None and term.linear for term in terms)
+    model, point = _fitted(fit, terms, runs)
     for _ in range(_PASSES - 1):
-        if not loads_depend_on_groups and not _ground_is_at_a_bound(model, point.values):
+        efficiency = _least_efficiency(fit, model, point, runs)
+        if efficiency <= fit.parameters.nominal.traction_efficiency:
             break
-        model, values = _with_loads_at(model, runs, point.theta, point.values)
-        point = _descended(
-            fit, model, runs, all_windows, _linearised(fit, model, runs, point.theta, values)
-        )
+        fit = _of_efficiency(fit, efficiency)
+        model, point = _fitted(fit, terms, runs)
+    groups = len(fit.parameters.groups)
     contribution = [
         point.predicted - model.predict(runs, point.theta, point.values, leave_out=index)
         for index in range(len(terms))
@@ -380,6 +382,51 @@ def fit_model(fit: Refit, terms: Sequence[Term], runs: Runs, block: Index) -> Co
         by_distance=by_distance,
         least_variance=least_variance,
     )
+
+
+def _fitted(fit: Refit, terms: Sequence[Term], runs: Runs) -> tuple[Model, _Point]:
+    """The model of these terms and where its descent ends, by losses of the drive as `fit` has
+    them."""
+    model = Model(fit.parameters, tuple(terms), _unknowns(terms, fit.parameters.nominal))
+    all_windows = np.ones(len(runs.observed), np.bool_)
+    theta, values = _start(fit, model, runs)
+    point = _descended(fit, model, runs, all_windows, _linearised(fit, model, runs, theta, values))
+    # The load per unit of a size depends on the groups, such as a share of the power.
+    loads_depend_on_groups = any(term.at_work is not None and term.linear for term in terms)
+    for _ in range(_PASSES - 1):
+        if not loads_depend_on_groups and not _ground_is_at_a_bound(model, point.values):
+            break
+        model, values = _with_loads_at(model, runs, point.theta, point.values)
+        point = _descended(
+            fit, model, runs, all_windows, _linearised(fit, model, runs, point.theta, values)
+        )
+    return model, point
+
+
+def _least_efficiency(fit: Refit, model: Model, point: _Point, runs: Runs) -> float:
+    """Efficiency of the drive from which on no size exceeds its bound of which only the product
+    with it is known; that of `fit` where none does."""
+    efficiency = fit.parameters.nominal.traction_efficiency
+    if runs.unit == "A":
+        return efficiency
+    at_point = dataclasses.replace(fit, theta=point.theta)
+    for number, unknown in enumerate(model.unknowns):
+        term = model.terms[unknown.term]
+        is_product = term.hypothesis.times_efficiency and not term.linear
+        is_size = unknown.column is not None
+        if is_product and is_size and point.values[number] >= unknown.high:
+            residual = runs.observed - point.predicted
+            step = _step_beyond(at_point, model, point.values, point.jacobian, residual, [number])
+            size = unknown.high + float(step[len(point.theta) + number])
+            efficiency *= size / unknown.high
+    return min(efficiency, 1.0)
+
+
+def _of_efficiency(fit: Refit, efficiency: float) -> Refit:
+    """The same fit of a drive with another efficiency."""
+    parameters = fit.parameters.of_efficiency(efficiency)
+    theta = fit.theta * parameters.scale / fit.parameters.scale
+    return dataclasses.replace(fit, parameters=parameters, theta=theta)
 
 
 @dataclass(frozen=True)
@@ -463,12 +510,9 @@ def _least_variance(model: Model, point: _Point, runs: Runs, reported: Reported)
     in_place = [model.terms[unknown.term].axis == "place" for unknown in model.unknowns]
     if not any(in_place):
         return np.zeros(len(in_place))
-    residual = runs.observed - point.predicted
-    freedom = max(len(residual) - int(np.linalg.matrix_rank(point.jacobian)), 1)
-    square = float(residual @ residual) / freedom * correlation_windows(residual, runs.run)
-    bread = np.linalg.pinv(point.jacobian.T @ point.jacobian, rcond=1e-12)
+    lasting = lasting_covariance(point.jacobian, runs.observed - point.predicted, runs.run)
     by_columns = _by_columns(model, reported)
-    variance = square * np.einsum("ij,jk,ik->i", by_columns, bread, by_columns)
+    variance = np.einsum("ij,jk,ik->i", by_columns, lasting, by_columns)
     return np.where(in_place, variance, 0.0)
 
 
@@ -757,6 +801,22 @@ def _best_step(fit: Refit, model: Model, values: Array, jacobian: Array, residua
     """Physical step of the groups (in units of `scale`) and of the unknowns that lowers the squared
     error most."""
     low, high = _bounds(fit, model, values)
+    return bounded(jacobian.T @ jacobian, jacobian.T @ residual, low, high)
+
+
+def _step_beyond(
+    fit: Refit,
+    model: Model,
+    values: Array,
+    jacobian: Array,
+    residual: Array,
+    numbers: Sequence[int],
+) -> Array:
+    """The same step where unknowns, by their `numbers`, have no bounds."""
+    low, high = _bounds(fit, model, values)
+    columns = len(model.parameters.groups) + np.asarray(numbers)
+    low[columns] = -np.inf
+    high[columns] = np.inf
     return bounded(jacobian.T @ jacobian, jacobian.T @ residual, low, high)
 
 

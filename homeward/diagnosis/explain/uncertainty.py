@@ -6,7 +6,7 @@ fitted anew (profile likelihood). Where others fit as well, intervals span all o
 products or sums with them are identifiable.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -18,7 +18,7 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.hypothesis import SMALL_STEP, TINY, Setting, Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
 from homeward.diagnosis.fit.channel_errors import meter_error
-from homeward.diagnosis.fit.estimates import Estimate, covariance, estimates
+from homeward.diagnosis.fit.estimates import Estimate, covariance, estimates, lasting_covariance
 from homeward.diagnosis.fit.held_out import bootstrap
 from homeward.diagnosis.fit.parameter_groups import ROLLING
 from homeward.diagnosis.fit.refit import Refit
@@ -60,7 +60,20 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     Sizes are those of a report: of a profile relative to its mean where only differences are known,
     and C_rr m that of the mean ground.
     """
-    as_fitted = _joint_as_fitted(model, runs, block)
+    return _as_reported(model, _joint_as_fitted(model, runs, _by_blocks(block)))
+
+
+def lasting_joint(model: Refit | Corrected, runs: Runs) -> Joint:
+    """The same by errors that last for longer than a block, as those of a slope do."""
+
+    def lasting(columns: Array, residual: Array) -> Array:
+        return lasting_covariance(columns, residual, runs.run)
+
+    return _as_reported(model, _joint_as_fitted(model, runs, lasting))
+
+
+def _as_reported(model: Refit | Corrected, as_fitted: Joint) -> Joint:
+    """The joint fit with sizes as a report has them."""
     if not isinstance(model, Corrected):
         return as_fitted
     reported = model.reported
@@ -85,8 +98,17 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     return replace(as_fitted, values=values, covariance=covariance_as_reported)
 
 
-def _joint_as_fitted(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
-    """The same of sizes as they were fitted."""
+_Estimator = Callable[[Array, Array], Array]
+"""Covariance of parameters, by the derivatives by them, (windows, parameters), and the residual."""
+
+
+def _by_blocks(block: Index) -> _Estimator:
+    """The sandwich estimator clustered by block."""
+    return lambda columns, residual: covariance(columns, residual, block)
+
+
+def _joint_as_fitted(model: Refit | Corrected, runs: Runs, estimator: _Estimator) -> Joint:
+    """The joint fit of sizes as they were fitted."""
     groups = model.groups
     problem = model.parameters
     fitted_groups = np.flatnonzero(~groups.held)
@@ -96,7 +118,7 @@ def _joint_as_fitted(model: Refit | Corrected, runs: Runs, block: Index) -> Join
     units_of_groups = problem.scale[fitted_groups] * to_group
     unit_of_column = np.concatenate([units_of_groups, np.ones(model.beside.shape[1])])
     residual = runs.observed - model.predicted
-    in_units = covariance(columns, residual, block) * np.outer(unit_of_column, unit_of_column)
+    in_units = estimator(columns, residual) * np.outer(unit_of_column, unit_of_column)
     names = [problem.groups[index].symbol for index in fitted_groups]
     units = [problem.groups[index].unit for index in fitted_groups]
     values = (model.theta[fitted_groups] * to_group).tolist()
@@ -296,7 +318,7 @@ class Open:
         fitted = joint(self.model, runs, block)
         products = [
             *_products_with_groups(self.model, fitted, runs),
-            *_powers(self.model, _joint_as_fitted(self.model, runs, block), runs),
+            *_powers(self.model, _joint_as_fitted(self.model, runs, _by_blocks(block)), runs),
         ]
         if self.alternatives:
             products += self._equal_products(fitted, runs, block)
@@ -318,7 +340,7 @@ class Open:
                 value = numbers[0][name] * numbers[0][partner] ** sign
                 relative = float(np.hypot(error.get(name, 0.0), error.get(partner, 0.0)))
                 half_width = thresholds.NORMAL_95 * value * relative
-                unit = _combined_unit(units.get(name, "1"), units.get(partner, "1"), combination)
+                unit = combined_unit(units.get(name, "1"), units.get(partner, "1"), combination)
                 products.append(_product((name, partner), value, half_width, unit, combination))
         return products
 
@@ -341,7 +363,10 @@ def _logarithms(numbers: Mapping[str, float]) -> dict[str, float]:
     return {name: float(np.log(value)) for name, value in numbers.items() if value > 0.0}
 
 
-def _combined_unit(first_unit: str, second_unit: str, combination: Combination) -> str:
+def combined_unit(first_unit: str, second_unit: str, combination: Combination) -> str:
+    """Unit of a product or ratio."""
+    if second_unit == "1":
+        return first_unit
     between = "/" if combination == "ratio" else ""
     return f"({first_unit}){between}({second_unit})".replace("(1)", "")
 
@@ -389,7 +414,8 @@ def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
         return Open(likeliest)
 
     def from_the_file(of_model: Corrected) -> tuple[float, int]:
-        changed = (of_model.theta - fit.parameters.start) / fit.parameters.scale
+        problem = of_model.parameters
+        changed = (of_model.theta - problem.start) / problem.scale
         return float(np.sum(changed**2)), _not_default(of_model)
 
     equivalent.sort(key=from_the_file)

@@ -82,7 +82,8 @@ def reliability(name: str, runs: Runs) -> float:
     smoothed."""
     if name not in runs.context:
         return 1.0
-    error_variance = float(np.mean([run.error.get(name, 0.0) ** 2 for run in runs.signals]))
+    errors = np.array([run.error.get(name, 0.0) for run in runs.signals])
+    error_variance = float(np.mean((thresholds.SMOOTHING_ERROR * errors) ** 2))
     if error_variance <= 0.0:
         return 1.0
     variance = float(np.nanvar(runs.context[name]))

@@ -16,9 +16,10 @@ from homeward.diagnosis.fit.folds import per_block
 from homeward.diagnosis.fit.parameter_groups import MASS, ROLLING, Group
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs
+from homeward.logs.autocorrelation import correlation_windows
 from homeward.logs.channels import Array, Index, Mask
 
-Status = Literal["fitted", "not excited", "confounded", "too uncertain", "at bound"]
+Status = Literal["fitted", "not excited", "confounded", "too uncertain", "attenuated", "at bound"]
 
 _RESTS_ON = {"rolling": "speed_mps", "drag": "speed_mps", "mass": "grade_rad"}
 
@@ -94,10 +95,9 @@ def _estimate(
         # A regression on a channel that is partly noise is attenuated, beyond what its interval
         # says.
         channel = _RESTS_ON.get(group.name, "")
-        if (
-            width > max(abs(start), abs(fitted))
-            or reliability(channel, runs) < thresholds.NEARLY_ALL
-        ):
+        if reliability(channel, runs) < thresholds.NEARLY_ALL:
+            status = "attenuated"
+        elif width > max(abs(start), abs(fitted)):
             status = "too uncertain"
         elif fit.at_bound[number]:
             status = "at bound"
@@ -153,3 +153,11 @@ def covariance(jacobian: Array, residual: Array, block: Index) -> Array:
     blocks = len(scores)
     small_sample = blocks / max(blocks - 1, 1) * (windows - 1) / max(windows - columns, 1)
     return np.asarray(small_sample * bread @ meat @ bread)
+
+
+def lasting_covariance(jacobian: Array, residual: Array, run: Index) -> Array:
+    """Covariance, (parameters, parameters), of errors that are alike in all windows and
+    autocorrelated within a run, `run` of shape (windows,)."""
+    freedom = max(len(residual) - int(np.linalg.matrix_rank(jacobian)), 1)
+    square = float(residual @ residual) / freedom * correlation_windows(residual, run)
+    return np.asarray(square * np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12))

@@ -3,8 +3,11 @@
 From sampled speed, grade and power only five groups of the model are identifiable: the idle and the
 per-sample part of P_anc, C_rr m / Gamma, c / Gamma and m / Gamma; from motor current the last three
 over k, the thrust per ampere, and the current at rest. Losses are therefore held at the robot
-file's values and the rest is fitted.
+file's values and the rest is fitted; they are lowered only where braking returns more than they
+allow (`homeward.diagnosis.explain.joint_fit`).
 """
+
+from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -88,6 +91,29 @@ class Parameters:
             rolling_resistance=float(np.clip(rolling_kg / mass_kg, 1e-9, 1.0)),
             drag_ns2_per_m2=drag,
             **at_rest,
+        )
+
+    def of_efficiency(self, efficiency: float) -> Parameters:
+        """The same groups over another efficiency of the drive, which the file's losses share.
+
+        Of power: what the groups are over Gamma, which recordings show, stays as the file has it.
+        """
+        nominal = self.nominal
+        as_often = float(np.log(efficiency) / np.log(nominal.traction_efficiency))
+        ratio = efficiency / nominal.traction_efficiency
+        to_new = np.where([group.measured for group in self.groups], ratio, 1.0)
+        return dataclasses.replace(
+            self,
+            nominal=dataclasses.replace(
+                nominal,
+                motor_loss=1.0 - (1.0 - nominal.motor_loss) ** as_often,
+                friction_loss=1.0 - (1.0 - nominal.friction_loss) ** as_often,
+            ),
+            start=self.start * to_new,
+            low=self.low * to_new,
+            high=self.high * to_new,
+            scale=self.scale * to_new,
+            to_group=self.to_group / to_new,
         )
 
     def predict(self, runs: Runs, theta: Array, with_effects: WithEffects | None = None) -> Array:

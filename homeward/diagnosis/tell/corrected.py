@@ -14,7 +14,7 @@ from homeward.diagnosis.fit.parameter_groups import ROLLING, with_ancillary, wit
 from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.signals import Unit
-from homeward.diagnosis.result import FileNumber
+from homeward.diagnosis.result import FileNumber, limit_end
 from homeward.layout.notation import unit_after
 from homeward.logs.channels import Array, Mask
 from homeward.physics import Robot
@@ -169,6 +169,16 @@ def written(robot: Robot, content: FileContent, unit: Unit) -> Robot:
     )
 
 
+def with_losses_of(robot: Robot, model: Refit | Corrected) -> Robot:
+    """The robot with the losses of the drive that a fit is relative to: the file's, or less."""
+    nominal = model.parameters.nominal
+    return dataclasses.replace(
+        robot,
+        motor_loss=_unless_equal(robot.motor_loss, nominal.motor_loss),
+        friction_loss=_unless_equal(robot.friction_loss, nominal.friction_loss),
+    )
+
+
 def replayed(robot: Robot, content: FileContent, runs: Runs) -> Array:
     """Prediction of a robot file for these drives, shape (windows,).
 
@@ -289,5 +299,8 @@ def _origin(number: FileNumber) -> str:
     """How sure a fitted number is, what it was fitted as, and its interval, in words."""
     certainty = "proven" if number.proven else "fitted, not proven"
     low, high = number.ci95
-    size = f"{number.value:.4g} ({low:.4g} to {high:.4g})" + unit_after(number.unit)
+    interval = f"{low:.4g} to {high:.4g}"
+    if number.limit is not None:
+        interval = f"{number.limit} {limit_end(number):.4g}"
+    size = f"{number.value:.4g} ({interval})" + unit_after(number.unit)
     return f"{certainty}: {number.name} = {size}"

@@ -16,26 +16,34 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
+from homeward.diagnosis.explain.limits import LOSSES
 from homeward.diagnosis.explain.named import Named
 from homeward.diagnosis.explain.uncertainty import Joint, joint
 from homeward.diagnosis.fit.estimates import estimates
 from homeward.diagnosis.fit.held_out import bootstrap, held_out
 from homeward.diagnosis.fit.parameter_groups import GROUPS, with_effects_of
-from homeward.diagnosis.fit.predictive import INERTIA, ROLLING_PER_K, Predictive, fit_predictive
+from homeward.diagnosis.fit.predictive import (
+    INERTIA,
+    ROLLING_PER_K,
+    Entry,
+    Predictive,
+    fit_predictive,
+)
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.result import CorrectedFile, FileNumber, Verdict
+from homeward.diagnosis.result import CorrectedFile, FileNumber, Side, Verdict
 from homeward.diagnosis.tell.corrected import (
     file_content,
     is_expressible,
     of_capacity,
     replayed,
     rounded_robot,
+    with_losses_of,
     written,
 )
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
-from homeward.physics.effects import air_temperature
+from homeward.physics.effects import air_temperature, inertia
 
 Model = TypeVar("Model", Refit, Corrected)
 
@@ -294,7 +302,7 @@ def _candidate(
 ) -> FileChoice:
     """A fit as a candidate, with the held-out prediction of its file."""
     changed, by_file = filed(robot, model, evidence.runs)
-    numbers = _numbers(evidence, joint(model, evidence.runs, evidence.block))
+    numbers = _numbers_of_fit(model, evidence)
     return FileChoice(
         robot=changed,
         held_out=_held_out(robot, model, evidence),
@@ -311,7 +319,7 @@ def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> Fi
         base = robot
     else:
         content = file_content(model, runs)
-        base = written(robot, content, runs.unit)
+        base = written(with_losses_of(robot, model), content, runs.unit)
 
     def replay(changed: Robot) -> Array:
         return replayed(changed, content, runs)
@@ -344,11 +352,28 @@ def _of_tyres(robot: Robot, fit: Predictive) -> str:
     return f"it takes tyres to roll {per_k} harder per kelvin of cold, as cars' do: the temperature was recorded"
 
 
-def _factors_in_file(fit: Predictive) -> Array:
-    """From the fitted numbers to those of the file, shape (entries,): it has the accelerated mass
-    over the mass."""
-    over_mass = 1.0 / fit.numbers["mass"]
-    return np.array([over_mass if entry.name == INERTIA else 1.0 for entry in fit.entries])
+def _bounds_in_file(fit: Predictive, entry: Entry) -> tuple[float, float]:
+    """Bounds of a fitted number as the file has it: the accelerated mass over the mass."""
+    if entry.name == INERTIA:
+        switch = inertia.EFFECT.switch
+        return switch.low, switch.high
+    return entry.low, entry.high
+
+
+def _in_file_by_fitted(fit: Predictive) -> tuple[Array, Array]:
+    """The fitted numbers as the file has them, shape (entries,), and their derivatives by what was
+    fitted: it has the accelerated mass over the mass."""
+    values = fit.values.copy()
+    by_fitted = np.eye(len(values))
+    names = [entry.name for entry in fit.entries]
+    accelerated = names.index(INERTIA)
+    mass = names.index("mass")
+    values[accelerated] = min(
+        fit.values[accelerated] / fit.values[mass], inertia.EFFECT.switch.high
+    )
+    by_fitted[accelerated, accelerated] = 1.0 / fit.values[mass]
+    by_fitted[accelerated, mass] = -values[accelerated] / fit.values[mass]
+    return values, by_fitted
 
 
 def _joint_of(fit: Predictive, evidence: Evidence) -> Joint:
@@ -356,25 +381,75 @@ def _joint_of(fit: Predictive, evidence: Evidence) -> Joint:
     symbols = {group.name: group.symbol for group in GROUPS[evidence.runs.unit]}
     names = [symbols.get(entry.name, entry.name.replace(".", " ")) for entry in fit.entries]
     units = ["1" if entry.name == INERTIA else entry.unit for entry in fit.entries]
-    factors = _factors_in_file(fit)
-    covariance = np.outer(factors, factors) * fit.covariance(evidence.runs, evidence.block)
-    return Joint(tuple(names), tuple(units), factors * fit.values, covariance)
+    values, by_fitted = _in_file_by_fitted(fit)
+    covariance = by_fitted @ fit.covariance(evidence.runs, evidence.block) @ by_fitted.T
+    return Joint(tuple(names), tuple(units), values, covariance)
 
 
 def _numbers_within_bounds(
     fit: Predictive, fitted: Joint, evidence: Evidence
 ) -> tuple[FileNumber, ...]:
     """The numbers of the fit made to predict, their intervals cut at the bounds of what was
-    fitted."""
+    fitted.
+
+    A number that is limited from one side is so within its own interval, and one at its upper bound
+    from below.
+    """
     numbers = []
-    factors = _factors_in_file(fit).tolist()
-    for number, entry, factor in zip(_numbers(evidence, fitted), fit.entries, factors, strict=True):
-        lowest = factor * entry.low
-        highest = factor * entry.high
-        low, high = number.ci95
-        within = (min(max(low, lowest), highest), min(max(high, lowest), highest))
-        numbers.append(replace(number, ci95=within))
+    for number, entry in zip(_numbers(evidence, fitted), fit.entries, strict=True):
+        bounds = _bounds_in_file(fit, entry)
+        side = number.limit
+        if number.value >= bounds[1]:
+            side = "at least"
+        numbers.append(_within(number, bounds, side))
     return tuple(numbers)
+
+
+def _within(number: FileNumber, bounds: tuple[float, float], side: Side | None) -> FileNumber:
+    """The number with its interval within its bounds, up to that bound which its limit leaves
+    open."""
+    lowest, highest = bounds
+    low, high = np.clip(number.ci95, lowest, highest).tolist()
+    if side == "at least":
+        high = highest
+    if side == "at most":
+        low = lowest
+    return replace(number, ci95=(low, high), proven=number.proven and side is None, limit=side)
+
+
+def _numbers_of_fit(model: Refit | Corrected, evidence: Evidence) -> tuple[FileNumber, ...]:
+    """The numbers of a fit, their intervals cut at their bounds, and the losses of the drive where
+    they are less than the file's."""
+    bounds = _bounds(model)
+    numbers = []
+    for number in _numbers(evidence, joint(model, evidence.runs, evidence.block)):
+        within = _within(number, bounds[number.name], number.limit)
+        limit = evidence.limits.get(number.name)
+        if limit is not None and isinstance(model, Corrected):
+            within = replace(within, ci95=limit.ci95)
+        numbers.append(within)
+    nominal = model.parameters.nominal
+    limit = evidence.limits.get(LOSSES)
+    if limit is not None and isinstance(model, Corrected):
+        lost = nominal.motor_loss + nominal.friction_loss
+        numbers.append(FileNumber(LOSSES, lost, limit.ci95, "1", proven=False, limit=limit.side))
+    return tuple(numbers)
+
+
+def _bounds(model: Refit | Corrected) -> dict[str, tuple[float, float]]:
+    """Bounds of the groups and of the sizes of a fit, by name."""
+    problem = model.parameters
+    lows = (problem.low * problem.to_group).tolist()
+    highs = (problem.high * problem.to_group).tolist()
+    bounds = {}
+    for group, low, high in zip(problem.groups, lows, highs, strict=True):
+        bounds[group.symbol] = (low, high)
+    if isinstance(model, Corrected):
+        for unknown, (low, high) in zip(
+            model.model.unknowns, model.reported.bounds.T.tolist(), strict=True
+        ):
+            bounds[unknown.name] = (low, high)
+    return bounds
 
 
 def _numbers(evidence: Evidence, fitted: Joint) -> tuple[FileNumber, ...]:
@@ -398,9 +473,11 @@ def _numbers(evidence: Evidence, fitted: Joint) -> tuple[FileNumber, ...]:
     ):
         effect, _, _ = name.partition(" ")
         proven = name in groups_off or effect in effects_in_file
-        numbers.append(
-            FileNumber(name, value, ci95=(value - half, value + half), unit=unit, proven=proven)
-        )
+        number = FileNumber(name, value, (value - half, value + half), unit, proven)
+        limit = evidence.limits.get(name)
+        if limit is not None:
+            number = replace(number, limit=limit.side)
+        numbers.append(number)
     return tuple(numbers)
 
 
@@ -446,5 +523,5 @@ def _held_out(robot: Robot, model: Refit | Corrected, evidence: Evidence) -> Arr
 def filed(robot: Robot, model: Refit | Corrected, runs: Runs) -> tuple[Robot, Array]:
     """A fit as a robot file, and its prediction, shape (windows,)."""
     content = file_content(model, runs)
-    robot = written(robot, content, runs.unit)
+    robot = written(with_losses_of(robot, model), content, runs.unit)
     return robot, replayed(robot, content, runs)

@@ -1,14 +1,18 @@
 """Missing physics for the result: each effect with its parameters, its places and the evidence for
 it."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
 from homeward.diagnosis.explain.joint_fit import Corrected
+from homeward.diagnosis.explain.limits import Limit
 from homeward.diagnosis.explain.named import Named
 from homeward.diagnosis.explain.places import places, places_of
 from homeward.diagnosis.fit.parameter_groups import ROLLING
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.result import MissingPhysics, NotNamed, Proof
+from homeward.diagnosis.result import MissingPhysics, NotNamed, Proof, Value
 from homeward.diagnosis.tell.next_drive import to_tell_apart
 
 
@@ -33,7 +37,7 @@ def _named_effect(index: int, named: Named, evidence: Evidence) -> MissingPhysic
         sentence=" ".join([hypothesis.entry.sentence, *_relative_to(index, corrected)]),
         equation=hypothesis.entry.equation,
         source=hypothesis.entry.source,
-        parameters=corrected.parameters_of(index),
+        parameters=_with_limits(hypothesis.id, corrected.parameters_of(index), evidence.limits),
         where=places(named.term, corrected.contribution[index], evidence.runs),
         evidence=Proof(named.delta_bic, named.held_out_gain, named.p_value),
         confused_with=tuple(rival.effect for rival in named.rivals),
@@ -42,6 +46,18 @@ def _named_effect(index: int, named: Named, evidence: Evidence) -> MissingPhysic
         ),
         conditions=named.checks,
     )
+
+
+def _with_limits(
+    effect: str, parameters: Mapping[str, Value], limits: Mapping[str, Limit]
+) -> dict[str, Value]:
+    """The parameters of an effect, those that are limited from one side with that side."""
+    stated = dict(parameters)
+    for name, value in parameters.items():
+        limit = limits.get(f"{effect} {name}")
+        if limit is not None:
+            stated[name] = replace(value, ci95=limit.ci95, limit=limit.side)
+    return stated
 
 
 def _relative_to(index: int, corrected: Corrected) -> list[str]:

@@ -25,7 +25,7 @@ from homeward.diagnosis.tell.figures import conditions, time_figure
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.robot_uncertainty import uncertainty_of
 from homeward.diagnosis.tell.series import MCAP, PARQUET, mcap, series
-from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, why_open
+from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, spanned, why_open
 from homeward.files import write_files
 from homeward.layout.notation import labels, page, templates
 
@@ -86,6 +86,7 @@ def report_html(analysis: Analysis) -> str:
     names = labels(paths + [finding.recording for finding in analysis.findings])
     environment = templates("homeward.diagnosis.tell")
     environment.filters["label"] = lambda path: names.get(path, path)
+    environment.filters["spanned"] = spanned
     values: dict[str, object] = {
         "diagnosis": diagnosis,
         "evidence": evidence,

@@ -10,7 +10,7 @@ from rich.text import Text
 from homeward.diagnosis.evidence import Analysis
 from homeward.diagnosis.result import Fit, FittedGroup, MissingPhysics, Range
 from homeward.diagnosis.tell.next_drive import GUIDE
-from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY
+from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, spanned
 from homeward.layout.notation import decimal, interval, number, unit_after
 
 _WIDE = 70  # columns that the table of all figures takes
@@ -35,7 +35,8 @@ def show(analysis: Analysis, console: Console) -> None:
         _show_group(group, console)
     for product in diagnosis.products:
         value = product.value
-        fitted = f"{number(value.value)} {value.unit} (95 %: {interval(value.ci95)})"
+        fitted = number(value.value) + unit_after(value.unit)
+        fitted = f"{fitted} (95 %: {interval(value.ci95)})"
         say(console, f"{product.name}: {fitted}, only identifiable together", indent=2)
     if diagnosis.range is not None:
         console.print()
@@ -91,7 +92,7 @@ def _show_effect(effect: MissingPhysics, console: Console) -> None:
     console.print(effect.name, style="bold", highlight=False)
     for name, value in effect.parameters.items():
         size = number(value.value) + unit_after(value.unit)
-        say(console, f"{name} = {size} (95 %: {interval(value.ci95)})", indent=2)
+        say(console, f"{name} = {size} (95 %: {spanned(value)})", indent=2)
     if effect.confused_with:
         rivals = ", ".join(effect.confused_with).replace("_", " ")
         say(console, f"confounded with: {rivals}. {effect.to_tell_apart}", indent=2)

@@ -12,13 +12,17 @@ from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.fit.usable import Finding
 from homeward.diagnosis.result import (
     CorrectedFile,
+    FileNumber,
     Fit,
     FittedGroup,
     Gauge,
     MissingPhysics,
+    Product,
+    Value,
     Verdict,
+    limit_end,
 )
-from homeward.layout.notation import templates
+from homeward.layout.notation import interval, number, templates, unit_after
 
 _MOST_REASONS = 3  # why runs cannot be used, in one sentence; chosen: it can still be read
 
@@ -82,6 +86,7 @@ def summary(
         usable_energy=USABLE_ENERGY,
         thresholds=thresholds,
         of_gauge=_of_gauge(gauge),
+        limited=_limited(missing, evidence.products),
     )
     # The template breaks its lines where its readers want them.
     return " ".join(text.split())
@@ -141,6 +146,36 @@ def _place(evidence: Evidence) -> str:
     return largest(location.places)
 
 
+def spanned(value: Value | FileNumber) -> str:
+    """The interval of a value or, where it is limited from one side only, its limit."""
+    if value.limit is None:
+        return interval(value.ci95)
+    return f"{value.limit} {number(limit_end(value))}"
+
+
+def _limited(missing: Sequence[MissingPhysics], products: Sequence[Product]) -> list[str]:
+    """What is known of parameters that are limited from one side, a sentence each."""
+    sentences = []
+    for effect in missing:
+        for parameter, value in effect.parameters.items():
+            if value.limit is None:
+                continue
+            name = f"{effect.effect} {parameter}"
+            known = [_stated(product) for product in products if name in product.of]
+            sentence = f"The {name} is {spanned(value)}{unit_after(value.unit)}"
+            if known:
+                sentence = f"{sentence}, as only {' and '.join(known)} is known"
+            sentences.append(f"{sentence}.")
+    return sentences
+
+
+def _stated(product: Product) -> str:
+    """A product with its value and interval."""
+    value = product.value
+    size = number(value.value) + unit_after(value.unit)
+    return f"{product.name} = {size} (95 %: {interval(value.ci95)})"
+
+
 def why_open(estimate: Estimate) -> str:
     """Why a group has no value, in a phrase."""
     phrases = {
@@ -148,6 +183,7 @@ def why_open(estimate: Estimate) -> str:
         "not excited": "has no influence on these recordings",
         "confounded": f"is confounded with {', '.join(estimate.mixed_with)}",
         "too uncertain": "its interval is too wide",
+        "attenuated": "errors of its channel make it too small",
         "at bound": "fitted at its physical bound, so not a measurement",
     }
     return phrases[estimate.status]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from homeward import Robot
+from homeward.diagnosis import thresholds
 from homeward.diagnosis.fit.channel_errors import (
     channel_error,
     is_autocorrelated,
@@ -118,7 +119,7 @@ def test_the_scale_of_a_meter_errs_in_proportion(short_runs: Runs) -> None:
 
 def test_a_channel_is_as_reliable_as_little_of_its_variance_is_error(short_runs: Runs) -> None:
     grade = short_runs.context["grade_rad"]
-    half = with_error(short_runs, grade_rad=float(np.std(grade)))
+    half = with_error(short_runs, grade_rad=float(np.std(grade)) / thresholds.SMOOTHING_ERROR)
     assert reliability("grade_rad", half) == pytest.approx(0.5)
     assert reliability("speed_mps", half) == reliability("payload_kg", half) == 1.0
 

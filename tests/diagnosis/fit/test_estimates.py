@@ -115,4 +115,4 @@ def test_a_channel_that_is_smoothed_much_bears_no_parameter(husky: Robot) -> Non
     mass = next(
         one for one in estimates(fit, runs, cut_blocks(runs.run)) if one.group.name == "mass"
     )
-    assert mass.status in ("too uncertain", "not excited") and mass.fitted is None
+    assert mass.status in ("attenuated", "not excited") and mass.fitted is None

@@ -31,6 +31,21 @@ def of_current(runs: Runs, amperes_per_watt: float = 0.01) -> Runs:
     )
 
 
+def test_groups_over_another_efficiency_are_the_same_groups(husky: Robot, short_runs: Runs) -> None:
+    lossy = dataclasses.replace(husky, motor_loss=0.2, friction_loss=0.06)
+    problem = parameters(short_runs, lossy)
+    less = problem.of_efficiency(0.9)
+    assert less.nominal.traction_efficiency == pytest.approx(0.9)
+    assert 0.0 < less.nominal.friction_loss < less.nominal.motor_loss < 0.2
+    for numbers, of_less in ((problem.start, less.start), (problem.high, less.high)):
+        assert of_less * less.to_group == pytest.approx(numbers * problem.to_group)
+    assert less.predict(short_runs, less.start) == pytest.approx(
+        problem.predict(short_runs, problem.start)
+    )
+    none = problem.of_efficiency(1.0).nominal
+    assert none.motor_loss == none.friction_loss == 0.0
+
+
 @pytest.mark.parametrize("name", sorted(preset_names()))
 @pytest.mark.parametrize("unit", ["W", "A"])
 def test_the_fit_of_every_robot_starts_at_its_file_and_within_its_bounds(

@@ -8,15 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from homeward import Robot
+from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.fit.folds import cut_blocks
+from homeward.diagnosis.fit.predictive import INERTIA, Entry, Predictive
 from homeward.diagnosis.fit.refit import Refit, refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.corrected import file_content, replayed
-from homeward.diagnosis.tell.file_choice import determined, expressible, worse_than
+from homeward.diagnosis.tell.file_choice import (
+    _in_file_by_fitted,
+    determined,
+    expressible,
+    worse_than,
+)
 from homeward.diagnosis.tell.report import corrected_toml
 from homeward.physics import ancillary_power, replay
 
@@ -186,6 +192,24 @@ def test_a_form_that_a_file_lacks_is_replaced_by_the_nearest_that_it_has(
     assert [*analysis.corrected.active_effects] == ["compute"]
     arms = analysis.diagnosis.fit.arms
     assert arms["file"].rmse < arms["refit"].rmse
+
+
+def test_the_error_of_the_mass_is_in_that_of_the_accelerated_over_the_moved_mass() -> None:
+    """They are fitted as masses: the file has their ratio."""
+    entries = [
+        Entry(name, "kg", centre=0.0, scale=1.0, low=0.0, high=1e4)
+        for name in ("mass", "drag", INERTIA)
+    ]
+    masses = np.array([700.0, 0.4, 1900.0])
+    fit = Predictive(
+        load_robot("husky"), tuple(entries), masses, np.empty(0), np.empty(0), 1.0, 1.0
+    )
+    in_file, by_fitted = _in_file_by_fitted(fit)
+    assert in_file == pytest.approx([700.0, 0.4, 1900.0 / 700.0])
+    for index in range(3):
+        step = 1e-6 * masses * (np.arange(3) == index)
+        moved, _ = _in_file_by_fitted(dataclasses.replace(fit, values=masses + step))
+        assert (moved - in_file) / step[index] == pytest.approx(by_fitted[:, index], abs=1e-8)
 
 
 def test_a_file_of_what_nothing_proves_says_so_and_is_no_worse_than_the_given_one(

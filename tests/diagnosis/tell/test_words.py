@@ -12,8 +12,8 @@ from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, Place
-from homeward.diagnosis.tell.words import nothing_usable, summary, why_open
+from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, Place, Value
+from homeward.diagnosis.tell.words import nothing_usable, spanned, summary, why_open
 
 KEPT = CorrectedFile("nominal", "nothing is to be corrected")
 
@@ -68,12 +68,20 @@ def estimate(evidence: Evidence, **changes: Any) -> Estimate:
     return dataclasses.replace(evidence.estimates[0], **changes)
 
 
+def test_a_value_that_is_limited_from_one_side_states_its_limit() -> None:
+    value = Value(0.95, (0.826, 0.95), "1")
+    assert spanned(value) == "0.826 to 0.950"
+    assert spanned(dataclasses.replace(value, limit="at least")) == "at least 0.826"
+    assert spanned(dataclasses.replace(value, limit="at most")) == "at most 0.950"
+
+
 @pytest.mark.parametrize(
     ("status", "mixed", "text"),
     [
         ("not excited", (), "has no influence on these recordings"),
         ("confounded", ("c / Gamma", "turning"), "is confounded with c / Gamma, turning"),
         ("too uncertain", (), "its interval is too wide"),
+        ("attenuated", (), "errors of its channel make it too small"),
         ("at bound", (), "fitted at its physical bound, so not a measurement"),
     ],
 )

@@ -92,6 +92,7 @@ REGENERATION = Hypothesis(
     beside={inertia.EFFECT.id: {inertia.EFFECT.switch.name: 1.0}},
     shapes=_limits,
     searched=(_UP_TO_W,),
+    times_efficiency=True,
     shown_by=("accel_mps2", "grade_rad"),
     check="put a clamp meter on the battery lead while braking",
 )
