@@ -145,6 +145,22 @@ class Advice:
     home: str = HOME
     others: tuple[HomeOption, ...] = ()
 
+    @property
+    def is_sound(self) -> bool:
+        """Whether every number is finite, every interval in order, and what is left not
+        negative."""
+        values = [self.energy_left_j, self.energy_home_j, self.margin_j]
+        numbers = [self.time_s, self.way_home_m, self.turn_in_m, self.turn_in_s]
+        for value in values:
+            numbers += [value.mean, value.sd, value.low, value.high]
+        are_in_order = all(value.low <= value.mean <= value.high for value in values)
+        are_possible = (
+            self.energy_left_j.low >= 0.0
+            and self.energy_home_j.low >= 0.0
+            and 0.0 <= self.chance_home <= 1.0
+        )
+        return all(map(math.isfinite, numbers)) and are_in_order and are_possible
+
     def to_json(self) -> dict[str, Any]:
         """Numbers, texts and lists for JSON; a spread includes its 90 % interval."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}

@@ -39,7 +39,16 @@ from homeward.companion.readings import (
     Readings,
     checked_position,
 )
-from homeward.companion.saved import DAMAGE, check_sealed, digest, put_values, sealed, values_of
+from homeward.companion.saved import (
+    DAMAGE,
+    check_form,
+    check_sealed,
+    digest,
+    form_of,
+    put_values,
+    sealed,
+    values_of,
+)
 from homeward.companion.turn_advice import when_to_turn
 from homeward.companion.way import RouteLike, Step, Way, along_and_off, along_route
 from homeward.companion.window import Window
@@ -114,6 +123,7 @@ class Companion:
         "_readings", "_way", "_window", "_estimator", "_other_way_m", "_turned", "_has_left", "_charged", "_mismatched",
         "_since_stop", "_may_be_swapped", "_lowest_j", "_used_j", "_stands", "_has", "_action",
     )  # fmt: skip
+    MAY_BE: ClassVar = {"_other_way_m": (0.0,), "_action": ((0.0, 0.0, "go"),)}
 
     def __init__(
         self,
@@ -174,7 +184,8 @@ class Companion:
         self.risk = risk
         keeps_cruise = cruise_mps is not None
         if cruise_mps is None:
-            cruise_mps = float(optimal_speed(self.robot))
+            cruise_mps = optimal_speed(self.robot)
+        cruise_mps = float(cruise_mps)
         if window_s is None:
             window_s = range_m / cruise_mps / WINDOWS
         if reaction_s is None:
@@ -241,6 +252,7 @@ class Companion:
         self._action: tuple[float, float, str] | None = None
         if self._policy is not None:
             self._policy.begin()
+        self._form = form_of(self)
 
     def update(
         self,
@@ -756,10 +768,14 @@ class Companion:
         before = self.state()
         other_way_before = self._other_way
         try:
+            check_form(state["companion"], self._form)
+            self._put(state, other_way)
+            self._rehearse()
             self._put(state, other_way)
         except DAMAGE as error:
             self._put(before, other_way_before)
-            raise CompanionError(f"the state cannot be used: {error}") from None
+            reason = " ".join(str(error).split())
+            raise CompanionError(f"the state cannot be used: {reason}") from None
 
     def _put(self, state: dict[str, Any], other_way: RouteLike | None) -> None:
         put_values(self, state["companion"])
@@ -772,6 +788,36 @@ class Companion:
             self._other_way_m = 0.0
         if self._policy is not None:
             self._policy.restore(state["policy"])
+
+    def _rehearse(self) -> None:
+        """Check that the advice stays sound over the next windows; it changes the state.
+
+        Raises:
+            ArithmeticError, AttributeError, LookupError, TypeError, ValueError: It does not.
+        """
+        cruise_mps = self.vehicle.cruise_mps
+        power_w = self.vehicle.full_j * cruise_mps / self._range_m
+        here: Position = self._way.position_m
+        if self._way.home is not None:
+            here = (self._way.position_m, 0.0)
+        moving: dict[str, Any] = {
+            "speed_mps": cruise_mps,
+            "power_w": power_w,
+            "heading_rad": 0.0,
+            "position": here,
+        }
+        standing: dict[str, Any] = {"speed_mps": 0.0, "power_w": self.vehicle.idle_w}
+        rehearsed: list[tuple[float, dict[str, Any]]] = [(0.0, {}), (0.0, moving)]
+        for readings in (moving, moving, standing, moving):
+            rehearsed.append((0.5 * self._window_s, readings))
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            for step_s, readings in rehearsed:
+                try:
+                    advice = self.update(self._readings.last_s + step_s, **readings)
+                except CompanionError:
+                    continue  # such as a home that is still to be told
+                if not advice.is_sound:
+                    raise ValueError("no sound advice follows from it")
 
     def save(self, path: str | Path) -> None:
         """Write `state` to a file, completely or not at all.

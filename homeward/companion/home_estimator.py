@@ -140,6 +140,7 @@ class HomeEstimator:
         "at_terminals", "estimates", "_extra", "_paces", "_state", "windows", "home_mps", "pace_mps", "pace_w",
         "speed_mps", "_heading_rad", "battery", "has_power", "_temperature_c", "_forgotten_j",
     )  # fmt: skip
+    MAY_BE: ClassVar = {"has_power": (True,)}
 
     def __init__(
         self,

@@ -13,6 +13,8 @@ from homeward.companion import thresholds
 from homeward.companion.limits import Limits
 
 Position = float | tuple[float, float]
+POSITIONS = (0.0, (0.0, 0.0))
+"""A position of each kind."""
 _MOST_SAID = 8
 """Number of warnings kept. Chosen: more than a robot has instruments that fail at a time."""
 
@@ -94,6 +96,14 @@ class Readings:
         "clock_s", "counts", "_last_s", "_ignored_s", "_back", "_power", "_grade", "_heading", "_clock", "_motion",
         "_place", "_place_at_s", "_jumps", "_anchor", "_driven_m", "_said", "_charges",
     )  # fmt: skip
+    MAY_BE: ClassVar = {
+        "counts": ([0],),
+        "_place": POSITIONS,
+        "_anchor": POSITIONS,
+        "_said": ([(0.0, "a warning")],),
+    }
+    # Whatever a clock shows.
+    WITHIN: ClassVar = {"_last_s": (-math.inf, math.inf), "_ignored_s": (-math.inf, math.inf)}
 
     def __init__(
         self, limits: Limits, is_possible: Callable[[Position], bool], noise_m: Callable[[], float]
@@ -118,6 +128,13 @@ class Readings:
         self._anchor: Position | None = None
         self._driven_m = 0.0
         self._said: tuple[tuple[float, str], ...] = ()
+
+    @property
+    def last_s(self) -> float:
+        """Time of the last reading, s; 0 before the first."""
+        if math.isnan(self._last_s):
+            return 0.0
+        return self._last_s
 
     def take(self, time_s: float, given: dict[str, Any]) -> Reading | None:
         """Check the readings of a moment; None if nothing is new.

@@ -2,7 +2,10 @@
 noticed.
 
 Each part of the companion names in `SAVED` what it has learned; everything else follows from the
-arguments.
+arguments. The values of a state must look as those of a fresh companion do: the same names, types
+and shapes, and finite where those are. `MAY_BE` of a part has examples for a value that changes its type; a
+list of one example stands for any number of values like it, in a list or by their names. `WITHIN`
+has the limits of values that have their own.
 """
 
 from __future__ import annotations
@@ -10,8 +13,9 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 import zlib
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +24,113 @@ from homeward.companion.readings import CompanionError
 
 SCHEMA = 5
 """Number of the format; files of another one are refused."""
-DAMAGE = ArithmeticError, AttributeError, LookupError, TypeError, ValueError, zlib.error
+DAMAGE = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    zlib.error,
+)
 """Errors that reading a text raises that is no state, or that is of other code."""
+
+
+_LARGEST = 1e15
+"""Largest number of a state, in any unit. Chosen: above any time, way and energy of a robot, and
+its cube is finite."""
+_MOST_COUNT = 2**53
+"""Largest count: beyond it a float of 64 bits has gaps."""
+
+
+class _Looks(NamedTuple):
+    """What a value looks like: examples, and limits of each finite number."""
+
+    examples: tuple[Any, ...]
+    limits: tuple[float, float]
+
+
+def form_of(part: Any) -> dict[str, Any]:
+    """What the values of a fresh part look like: the form of each part in it, and of each other
+    value its examples and its limits."""
+    may_be = getattr(part, "MAY_BE", {})
+    within = getattr(part, "WITHIN", {})
+    form: dict[str, Any] = {}
+    for name in part.SAVED:
+        value = getattr(part, name)
+        if hasattr(value, "SAVED"):
+            form[name] = form_of(value)
+            continue
+        if isinstance(value, np.ndarray):
+            value = value.copy()
+        elif isinstance(value, np.generic):
+            value = value.item()  # as JSON has it
+        examples = (value, *may_be.get(name, ()))
+        form[name] = _Looks(examples, within.get(name, (-_LARGEST, _LARGEST)))
+    return form
+
+
+def check_form(values: Any, form: dict[str, Any]) -> None:
+    """Check that values from JSON look as those of a fresh part do.
+
+    Raises:
+        ArithmeticError, AttributeError, LookupError, TypeError, ValueError, zlib.error: They do
+            not.
+    """
+    if not isinstance(values, dict) or values.keys() != form.keys():
+        raise ValueError("it has other values than a companion writes")
+    for name, looks in form.items():
+        value = values[name]
+        if isinstance(looks, dict):
+            check_form(value, looks)
+        elif not any(_is_like(value, example, looks.limits) for example in looks.examples):
+            raise ValueError(f"{name.lstrip('_')} is none that a companion writes")
+
+
+def _is_like(value: Any, example: Any, limits: tuple[float, float]) -> bool:
+    """Whether a value has the type of an example, its numbers are within limits or, as in the
+    example, not finite, and no count is negative."""
+    if isinstance(example, np.ndarray):
+        return _is_array_like(_unpacked(value, example), example, limits)
+    if isinstance(example, list):
+        inner = value.values() if isinstance(value, dict) else value
+        return isinstance(value, dict | list | tuple) and all(
+            _is_like(one, example[0], limits) for one in inner
+        )
+    if isinstance(example, dict):
+        return (
+            isinstance(value, dict)
+            and value.keys() == example.keys()
+            and all(_is_like(value[name], example[name], limits) for name in example)
+        )
+    if isinstance(example, tuple):
+        return (
+            isinstance(value, list | tuple)
+            and len(value) == len(example)
+            and all(_is_like(*pair, limits) for pair in zip(value, example, strict=True))
+        )
+    if isinstance(value, bool) or isinstance(example, bool):
+        return isinstance(value, bool) and isinstance(example, bool)
+    if isinstance(example, float):
+        return isinstance(value, float | int) and _is_number_like(value, example, limits)
+    if isinstance(example, int):
+        return isinstance(value, int) and 0 <= value <= _MOST_COUNT
+    return isinstance(value, type(example))
+
+
+def _is_number_like(value: float, example: float, limits: tuple[float, float]) -> bool:
+    if math.isfinite(value):
+        return limits[0] <= value <= limits[1]
+    return not math.isfinite(example)
+
+
+def _is_array_like(array: NDArray[Any], fresh: NDArray[Any], limits: tuple[float, float]) -> bool:
+    """The same of arrays of one type and shape."""
+    if fresh.dtype.names is not None:
+        return all(_is_array_like(array[name], fresh[name], limits) for name in fresh.dtype.names)
+    within = (array >= limits[0]) & (array <= limits[1])
+    is_open = ~np.isfinite(array) & ~np.isfinite(fresh)
+    return bool(np.all(within | is_open))
 
 
 def values_of(part: Any) -> dict[str, Any]:

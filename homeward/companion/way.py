@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from homeward.companion import thresholds
 from homeward.companion.positions import Correction, PositionFilter
-from homeward.companion.readings import CompanionError, Position, Reading
+from homeward.companion.readings import POSITIONS, CompanionError, Position, Reading
 from homeward.estimation import WAY_DTYPE, Vehicle
 from homeward.estimation.filter import place_of
 
@@ -71,6 +71,7 @@ class Way:
         "crumb_m", "position_m", "reckoned_m", "off_route_m", "moved_home", "_heading_rad", "_sign", "_positions",
         "_crumbs", "_at_m", "_shares", "_count", "_told_metres", "_speed_mps",
     )  # fmt: skip
+    MAY_BE: ClassVar = {"moved_home": POSITIONS}
 
     def __init__(
         self, home: Position | str | None, route: RouteLike | None, crumb_m: float, most_m: float

@@ -1,11 +1,13 @@
 """A companion that goes on from a saved state is as one that was never stopped; damage is refused
 in one line."""
 
+import base64
 import copy
 import dataclasses
 import json
 import math
 import pickle
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homeward.companion import Advice, Companion, CompanionError
+from homeward.companion.saved import sealed
 from homeward.envs.routes import Route
+from tests.companion.test_wild import check
 
 SECONDS = 700
 AFTER = 25
@@ -190,6 +194,107 @@ def test_no_damage_is_taken_for_a_state(driven: Companion) -> None:
         assert other.state() == before
 
     refused()
+
+
+FLOATS = st.one_of(
+    st.floats(), st.floats(-10.0, 10.0), st.sampled_from([1e300, -1e300, 1e20, 1e12, -1e6, 0.0])
+)
+
+
+def resealed(state: dict[str, Any]) -> dict[str, Any]:
+    """The state with the seal of what it has become."""
+    content = {name: value for name, value in state.items() if name not in ("schema", "seal")}
+    return sealed(content)
+
+
+def damaged(text: str, at: int, value: float) -> str:
+    """An array of a state with another number at a place."""
+    numbers = np.frombuffer(zlib.decompress(base64.b85decode(text)), np.float64).copy()
+    numbers[at % len(numbers)] = value
+    return base64.b85encode(zlib.compress(numbers.tobytes())).decode()
+
+
+@pytest.mark.parametrize("kind", ["positions", "route", "cut-off"])
+def test_of_damage_with_a_right_seal_nothing_follows_but_sound_advice(kind: str) -> None:
+    """It is refused in one line, and the companion is as before; or it does no harm."""
+    companion = Companion("husky", **KINDS[kind])
+    for second in range(150):
+        step(companion, kind, second)
+    good = json.loads(json.dumps(companion.state()))
+    other = Companion("husky", **KINDS[kind])
+    inner = [path for path in paths(good) if path[0] == "companion"]
+    wrong = st.one_of(
+        st.none(),
+        st.booleans(),
+        FLOATS,
+        st.sampled_from([-5, 10**6, 10**30]),
+        st.text(max_size=5),
+        st.just([]),
+        st.just({}),
+    )
+
+    @settings(max_examples=30, deadline=None)
+    @given(st.sampled_from(inner), wrong, st.booleans(), st.integers(0, 10**6), FLOATS)
+    def harmless(path: tuple[Any, ...], value: Any, in_array: bool, at: int, number: float) -> None:
+        state = copy.deepcopy(good)
+        place = state
+        for name in path[:-1]:
+            place = place[name]
+        # Texts with spaces are warnings.
+        is_array = isinstance(place[path[-1]], str) and " " not in place[path[-1]]
+        place[path[-1]] = damaged(place[path[-1]], at, number) if is_array and in_array else value
+        before = other.state()
+        try:
+            other.restore(resealed(state))
+        except CompanionError as error:
+            assert "\n" not in str(error)
+            assert json.dumps(other.state()) == json.dumps(before)
+            return
+        for second in range(150, 160):
+            check(step(other, kind, second), other.vehicle.full_j)
+
+    harmless()
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("_left_j",), "x"),
+        (("_way", "_count"), -5),
+        (("_way", "_count"), 10**6),
+        (("_estimator", "home_mps"), 5e-324),
+        (("_estimator", "windows"), 1.5),
+        (("_readings", "_place"), [-1e300, 0.0]),
+        (("_readings", "_said"), [[1.0, 2.0]]),
+        (("_has",), {"power": True}),
+        (("_turned",), 1.0),
+        (("_action",), [1.0, 2.0]),
+    ],
+)
+def test_a_value_that_no_companion_writes_is_refused(
+    driven: Companion, path: tuple[str, ...], value: Any
+) -> None:
+    state = json.loads(json.dumps(driven.state()))
+    place = state["companion"]
+    for name in path[:-1]:
+        place = place[name]
+    place[path[-1]] = value
+    other = Companion("husky", home=(0.0, 0.0), cutoff_v=21.0)
+    with pytest.raises(CompanionError, match=r"^the state cannot be used: "):
+        other.restore(resealed(state))
+
+
+def test_a_state_of_whole_numbers_is_taken() -> None:
+    """Whoever gives integers has a state with integers."""
+    keywords: dict[str, Any] = {"home": (0, 0), "soc": 1, "cutoff_v": 21, "cruise_mps": 1}
+    companion = Companion("husky", **keywords, window_s=10)
+    for second in range(60):
+        if second == 30:
+            companion.swap_battery(1)
+        companion.update(second, speed_mps=1, power_w=100, soc=1, position=(second, 0))
+        if second % 7 == 0:
+            state = json.loads(json.dumps(companion.state()))
+            Companion("husky", **keywords, window_s=10).restore(state)
 
 
 @pytest.mark.parametrize("at", range(0, 4000, 97))

@@ -60,6 +60,7 @@ def check(advice: Advice, full_j: float) -> None:
     assert advice.energy_left_j.low >= 0.0 and advice.energy_left_j.high <= full_j, advice
     assert 0.0 <= advice.chance_home <= 1.0 and advice.energy_home_j.low >= 0.0, advice
     assert all("\n" not in text and len(text) < 200 for text in advice.warnings), advice.warnings
+    assert advice.is_sound, advice
     json.dumps(advice.to_json(), allow_nan=False)
     assert "left; the way home" in str(advice)
 
