@@ -21,7 +21,7 @@ from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.effects.regeneration import NO_LIMIT_W
 from homeward.physics.log_replay import replay
-from tests.diagnosis.made_up import with_power
+from tests.diagnosis.made_up import over_hills, with_power
 from tests.diagnosis.tell.test_file_choice import replay_equals_fit
 
 Drive = Callable[..., list[Recording]]
@@ -442,19 +442,6 @@ def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
     assert device.effect == "standby"
     assert device.parameters["power_w"].value == pytest.approx(20.0, rel=0.15)
     assert motion.effect == "breakaway"
-
-
-def over_hills(husky: Robot, seed: int) -> Recording:
-    """Ten minutes over hills at a speed that changes every 15 s, with 2 % of noise, at 1 Hz."""
-    rng = np.random.default_rng(seed)
-    time_s = np.arange(0.0, 600.0, 1.0)
-    speed_mps = np.repeat(rng.choice([0.0, 0.4, 0.6, 0.8, 1.0], 40), 15)
-    way_m = np.cumsum(speed_mps)
-    grade_rad = 0.04 * np.sin(way_m / 25.0) + 0.02 * np.cos(way_m / 8.0 + 1.0)
-    channels = {"time_s": time_s, "speed_mps": speed_mps, "grade_rad": grade_rad}
-    power_w = replay(husky, time_s, speed_mps, grade_rad=grade_rad).power_w
-    channels["power_w"] = power_w * (1.0 + 0.02 * rng.normal(size=len(time_s)))
-    return Recording(f"run{seed}.csv", str(seed), channels)
 
 
 @pytest.mark.parametrize(
