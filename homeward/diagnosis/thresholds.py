@@ -113,8 +113,8 @@ values correlate by a half."""
 
 SIMPLER = 0.7
 """Ratio of two gains from which a simpler model is preferred though it explains less. Effects that
-channels show are simpler than a schedule, which fits any intermittent cause, and than trees on the
-motion: they need not be all that is missing. Chosen on synthetic drives."""
+channels show are simpler than trees on the motion, and than a schedule whose cause these or the
+place recorded: they need not be all that is missing. Chosen on synthetic drives."""
 
 TWICE = 2.0
 """A factor of two, from which two quantities differ in kind: recorded and predicted energy
@@ -143,10 +143,10 @@ are two periods); FEWEST_RUNS in which it switches on are enough. In some run it
 changes once in each begins there."""
 
 RARE_CHANGES = FEWEST_SWITCHES - 2
-"""Most change points, in all recordings, of an effect that rarely changes: one pair less than of an
-intermittent load, so on and off twice with one period between, as a shower or a load that is taken
-up and put down. It is so for ground of places that are revisited, and for effects that change at
-atypical moments."""
+"""Most change points of an effect that rarely changes: one pair less than of an intermittent load,
+so on and off twice with one period between, as a shower or a load that is taken up and put down. In
+all recordings together of ground of places that are revisited, and in one run of an effect that
+changes at atypical moments."""
 
 SHORTEST_LEVEL = 4
 """Least windows of a level, two seconds: its mean is then known to half of the noise, 1 /

@@ -1,4 +1,5 @@
-"""Windows without a replay behind them, residuals, and recordings with another power."""
+"""Windows without a replay behind them, residuals, a drive over hills, and recordings with another
+power."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -12,6 +13,8 @@ from homeward.diagnosis import Recording
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import WINDOW_S
 from homeward.logs.channels import Array
+from homeward.physics import Robot
+from homeward.physics.log_replay import replay
 
 
 def windows(count: int, runs: int = 1, observed: Array | float = 100.0, **context: Array) -> Runs:
@@ -40,3 +43,16 @@ def with_power(
         dataclasses.replace(run, channels={**run.channels, "power_w": power_w(run.channels)})
         for run in runs
     ]
+
+
+def over_hills(robot: Robot, seed: int) -> Recording:
+    """Ten minutes over hills at a speed that changes every 15 s, with 2 % of noise, at 1 Hz."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(0.0, 600.0, 1.0)
+    speed_mps = np.repeat(rng.choice([0.0, 0.4, 0.6, 0.8, 1.0], 40), 15)
+    way_m = np.cumsum(speed_mps)
+    grade_rad = 0.04 * np.sin(way_m / 25.0) + 0.02 * np.cos(way_m / 8.0 + 1.0)
+    channels = {"time_s": time_s, "speed_mps": speed_mps, "grade_rad": grade_rad}
+    power_w = replay(robot, time_s, speed_mps, grade_rad=grade_rad).power_w
+    channels["power_w"] = power_w * (1.0 + 0.02 * rng.normal(size=len(time_s)))
+    return Recording(f"run{seed}.csv", str(seed), channels)

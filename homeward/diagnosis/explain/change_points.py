@@ -89,26 +89,37 @@ def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     """Whether a schedule changes in the way that is typical for an effect."""
     if how == "in the cold":
         return may_change("repeatedly", schedule, runs) or _is_colder(schedule.level > 0, runs)
-    step = np.diff(schedule.level)
-    within_run = np.diff(runs.run) == 0
-    changes = np.flatnonzero((step != 0) & within_run)
-    most_in_a_run = int(np.bincount(runs.run[changes], minlength=1).max())
+    changes = _changes_within_runs(schedule, runs)
     if how == "between runs":
-        return most_in_a_run == 0
+        return most_in_a_run(schedule, runs) == 0
     if how == "once":
-        return most_in_a_run <= 1
+        return most_in_a_run(schedule, runs) <= 1
     if how == "repeatedly":
+        step = np.diff(schedule.level)
         switched_on = changes[step[changes] > 0]
         runs_with_switch = len(np.unique(runs.run[switched_on]))
         often = (
             runs_with_switch >= thresholds.FEWEST_RUNS or len(changes) >= thresholds.FEWEST_SWITCHES
         )
-        return most_in_a_run > 1 and often
+        return most_in_a_run(schedule, runs) > 1 and often
     stops = np.abs(runs.context["speed_mps"]) < thresholds.STOPS_MPS
     at_standstill = [_is_at_a_stop(int(change), stops, runs) for change in changes]
     if how == "standing":
         return all(at_standstill)
     return not at_standstill or not all(at_standstill)
+
+
+def most_in_a_run(schedule: Schedule, runs: Runs) -> int:
+    """Changes of a schedule within the run in which it changes most often."""
+    changes = _changes_within_runs(schedule, runs)
+    return int(np.bincount(runs.run[changes], minlength=1).max())
+
+
+def _changes_within_runs(schedule: Schedule, runs: Runs) -> Index:
+    """Windows before each change of a schedule but those from one run to the next."""
+    changes = np.diff(schedule.level) != 0
+    within_run = np.diff(runs.run) == 0
+    return np.flatnonzero(changes & within_run)
 
 
 def _is_at_a_stop(change: int, stops: Mask, runs: Runs) -> bool:

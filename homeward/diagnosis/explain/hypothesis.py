@@ -267,7 +267,8 @@ def _changing(
         if _cannot_be(hypothesis, schedule, runs):
             continue
         typical = axis == "place" or change_points.may_change(how, schedule, runs)
-        if not typical and (how not in _PREFERENCES or schedule.changes > thresholds.RARE_CHANGES):
+        changes_rarely = change_points.most_in_a_run(schedule, runs) <= thresholds.RARE_CHANGES
+        if not typical and (how not in _PREFERENCES or not changes_rarely):
             continue
         typical = typical and not hypothesis.seldom
         rhythm, spread = hypothesis.rhythm(schedule, runs)

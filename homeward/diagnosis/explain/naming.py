@@ -419,9 +419,8 @@ def _simplest_first(trials: Sequence[_Trial], base_error: float) -> list[_Trial]
     """Sets that predict better than the base: first those that predict about best, the simplest of
     them first, then the others, best first.
 
-    A schedule fits any intermittent cause at least as well as the cause itself: what channels show
-    is preferred though it explains less. Two effects of one load and one schedule differ by
-    rounding only: the order of the catalogue decides between them.
+    Two effects of one load and one schedule differ by rounding only: the order of the catalogue
+    decides between them.
     """
 
     def error_then_place(trial: _Trial) -> tuple[float, tuple[int, ...]]:
@@ -432,21 +431,10 @@ def _simplest_first(trials: Sequence[_Trial], base_error: float) -> list[_Trial]
     )
     if not better:
         return []
-    smallest_error = better[0].squared_error
-    steady_is_best = better[0].steady
-
-    def predicts_about_best(trial: _Trial) -> bool:
-        if trial.steady and not steady_is_best:
-            return base_error - trial.squared_error >= thresholds.SIMPLER * (
-                base_error - smallest_error
-            )
-        return trial.squared_error <= thresholds.NO_WORSE * smallest_error
-
-    about_best = sorted(
-        (trial for trial in better if predicts_about_best(trial)), key=lambda trial: trial.rank
-    )
-    worse = [trial for trial in better if not predicts_about_best(trial)]
-    return [*about_best, *worse]
+    largest_error = thresholds.NO_WORSE * better[0].squared_error
+    about_best = [trial for trial in better if trial.squared_error <= largest_error]
+    worse = better[len(about_best) :]
+    return [*sorted(about_best, key=lambda trial: trial.rank), *worse]
 
 
 def _outdone(trial: _Trial, refused: _Trial, base_error: float) -> bool:

@@ -13,6 +13,7 @@ from homeward.diagnosis.fit.folds import cut_blocks
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import average
 from homeward.diagnosis.fit.usable import usable_runs
+from tests.diagnosis.made_up import over_hills
 
 On = Callable[[int, Mapping[str, np.ndarray]], np.ndarray]
 
@@ -41,3 +42,19 @@ def test_motion_accounts_for_a_load_that_it_switches(
         refit(runs, husky), runs, cut_blocks(runs.run), rng=np.random.default_rng(0)
     )
     assert gained > 1.0 if by_motion else gained < 0.5
+
+
+def test_motion_does_not_account_for_a_load_by_telling_the_time(husky: Robot) -> None:
+    """The history of the motion, which starts with each run, tells the time about as well as a
+    clock does."""
+    recordings = []
+    for seed, since_s in enumerate((200.0, 300.0, 400.0)):
+        run = over_hills(husky, seed)
+        is_loaded = run.channels["time_s"] >= since_s
+        power_w = run.channels["power_w"] + 40.0 * run.channels["speed_mps"] * is_loaded
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
+    runs = average(usable_runs(recordings, husky)[0])
+    gained = largest_by_motion(
+        refit(runs, husky), runs, cut_blocks(runs.run), rng=np.random.default_rng(0)
+    )
+    assert gained < 0.5
