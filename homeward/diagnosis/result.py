@@ -58,13 +58,15 @@ class Value:
     """
 
     value: float
-    ci95: tuple[float, float]
+    ci95: tuple[float, float] | None  # None where the recordings do not limit it
     unit: str
     limit: Side | None = None
 
 
 def limit_end(value: Value | FileNumber) -> float:
-    """The end of the interval by which a value is limited from one side."""
+    """The end of the interval by which a value is limited from one side; such a value has an
+    interval."""
+    assert value.ci95 is not None
     low, high = value.ci95
     return low if value.limit == "at least" else high
 
@@ -176,12 +178,12 @@ class NotNamed:
 
 @dataclass(frozen=True)
 class FileNumber:
-    """A fitted number of corrected.toml: proven to differ from the given file, or only fitted so
+    """A changed number of corrected.toml: proven to differ from the given file, or only fitted so
     that it predicts; `limit` as of a `Value`."""
 
     name: str
     value: float
-    ci95: tuple[float, float]
+    ci95: tuple[float, float] | None  # None where the recordings do not limit it
     unit: str
     proven: bool
     limit: Side | None = None

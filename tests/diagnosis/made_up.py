@@ -12,9 +12,16 @@ from scipy.signal import lfilter
 from homeward.diagnosis import Recording
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.read.signals import WINDOW_S
+from homeward.diagnosis.result import FileNumber, Value
 from homeward.logs.channels import Array
 from homeward.physics import Robot
 from homeward.physics.log_replay import replay
+
+
+def ends(number: Value | FileNumber) -> tuple[float, float]:
+    """The ends of the interval of a number that the recordings limit."""
+    assert number.ci95 is not None
+    return number.ci95
 
 
 def windows(count: int, runs: int = 1, observed: Array | float = 100.0, **context: Array) -> Runs:

@@ -11,6 +11,7 @@ import pytest
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse, diagnose
 from tests.diagnosis.explain.test_channel_effects import at_terminals
+from tests.diagnosis.made_up import ends
 
 Drive = Callable[..., list[Recording]]
 
@@ -56,7 +57,7 @@ def test_a_file_that_holds_one_of_two_effects_lacks_the_other_only(
     )
     (found,) = analysis.diagnosis.missing_physics
     assert found.effect == "inertia"
-    low, high = found.parameters["mass_factor"].ci95
+    low, high = ends(found.parameters["mass_factor"])
     assert low <= 1.0 <= high
     assert analysis.corrected.effects["turning"] == TURNING["turning"]
     assert analysis.corrected.effects["inertia"]["mass_factor"] == pytest.approx(1.0, rel=0.1)
@@ -71,7 +72,7 @@ def test_an_effect_that_a_file_holds_too_large_is_named_with_its_true_size(
     )
     (found,) = analysis.diagnosis.missing_physics
     assert found.effect == "turning"
-    low, high = found.parameters["scrub"].ci95
+    low, high = ends(found.parameters["scrub"])
     assert low <= 0.15 <= high
     assert analysis.corrected.effects["turning"]["scrub"] == pytest.approx(0.15, rel=0.1)
 

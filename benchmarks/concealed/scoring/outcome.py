@@ -157,7 +157,7 @@ def _intervals_of_effects(diagnosis: dict[str, Any], case: Case) -> list[Interva
     for entry in diagnosis["missing_physics"]:
         true = case.truth.effects.get(entry["effect"], {})
         for name, parameter in entry["parameters"].items():
-            if name in true:
+            if name in true and parameter["ci95"] is not None:
                 intervals.append(
                     _interval(f"{entry['effect']}.{name}", true[name], parameter["ci95"])
                 )

@@ -60,7 +60,7 @@ def joint(model: Refit | Corrected, runs: Runs, block: Index) -> Joint:
     Sizes are those of a report: of a profile relative to its mean where only differences are known,
     and C_rr m that of the mean ground.
     """
-    return _as_reported(model, _joint_as_fitted(model, runs, _by_blocks(block)))
+    return _as_reported(model, joint_as_fitted(model, runs, by_blocks(block)))
 
 
 def lasting_joint(model: Refit | Corrected, runs: Runs) -> Joint:
@@ -69,7 +69,7 @@ def lasting_joint(model: Refit | Corrected, runs: Runs) -> Joint:
     def lasting(columns: Array, residual: Array) -> Array:
         return lasting_covariance(columns, residual, runs.run)
 
-    return _as_reported(model, _joint_as_fitted(model, runs, lasting))
+    return _as_reported(model, joint_as_fitted(model, runs, lasting))
 
 
 def _as_reported(model: Refit | Corrected, as_fitted: Joint) -> Joint:
@@ -102,13 +102,13 @@ _Estimator = Callable[[Array, Array], Array]
 """Covariance of parameters, by the derivatives by them, (windows, parameters), and the residual."""
 
 
-def _by_blocks(block: Index) -> _Estimator:
+def by_blocks(block: Index) -> _Estimator:
     """The sandwich estimator clustered by block."""
     return lambda columns, residual: covariance(columns, residual, block)
 
 
-def _joint_as_fitted(model: Refit | Corrected, runs: Runs, estimator: _Estimator) -> Joint:
-    """The joint fit of sizes as they were fitted."""
+def joint_as_fitted(model: Refit | Corrected, runs: Runs, estimator: _Estimator) -> Joint:
+    """The joint fit of sizes as they were fitted, with the covariance of an estimator."""
     groups = model.groups
     problem = model.parameters
     fitted_groups = np.flatnonzero(~groups.held)
@@ -286,7 +286,7 @@ class Open:
                 if parameter.name in term.shape:
                     shapes = [model.model.terms[index].shape for model in models]
                     values = [shape.get(parameter.name, parameter.default) for shape in shapes]
-                    spans[term.effect, parameter.name] = _to_the_next(parameter, values)
+                    spans[term.effect, parameter.name] = to_the_next(parameter, values)
             fitted = [model.parameters_of(index) for model in models]
             for name in set(fitted[0]) - set(term.shape):
                 lows, highs = np.transpose([parameters[name].ci95 for parameters in fitted])
@@ -318,7 +318,7 @@ class Open:
         fitted = joint(self.model, runs, block)
         products = [
             *_products_with_groups(self.model, fitted, runs),
-            *_powers(self.model, _joint_as_fitted(self.model, runs, _by_blocks(block)), runs),
+            *_powers(self.model, joint_as_fitted(self.model, runs, by_blocks(block)), runs),
         ]
         if self.alternatives:
             products += self._equal_products(fitted, runs, block)
@@ -371,7 +371,7 @@ def combined_unit(first_unit: str, second_unit: str, combination: Combination) -
     return f"({first_unit}){between}({second_unit})".replace("(1)", "")
 
 
-def _to_the_next(parameter: Parameter, values: Sequence[float]) -> tuple[float, float]:
+def to_the_next(parameter: Parameter, values: Sequence[float]) -> tuple[float, float]:
     """Interval of a parameter that spans these values, up to the next that was tried on either
     side."""
     step = (parameter.high - parameter.low) / (_VALUES_TRIED - 1)
@@ -432,16 +432,23 @@ def _not_default(model: Corrected) -> int:
     )
 
 
+def varied_parameters(term: Term, runs: Runs) -> tuple[Parameter, ...]:
+    """The parameters of a term beside its size that are tried over their range."""
+    hypothesis = term.hypothesis
+    if term.axis != "steady" or term.fixed or not hypothesis.physical or hypothesis.is_weather:
+        return ()
+    given = hypothesis.reach(runs)
+    return tuple(
+        parameter for parameter in hypothesis.entry.parameters[1:] if parameter.name not in given
+    )
+
+
 def _varied_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list[Term]]:
     """The terms with another value of one of their parameters."""
     setting = Setting.of(fit, runs)
     for index, term in enumerate(terms):
         hypothesis = term.hypothesis
-        if term.axis != "steady" or term.fixed or not hypothesis.physical or hypothesis.is_weather:
-            continue
-        for parameter in hypothesis.entry.parameters[1:]:
-            if parameter.name in hypothesis.reach(runs):
-                continue
+        for parameter in varied_parameters(term, runs):
             for value in np.linspace(parameter.low, parameter.high, _VALUES_TRIED).tolist():
                 shape = {**term.shape, parameter.name: value}
                 columns = setting.response(hypothesis, TINY * hypothesis.entry.switch.high, shape)[

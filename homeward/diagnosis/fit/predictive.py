@@ -58,7 +58,7 @@ SET_POINT = f"{heater.EFFECT.id}.{heater.EFFECT.parameters[1].name}"
 
 _SWITCHES = {effect.id: effect.switch for effect in EFFECTS}
 
-_MOST_LOST = 0.6
+MOST_LOST = 0.6
 """Losses of the drive, a share: the largest that is tried. Chosen: a small brushed motor with a
 worm gear."""
 _MOST_STEPS = 15  # of Gauss-Newton; chosen
@@ -92,7 +92,7 @@ class Scales:
     """A drag area is rarely known: it is guessed from a shape."""
     mass_times: float = 0.3
     """A load or a rider beside the weighed robot. Chosen: up to half of it."""
-    losses: float = _MOST_LOST / 12.0**0.5
+    losses: float = MOST_LOST / 12.0**0.5
     """Anything between none and the most, as a uniform distribution."""
     inertia_times: float = 0.5
     """Of the moved mass: rotating parts add 0.04 + 0.0025 N^2, N the gear ratio (Gillespie,
@@ -252,7 +252,7 @@ def _inertia_and_losses(runs: Runs, robot: Robot, scales: Scales) -> list[Entry]
         numbers.append(_entry(regeneration.EFFECT, share, recovered, scales.regeneration))
         losses = robot.motor_loss + robot.friction_loss
         numbers.append(
-            Entry(LOSSES, "1", losses, scales.losses, low=0.0, high=max(_MOST_LOST, losses))
+            Entry(LOSSES, "1", losses, scales.losses, low=0.0, high=max(MOST_LOST, losses))
         )
     return numbers
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.fit.parameter_groups import ROLLING, with_ancillary, with_effects_of
@@ -15,6 +16,7 @@ from homeward.diagnosis.fit.refit import Refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict, thrust_n_per_a
 from homeward.diagnosis.read.signals import Unit
 from homeward.diagnosis.result import FileNumber, limit_end
+from homeward.diagnosis.tell.words import UNLIMITED
 from homeward.layout.notation import unit_after
 from homeward.logs.channels import Array, Mask
 from homeward.physics import Robot
@@ -68,18 +70,19 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
     for index, term in enumerate(model.model.terms):
         in_given_file = given_effects.get(term.effect, {})
         if term.of_rolling_kg is not None:
-            smoothest, gain, roughness = _ground(model, index, runs)
+            ground = ground_of(model, index, runs)
             gain_entry, typical_entry = term.hypothesis.entry.parameters
             given_gain = in_given_file.get(gain_entry.name, 0.0)
             given_typical = in_given_file.get(typical_entry.name, 0.0)
             # It was fitted on top of the given file's typical roughness; a file holds that of the
             # smoothest ground.
             theta = theta.copy()
-            theta[ROLLING] *= smoothest * (1.0 + given_gain * given_typical)
-            driven_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
-            typical = float(np.average(roughness, weights=driven_m))
-            effects[term.effect] = {gain_entry.name: gain, typical_entry.name: typical}
-            met = replace(met, roughness=roughness)
+            theta[ROLLING] *= ground.smoothest * (1.0 + given_gain * given_typical)
+            effects[term.effect] = {
+                gain_entry.name: ground.gain,
+                typical_entry.name: ground.typical,
+            }
+            met = replace(met, roughness=ground.roughness)
         elif is_expressible(term):
             effects[term.effect] = {
                 **in_given_file,
@@ -100,9 +103,18 @@ def file_content(model: Refit | Corrected, runs: Runs) -> FileContent:
     )
 
 
-def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Array]:
-    """C_rr of the smoothest ground over the fitted one, gain of the roughest, and roughness of
-    each, shape (windows,).
+@dataclass(frozen=True)
+class Ground:
+    """Ground of unequal roughness, as a robot file has it."""
+
+    smoothest: float  # C_rr of the smoothest ground over the fitted one
+    gain: float  # by how much the roughest rolls harder, a share
+    roughness: Array  # from 0 to 1, (windows,)
+    typical: float  # mean roughness by distance
+
+
+def ground_of(model: Corrected, index: int, runs: Runs) -> Ground:
+    """The ground by an effect of a model, by its index.
 
     The ends of a smooth profile are quantiles: a hat function that covers few windows is poorly
     estimated. Ground that is smoother than the largest gain of a file can say counts as the
@@ -121,10 +133,12 @@ def _ground(model: Corrected, index: int, runs: Runs) -> tuple[float, float, Arr
     smoothest, roughest = np.quantile(over_fitted[driven], ends).tolist()
     smoothest = max(smoothest, roughest / (1.0 + largest_gain))
     if roughest <= smoothest:
-        return smoothest, 0.0, np.zeros(len(over_fitted))
+        return Ground(smoothest, gain=0.0, roughness=np.zeros(len(over_fitted)), typical=0.0)
     gain = min(roughest / smoothest - 1.0, largest_gain)
     roughness = np.clip((over_fitted / smoothest - 1.0) / gain, 0.0, 1.0)
-    return smoothest, gain, roughness
+    driven_m = np.abs(runs.context["speed_mps"]) * runs.duration_s
+    typical = float(np.average(roughness, weights=driven_m))
+    return Ground(smoothest, gain, roughness, typical)
 
 
 _ENDS = (0.05, 0.95)  # quantiles; chosen: a twentieth of what was driven is left out at each end
@@ -220,6 +234,10 @@ def _unless_equal(given: float, fitted: float) -> float:
     return rounded(fitted)
 
 
+ROUNDING = 1e-5
+"""Relative error of a number that is rounded to the six digits of a robot file, at most."""
+
+
 def rounded(value: float) -> float:
     """A number rounded to the six digits of a robot file."""
     return float(f"{value:.6g}")
@@ -257,12 +275,14 @@ _FIELDS = {
     "C_rr m": ("rolling_resistance",),
     "c": ("drag_ns2_per_m2",),
     "m": ("mass_kg",),
+    "turning track_m": ("track_m",),
+    USABLE_ENERGY: ("rated_energy_j",),
 }
 """Fields of a robot file by what is fitted, without the losses or the thrust per ampere that divide
 it."""
 
 
-def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber] = ()) -> dict[str, str]:
+def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber]) -> dict[str, str]:
     """Comment for each number of the robot file that was changed: how sure it is, what it was
     fitted as, what it was.
 
@@ -280,10 +300,7 @@ def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber] = ())
         old = getattr(robot, quantity.name)
         new = getattr(corrected, quantity.name)
         if isinstance(new, float) and new != old:
-            origin = origins.get(
-                quantity.name, "from the recorded state of charge against the energy drawn"
-            )
-            changed[quantity.name] = f"by diagnose.py, {origin}; it was {old:.6g}"
+            changed[quantity.name] = f"by diagnose.py, {origins[quantity.name]}; it was {old:.6g}"
     if "rolling_resistance" in changed and "surface" in corrected.effects:
         # What is fitted is that of the mean ground.
         changed["rolling_resistance"] += "; the number of this line is that of the smoothest ground"
@@ -298,9 +315,11 @@ def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber] = ())
 def _origin(number: FileNumber) -> str:
     """How sure a fitted number is, what it was fitted as, and its interval, in words."""
     certainty = "proven" if number.proven else "fitted, not proven"
-    low, high = number.ci95
-    interval = f"{low:.4g} to {high:.4g}"
+    unit = unit_after(number.unit)
+    size = f"{number.value:.4g}{unit} ({UNLIMITED})"
+    if number.ci95 is not None:
+        low, high = number.ci95
+        size = f"{number.value:.4g} ({low:.4g} to {high:.4g}){unit}"
     if number.limit is not None:
-        interval = f"{number.limit} {limit_end(number):.4g}"
-    size = f"{number.value:.4g} ({interval})" + unit_after(number.unit)
+        size = f"{number.value:.4g} ({number.limit} {limit_end(number):.4g}){unit}"
     return f"{certainty}: {number.name} = {size}"

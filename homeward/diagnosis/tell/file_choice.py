@@ -16,7 +16,6 @@ from homeward.diagnosis import thresholds
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected, fit_model
-from homeward.diagnosis.explain.limits import LOSSES
 from homeward.diagnosis.explain.named import Named
 from homeward.diagnosis.explain.uncertainty import Joint, joint
 from homeward.diagnosis.fit.estimates import estimates
@@ -25,13 +24,12 @@ from homeward.diagnosis.fit.parameter_groups import GROUPS, with_effects_of
 from homeward.diagnosis.fit.predictive import (
     INERTIA,
     ROLLING_PER_K,
-    Entry,
     Predictive,
     fit_predictive,
 )
 from homeward.diagnosis.fit.refit import Refit, holding
 from homeward.diagnosis.fit.replay import Runs
-from homeward.diagnosis.result import CorrectedFile, FileNumber, Side, Verdict
+from homeward.diagnosis.result import CorrectedFile, Verdict
 from homeward.diagnosis.tell.corrected import (
     file_content,
     is_expressible,
@@ -41,6 +39,7 @@ from homeward.diagnosis.tell.corrected import (
     with_losses_of,
     written,
 )
+from homeward.diagnosis.tell.file_numbers import battery_numbers, fitted_numbers
 from homeward.logs.channels import Array, Index, Mask
 from homeward.physics import Robot
 from homeward.physics.effects import air_temperature, inertia
@@ -189,17 +188,20 @@ def choose_file(
     """
     choice = _chosen(robot, verdict, evidence, rng)
     changed = choice.robot
-    file = choice.file
     capacity = evidence.capacity
-    of_battery = [effect.in_file for effect in evidence.channel_effects if effect.in_file]
-    for numbers in of_battery:
-        changed = with_effects_of(changed, numbers)
-    if of_battery:
-        file = replace(
-            file, why=f"{file.why}; it also holds what voltage or charge show of the battery"
-        )
-    if capacity is not None and capacity.written and verdict != "unknown_physics":
+    has_capacity = capacity is not None and capacity.written and verdict != "unknown_physics"
+    for effect in evidence.channel_effects:
+        if effect.in_file:
+            changed = with_effects_of(changed, effect.in_file)
+    if capacity is not None and has_capacity:
         changed = of_capacity(changed, capacity.fitted_j / capacity.assumed_j)
+    file = choice.file
+    of_battery = battery_numbers(evidence, has_capacity)
+    if of_battery:
+        why = f"{file.why}; it also holds what voltage or charge show of the battery"
+        names_of_battery = {number.name for number in of_battery}
+        others = [number for number in file.numbers if number.name not in names_of_battery]
+        file = replace(file, why=why, numbers=(*others, *of_battery))
     return replace(choice, robot=changed, file=file)
 
 
@@ -235,7 +237,12 @@ def _chosen(
     reasons.append(choice.file.why)
     distinct_reasons = dict.fromkeys(reason for reason in reasons if reason)
     why = "; ".join([why, *distinct_reasons])
-    return replace(choice, file=replace(choice.file, why=why))
+    file = replace(choice.file, why=why)
+    if verdict == "unknown_physics":
+        file = replace(
+            file, numbers=tuple(replace(number, proven=False) for number in file.numbers)
+        )
+    return replace(choice, file=file)
 
 
 def _unchanged(robot: Robot, nominal: Array | None, why: str = "") -> FileChoice:
@@ -302,7 +309,8 @@ def _candidate(
 ) -> FileChoice:
     """A fit as a candidate, with the held-out prediction of its file."""
     changed, by_file = filed(robot, model, evidence.runs)
-    numbers = _numbers_of_fit(model, evidence)
+    fitted = joint(model, evidence.runs, evidence.block)
+    numbers = fitted_numbers(robot, changed, model, fitted, _proven_effects(evidence), evidence)
     return FileChoice(
         robot=changed,
         held_out=_held_out(robot, model, evidence),
@@ -330,15 +338,17 @@ def _predictive(robot: Robot, model: Corrected | None, evidence: Evidence) -> Fi
     # Fitted with all digits, and judged with those of a file.
     fit = fit_predictive(runs, robot, base, replay, evidence.fold)
     fitted = _joint_of(fit, evidence)
+    changed = rounded_robot(robot, fit.changed)
+    numbers = fitted_numbers(
+        robot, changed, model or evidence.plain, fitted, _proven_effects(evidence), evidence
+    )
     return FileChoice(
-        robot=rounded_robot(robot, fit.changed),
+        robot=changed,
         held_out=held_out(
             lambda windows: replay_of_file(fit.fitted_to(windows, runs)), evidence.fold
         ),
         replayed=replay_of_file(fit),
-        file=CorrectedFile(
-            "predictive", _of_tyres(robot, fit), _numbers_within_bounds(fit, fitted, evidence)
-        ),
+        file=CorrectedFile("predictive", _of_tyres(robot, fit), numbers),
         joint=fitted,
     )
 
@@ -350,14 +360,6 @@ def _of_tyres(robot: Robot, fit: Predictive) -> str:
         return ""
     per_k = _percent(fit.numbers[ROLLING_PER_K])
     return f"it takes tyres to roll {per_k} harder per kelvin of cold, as cars' do: the temperature was recorded"
-
-
-def _bounds_in_file(fit: Predictive, entry: Entry) -> tuple[float, float]:
-    """Bounds of a fitted number as the file has it: the accelerated mass over the mass."""
-    if entry.name == INERTIA:
-        switch = inertia.EFFECT.switch
-        return switch.low, switch.high
-    return entry.low, entry.high
 
 
 def _in_file_by_fitted(fit: Predictive) -> tuple[Array, Array]:
@@ -386,99 +388,16 @@ def _joint_of(fit: Predictive, evidence: Evidence) -> Joint:
     return Joint(tuple(names), tuple(units), values, covariance)
 
 
-def _numbers_within_bounds(
-    fit: Predictive, fitted: Joint, evidence: Evidence
-) -> tuple[FileNumber, ...]:
-    """The numbers of the fit made to predict, their intervals cut at the bounds of what was
-    fitted.
+def _proven_effects(evidence: Evidence) -> set[str]:
+    """Named effects that a robot file holds.
 
-    A number that is limited from one side is so within its own interval, and one at its upper bound
-    from below.
+    One that may be a fault of the meter is not proven to be one of the robot.
     """
-    numbers = []
-    for number, entry in zip(_numbers(evidence, fitted), fit.entries, strict=True):
-        bounds = _bounds_in_file(fit, entry)
-        side = number.limit
-        if number.value >= bounds[1]:
-            side = "at least"
-        numbers.append(_within(number, bounds, side))
-    return tuple(numbers)
-
-
-def _within(number: FileNumber, bounds: tuple[float, float], side: Side | None) -> FileNumber:
-    """The number with its interval within its bounds, up to that bound which its limit leaves
-    open."""
-    lowest, highest = bounds
-    low, high = np.clip(number.ci95, lowest, highest).tolist()
-    if side == "at least":
-        high = highest
-    if side == "at most":
-        low = lowest
-    return replace(number, ci95=(low, high), proven=number.proven and side is None, limit=side)
-
-
-def _numbers_of_fit(model: Refit | Corrected, evidence: Evidence) -> tuple[FileNumber, ...]:
-    """The numbers of a fit, their intervals cut at their bounds, and the losses of the drive where
-    they are less than the file's."""
-    bounds = _bounds(model)
-    numbers = []
-    for number in _numbers(evidence, joint(model, evidence.runs, evidence.block)):
-        within = _within(number, bounds[number.name], number.limit)
-        limit = evidence.limits.get(number.name)
-        if limit is not None and isinstance(model, Corrected):
-            within = replace(within, ci95=limit.ci95)
-        numbers.append(within)
-    nominal = model.parameters.nominal
-    limit = evidence.limits.get(LOSSES)
-    if limit is not None and isinstance(model, Corrected):
-        lost = nominal.motor_loss + nominal.friction_loss
-        numbers.append(FileNumber(LOSSES, lost, limit.ci95, "1", proven=False, limit=limit.side))
-    return tuple(numbers)
-
-
-def _bounds(model: Refit | Corrected) -> dict[str, tuple[float, float]]:
-    """Bounds of the groups and of the sizes of a fit, by name."""
-    problem = model.parameters
-    lows = (problem.low * problem.to_group).tolist()
-    highs = (problem.high * problem.to_group).tolist()
-    bounds = {}
-    for group, low, high in zip(problem.groups, lows, highs, strict=True):
-        bounds[group.symbol] = (low, high)
-    if isinstance(model, Corrected):
-        for unknown, (low, high) in zip(
-            model.model.unknowns, model.reported.bounds.T.tolist(), strict=True
-        ):
-            bounds[unknown.name] = (low, high)
-    return bounds
-
-
-def _numbers(evidence: Evidence, fitted: Joint) -> tuple[FileNumber, ...]:
-    """The fitted numbers with their intervals; proven are those of named effects and of parameters
-    that are off.
-
-    An effect that may be a fault of the meter is not proven to be one of the robot.
-    """
-    groups_off = {estimate.group.symbol for estimate in evidence.estimates if estimate.off}
-    effects_in_file = {
-        named.term.effect
-        for named in evidence.naming.named
-        if not _excluded(named, named.term.plain or named.term)
-    }
-    values = fitted.values.tolist()
-    standard_errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
-    half_intervals = (thresholds.NORMAL_95 * standard_errors).tolist()
-    numbers = []
-    for name, unit, value, half in zip(
-        fitted.names, fitted.units, values, half_intervals, strict=True
-    ):
-        effect, _, _ = name.partition(" ")
-        proven = name in groups_off or effect in effects_in_file
-        number = FileNumber(name, value, (value - half, value + half), unit, proven)
-        limit = evidence.limits.get(name)
-        if limit is not None:
-            number = replace(number, limit=limit.side)
-        numbers.append(number)
-    return tuple(numbers)
+    proven = set()
+    for named in evidence.naming.named:
+        if not _excluded(named, named.term.plain or named.term):
+            proven.add(named.term.effect)
+    return proven
 
 
 def worse_than(

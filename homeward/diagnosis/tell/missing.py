@@ -1,11 +1,13 @@
 """Missing physics for the result: each effect with its parameters, its places and the evidence for
 it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
+from homeward.diagnosis.explain.hypothesis import Hypothesis
 from homeward.diagnosis.explain.joint_fit import Corrected
 from homeward.diagnosis.explain.limits import Limit
 from homeward.diagnosis.explain.named import Named
@@ -14,6 +16,10 @@ from homeward.diagnosis.fit.parameter_groups import ROLLING
 from homeward.diagnosis.fit.replay import Runs
 from homeward.diagnosis.result import MissingPhysics, NotNamed, Proof, Value
 from homeward.diagnosis.tell.next_drive import to_tell_apart
+
+Interval = tuple[float, float]
+
+_ROUNDING = 1e-9  # share of what lies between two bounds
 
 
 def missing_physics(evidence: Evidence) -> tuple[MissingPhysics, ...]:
@@ -37,7 +43,9 @@ def _named_effect(index: int, named: Named, evidence: Evidence) -> MissingPhysic
         sentence=" ".join([hypothesis.entry.sentence, *_relative_to(index, corrected)]),
         equation=hypothesis.entry.equation,
         source=hypothesis.entry.source,
-        parameters=_with_limits(hypothesis.id, corrected.parameters_of(index), evidence.limits),
+        parameters=measured_of(
+            with_limits(hypothesis.id, corrected.parameters_of(index), evidence.limits), hypothesis
+        ),
         where=places(named.term, corrected.contribution[index], evidence.runs),
         evidence=Proof(named.delta_bic, named.held_out_gain, named.p_value),
         confused_with=tuple(rival.effect for rival in named.rivals),
@@ -48,7 +56,7 @@ def _named_effect(index: int, named: Named, evidence: Evidence) -> MissingPhysic
     )
 
 
-def _with_limits(
+def with_limits(
     effect: str, parameters: Mapping[str, Value], limits: Mapping[str, Limit]
 ) -> dict[str, Value]:
     """The parameters of an effect, those that are limited from one side with that side."""
@@ -58,6 +66,32 @@ def _with_limits(
         if limit is not None:
             stated[name] = replace(value, ci95=limit.ci95, limit=limit.side)
     return stated
+
+
+def measured_of(parameters: Mapping[str, Value], hypothesis: Hypothesis) -> dict[str, Value]:
+    """Parameters of an effect, without an interval where the recordings do not limit them."""
+    bounds = {}
+    for parameter in (*hypothesis.entry.parameters, *hypothesis.searched):
+        bounds[parameter.name] = (parameter.low, parameter.high)
+    measured = {}
+    for name, value in parameters.items():
+        measured[name] = value
+        if name in bounds and value.limit is None:
+            measured[name] = replace(value, ci95=within_bounds(value.ci95, *bounds[name]))
+    return measured
+
+
+def within_bounds(ci95: Interval | None, least: float, most: float) -> Interval | None:
+    """An interval within the bounds of its quantity; None if it is all that lies between them."""
+    if ci95 is None:
+        return None
+    low = min(max(ci95[0], least), most)
+    high = min(max(ci95[1], least), most)
+    span = most - least
+    left_out = (low - least) + (most - high)
+    if math.isfinite(span) and left_out <= _ROUNDING * span:
+        return None
+    return low, high
 
 
 def _relative_to(index: int, corrected: Corrected) -> list[str]:
@@ -87,7 +121,7 @@ def _channel_effect(effect: ChannelEffect, runs: Runs) -> MissingPhysics:
         sentence=hypothesis.entry.sentence,
         equation=hypothesis.entry.equation,
         source=hypothesis.entry.source,
-        parameters=dict(effect.parameters),
+        parameters=measured_of(effect.parameters, hypothesis),
         where=places_of(
             effect.contribution, runs, condition=None, inside=effect.contribution != 0.0
         ),

@@ -25,7 +25,7 @@ from homeward.diagnosis.tell.figures import conditions, time_figure
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.robot_uncertainty import uncertainty_of
 from homeward.diagnosis.tell.series import MCAP, PARQUET, mcap, series
-from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, spanned, why_open
+from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, UNLIMITED, spanned, why_open
 from homeward.files import write_files
 from homeward.layout.notation import labels, page, templates
 
@@ -100,6 +100,7 @@ def report_html(analysis: Analysis) -> str:
         "table_together": TOGETHER,
         "arms": ARMS,
         "paper_accuracy": PAPER_ACCURACY,
+        "unlimited": UNLIMITED,
         "versions": _versions(),
         "robot_sha256": hashlib.sha256(analysis.robot.to_toml().encode()).hexdigest(),
     }

@@ -10,7 +10,7 @@ from rich.text import Text
 from homeward.diagnosis.evidence import Analysis
 from homeward.diagnosis.result import Fit, FittedGroup, MissingPhysics, Range
 from homeward.diagnosis.tell.next_drive import GUIDE
-from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, spanned
+from homeward.diagnosis.tell.words import ARMS, PAPER_ACCURACY, UNLIMITED, spanned
 from homeward.layout.notation import decimal, interval, number, unit_after
 
 _WIDE = 70  # columns that the table of all figures takes
@@ -92,7 +92,8 @@ def _show_effect(effect: MissingPhysics, console: Console) -> None:
     console.print(effect.name, style="bold", highlight=False)
     for name, value in effect.parameters.items():
         size = number(value.value) + unit_after(value.unit)
-        say(console, f"{name} = {size} (95 %: {spanned(value)})", indent=2)
+        limits = UNLIMITED if value.ci95 is None else f"95 %: {spanned(value)}"
+        say(console, f"{name} = {size} ({limits})", indent=2)
     if effect.confused_with:
         rivals = ", ".join(effect.confused_with).replace("_", " ")
         say(console, f"confounded with: {rivals}. {effect.to_tell_apart}", indent=2)

@@ -24,6 +24,9 @@ from homeward.diagnosis.result import (
 )
 from homeward.layout.notation import interval, number, templates, unit_after
 
+UNLIMITED = "not limited by the recordings"
+"""Instead of the interval of a number that may be anything within its bounds."""
+
 _MOST_REASONS = 3  # why runs cannot be used, in one sentence; chosen: it can still be read
 
 PAPER_ACCURACY = "66 to 91 %"
@@ -147,7 +150,10 @@ def _place(evidence: Evidence) -> str:
 
 
 def spanned(value: Value | FileNumber) -> str:
-    """The interval of a value or, where it is limited from one side only, its limit."""
+    """The interval of a value or, where it is limited from one side only, its limit; or that
+    nothing limits it."""
+    if value.ci95 is None:
+        return UNLIMITED
     if value.limit is None:
         return interval(value.ci95)
     return f"{value.limit} {number(limit_end(value))}"

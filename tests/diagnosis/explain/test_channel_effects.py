@@ -30,6 +30,7 @@ from homeward.diagnosis.read.signals import signals
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.battery import FLAT
 from homeward.physics.effects.cold_battery import cold_battery
+from tests.diagnosis.made_up import ends
 
 Drive = Callable[..., list[Recording]]
 HUSKY = dataclasses.replace(load_robot("husky"), chemistry=FLAT, cells_in_series=0)
@@ -151,7 +152,7 @@ def test_a_battery_that_fades_from_run_to_run_is_named_and_handed_back(
     diagnosis = analysis.diagnosis
     assert diagnosis.verdict == "missing_physics"
     (found,) = diagnosis.missing_physics
-    low, high = found.parameters["lost_share"].ci95
+    low, high = ends(found.parameters["lost_share"])
     assert found.effect == "ageing"
     assert low <= found.parameters["lost_share"].value <= high
     assert found.parameters["lost_share"].value == pytest.approx(0.24, abs=0.03)
@@ -223,7 +224,7 @@ def test_the_voltage_shows_a_resistance_that_power_at_the_terminals_does_not(
 ) -> None:
     _, (found,), _ = shown(at_terminals(short_drive(husky), 0.15), husky)
     assert found.hypothesis.id == "internal_resistance"
-    low, high = found.parameters["ohm"].ci95
+    low, high = ends(found.parameters["ohm"])
     assert low <= 0.15 <= high and high - low < 0.03
 
 
@@ -557,7 +558,7 @@ def test_a_zero_that_has_shifted_is_known_by_the_charge_where_gusts_hide_it(
     assert capacity is not None and not capacity.off
     for one in effects:
         offset = one.parameters["offset"]
-        assert offset.ci95[0] <= shift_w <= offset.ci95[1] < 0.0, offset
+        assert ends(offset)[0] <= shift_w <= ends(offset)[1] < 0.0, offset
 
 
 @pytest.mark.parametrize("excess", [0.15, 0.25, 0.4])

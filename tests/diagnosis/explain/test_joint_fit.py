@@ -22,6 +22,7 @@ from homeward.diagnosis.fit.refit import holding, refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, predict
 from homeward.logs.channels import Array
 from tests.diagnosis import hills
+from tests.diagnosis.made_up import ends
 
 TURNING = {"turning": {"scrub": 0.3}}
 HARD = 1.25
@@ -71,10 +72,11 @@ def test_without_noise_groups_and_effect_are_exact(
 def test_the_interval_holds_the_true_size_and_the_error_of_the_meter(corrected: Corrected) -> None:
     value = corrected.parameters_of(0)["scrub"]
     assert (
-        value.ci95[0] < 0.3 < value.ci95[1] and value.unit == CATALOGUE["turning"].entry.switch.unit
+        ends(value)[0] < 0.3 < ends(value)[1]
+        and value.unit == CATALOGUE["turning"].entry.switch.unit
     )
     # A known gain error of half a per cent is in it: two standard errors at least.
-    assert 0.02 * 0.3 < value.ci95[1] - value.ci95[0] < 0.2 * 0.3
+    assert 0.02 * 0.3 < ends(value)[1] - ends(value)[0] < 0.2 * 0.3
 
 
 def test_what_is_not_there_is_at_its_bound(short_runs: Runs, husky: Robot) -> None:
@@ -272,8 +274,8 @@ def test_sizes_of_a_profile_of_the_ground_are_relative_to_its_mean(
         fitted_model = fitted_over_ground(runs, husky, hats, axis="place")
         true_sizes = rolling / (shares @ rolling) - 1.0
         for true, value in zip(true_sizes, fitted_model.parameters_of(0).values(), strict=True):
-            covered.append(value.ci95[0] <= true <= value.ci95[1])
-            assert value.ci95[1] - value.ci95[0] < 0.5
+            covered.append(ends(value)[0] <= true <= ends(value)[1])
+            assert ends(value)[1] - ends(value)[0] < 0.5
     assert np.mean(covered) >= 0.85
     reported = fitted_model.reported
     assert shares @ reported.sizes == pytest.approx(0.0, abs=1e-9)
@@ -371,8 +373,8 @@ def test_slopes_have_a_level_only_where_both_ways_were_driven(
         assert (shares is None) == both_ways
         level = 0.0 if shares is None else float(shares @ true)
         for size, value in zip(true, fitted_model.parameters_of(0).values(), strict=True):
-            covered.append(value.ci95[0] <= size - level <= value.ci95[1])
-            assert value.ci95[1] - value.ci95[0] < 0.05
+            covered.append(ends(value)[0] <= size - level <= ends(value)[1])
+            assert ends(value)[1] - ends(value)[0] < 0.05
     assert np.mean(covered) >= 0.85
 
 

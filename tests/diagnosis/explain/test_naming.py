@@ -21,7 +21,7 @@ from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.effects.regeneration import NO_LIMIT_W
 from homeward.physics.log_replay import replay
-from tests.diagnosis.made_up import over_hills, with_power
+from tests.diagnosis.made_up import ends, over_hills, with_power
 from tests.diagnosis.tell.test_file_choice import replay_equals_fit
 
 Drive = Callable[..., list[Recording]]
@@ -155,7 +155,7 @@ def test_a_load_that_switches_is_found_with_its_rhythm_and_in_the_cold_is_likeli
         assert (first.effect, "heater" in first.confused_with) == ("intermittent_load", False)
         assert first.parameters["period_s"].value == pytest.approx(40.0, rel=0.05)
         assert first.parameters["duty"].value == pytest.approx(0.3, abs=0.05)
-        low, high = first.parameters["duty"].ci95
+        low, high = ends(first.parameters["duty"])
         assert 0.2 < low < high < 0.4  # the moments are known to a window of a second or two
 
 
@@ -300,7 +300,7 @@ def test_a_parameter_beside_the_size_is_fitted_and_written(
     assert {one.effect for one in analysis.diagnosis.missing_physics} == {*effects}
     for one in analysis.diagnosis.missing_physics:
         for name, value in one.parameters.items():
-            assert value.ci95[0] < effects[one.effect][name] < value.ci95[1]
+            assert ends(value)[0] < effects[one.effect][name] < ends(value)[1]
             assert analysis.corrected.effects[one.effect][name] == pytest.approx(
                 effects[one.effect][name], rel=0.1
             )
@@ -337,7 +337,7 @@ def test_turning_of_a_robot_without_a_known_track_is_named_with_an_interval_for_
     (named,) = analysis.diagnosis.missing_physics
     assert named.effect == "turning"
     for name, true in (("scrub", 0.3), ("track_m", 0.5)):
-        low, high = named.parameters[name].ci95
+        low, high = ends(named.parameters[name])
         assert low <= true <= high
     assert analysis.corrected.track_m == pytest.approx(named.parameters["track_m"].value, rel=1e-5)
 

@@ -10,6 +10,7 @@ import pytest
 from homeward import Robot
 from homeward.diagnosis import Analysis, Recording, analyse, diagnose
 from homeward.physics import replay
+from tests.diagnosis.made_up import ends
 
 Drive = Callable[..., list[Recording]]
 
@@ -67,7 +68,7 @@ def test_of_a_mass_that_no_slope_shows_only_its_product_with_the_scrub_of_turnin
     diagnosis = diagnose(on_level_ground(turned, true), heavier)
     (product,) = diagnosis.products
     assert product.of == ("m / Gamma", "turning scrub") and product.value.unit == "kg"
-    low, high = product.value.ci95
+    low, high = ends(product.value)
     assert low <= 0.3 * husky.mass_kg / husky.traction_efficiency <= high
     assert high - low < 0.1 * product.value.value
     assert "m / Gamma" not in {one.group for one in diagnosis.parameters_off}
@@ -82,11 +83,11 @@ def test_of_computing_that_grows_with_the_rate_only_the_share_that_any_sensing_t
     analysis = analyse(short_drive(true), husky)
     (computing,) = analysis.diagnosis.missing_physics
     for name, value in true.effects["compute"].items():
-        low, high = computing.parameters[name].ci95
+        low, high = ends(computing.parameters[name])
         assert low <= value <= high and high - low > 0.2 * value
     known = {one.of: one.value for one in analysis.diagnosis.products}
     any_sensing = known["compute base_share", "compute power_w"]
-    assert any_sensing.ci95[0] <= 42.0 <= any_sensing.ci95[1]
+    assert ends(any_sensing)[0] <= 42.0 <= ends(any_sensing)[1]
     assert "P_anc, per sample" not in {one.group for one in analysis.diagnosis.parameters}
     assert {"P_anc, idle part", "C_rr m / Gamma"} <= {
         one.group for one in analysis.diagnosis.parameters
@@ -102,9 +103,9 @@ def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(
     diagnosis = diagnose(on_level_ground(short_drive(husky), true, cold=True), husky)
     (cold,) = diagnosis.missing_physics
     assert cold.effect == "cold_battery"
-    low, high = cold.parameters["warm_c"].ci95
+    low, high = ends(cold.parameters["warm_c"])
     assert low <= 30.0 <= high and high > 10.0  # warmer than it ever was
-    low, high = cold.parameters["per_k"].ci95
+    low, high = ends(cold.parameters["per_k"])
     assert low <= 0.008 <= high
     assert not {"C_rr m / Gamma", "P_anc, idle part"} & {one.group for one in diagnosis.parameters}
     assert any(one.of == ("C_rr m / Gamma", "cold_battery per_k") for one in diagnosis.products)

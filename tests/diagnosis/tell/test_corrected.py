@@ -17,6 +17,7 @@ from homeward.diagnosis.fit.parameter_groups import ROLLING as RESISTANCE
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, WithEffects, average, predict
 from homeward.diagnosis.fit.usable import usable_runs
+from homeward.diagnosis.result import FileNumber
 from homeward.diagnosis.tell.corrected import (
     FileContent,
     comments,
@@ -270,5 +271,8 @@ def test_the_comment_says_of_which_ground_the_rolling_resistance_is(robot: Robot
     """The fitted number beside it is that of the mean ground."""
     smoother = dataclasses.replace(robot, rolling_resistance=0.5 * robot.rolling_resistance)
     rough = dataclasses.replace(smoother, effects={"surface": {"gain": 1.0}})
-    assert "smoothest" not in comments(robot, smoother)["rolling_resistance"]
-    assert comments(robot, rough)["rolling_resistance"].endswith("is that of the smoothest ground")
+    fitted = FileNumber("C_rr m / Gamma", 10.0, (9.0, 11.0), "kg", proven=True)
+    on_smooth = comments(robot, smoother, [fitted])["rolling_resistance"]
+    on_rough = comments(robot, rough, [fitted])["rolling_resistance"]
+    assert "smoothest" not in on_smooth
+    assert on_rough.endswith("is that of the smoothest ground")

@@ -10,7 +10,7 @@ from homeward.diagnosis.evidence import Evidence
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.channel_effects.shown import ChannelEffect
 from homeward.diagnosis.result import Proof, Value
-from homeward.diagnosis.tell.missing import missing_physics
+from homeward.diagnosis.tell.missing import missing_physics, within_bounds
 
 
 @pytest.fixture(scope="module")
@@ -69,3 +69,20 @@ def test_rivals_of_a_named_effect_are_told_apart_by_a_drive(evidence: Evidence) 
 
 def test_nothing_is_missing_of_a_robot_as_its_file_says(faultless_evidence: Evidence) -> None:
     assert missing_physics(faultless_evidence) == ()
+
+
+@pytest.mark.parametrize(
+    ("ci95", "within"),
+    [
+        ((0.2, 0.4), (0.2, 0.4)),
+        ((-0.1, 0.4), (0.0, 0.4)),
+        ((0.9, 1.2), (0.9, 1.0)),
+        ((0.0, 1.0), None),
+        ((-3.0, 3.0), None),
+        (None, None),
+    ],
+)
+def test_an_interval_ends_at_the_bounds_and_is_none_where_it_is_all_between_them(
+    ci95: tuple[float, float] | None, within: tuple[float, float] | None
+) -> None:
+    assert within_bounds(ci95, 0.0, 1.0) == within

@@ -18,7 +18,7 @@ from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse
 from homeward.diagnosis.explain.formula import Empirical, EmpiricalTerm
 from homeward.diagnosis.explain.named import Naming
 from homeward.diagnosis.tell.report import corrected_toml, ranking, report_html, write_outputs
-from tests.diagnosis.made_up import with_power
+from tests.diagnosis.made_up import ends, with_power
 
 Drive = Callable[..., list[Recording]]
 EVIL = "</script>ü漢<img src=x onerror=document.title=1>\"'\udcff.csv"
@@ -127,7 +127,7 @@ def test_recorded_strings_are_escaped(turning: Analysis) -> None:
 def test_named_effect_comes_with_its_size_equation_proof_and_places(turning: Analysis) -> None:
     text = text_of(report_html(turning))
     (effect,) = turning.diagnosis.missing_physics
-    low, high = effect.parameters["scrub"].ci95
+    low, high = ends(effect.parameters["scrub"])
     assert f"{low:.3f} to {high:.3f}" in text
     assert effect.equation.replace("Gamma", "Γ") in text and effect.source in text
     assert f"{len(effect.where)} stretches in 3 recordings" in text

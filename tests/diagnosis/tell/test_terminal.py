@@ -13,6 +13,7 @@ from homeward.diagnosis import Analysis, Recording, analyse
 from homeward.diagnosis.tell.next_drive import GUIDE
 from homeward.diagnosis.tell.report import report_html
 from homeward.diagnosis.tell.terminal import show
+from tests.diagnosis.made_up import ends
 
 Drive = Callable[..., list[Recording]]
 
@@ -31,7 +32,7 @@ def test_lines_keep_within_the_terminal(scrubbing: Analysis, width: int) -> None
     words = " ".join(text.split())
     (effect,) = scrubbing.diagnosis.missing_physics
     assert words.startswith(f"missing_physics {scrubbing.diagnosis.summary}")
-    low, high = effect.parameters["scrub"].ci95
+    low, high = ends(effect.parameters["scrub"])
     assert (
         f"scrub = {effect.parameters['scrub'].value:.3f} (95 %: {low:.3f} to {high:.3f})" in words
     )

@@ -12,7 +12,7 @@ from homeward.diagnosis.explain.channel_effects.shown import USABLE_ENERGY
 from homeward.diagnosis.explain.places import Location
 from homeward.diagnosis.fit.estimates import Estimate
 from homeward.diagnosis.fit.usable import Finding
-from homeward.diagnosis.result import CorrectedFile, Fit, FittedGroup, Place, Value
+from homeward.diagnosis.result import CorrectedFile, FileNumber, Fit, FittedGroup, Place, Value
 from homeward.diagnosis.tell.words import nothing_usable, spanned, summary, why_open
 
 KEPT = CorrectedFile("nominal", "nothing is to be corrected")
@@ -164,6 +164,15 @@ def test_a_parameter_that_is_off_is_said_with_both_values(evidence: Evidence, fi
         "but not how fast the state of charge falls: usable energy is 8e+05 J, not 1e+06" in found
     )
     assert "(or as much is lost by ageing)" in found and "its parameters are off" not in found
+
+
+def test_a_file_with_another_battery_is_not_said_to_be_as_it_was(
+    evidence: Evidence, fit: Fit
+) -> None:
+    energy = FileNumber("usable energy", 8.0e5, (7.0e5, 9.0e5), "J", proven=True)
+    file = dataclasses.replace(KEPT, numbers=(energy,))
+    text = summary("parameters_off", evidence, (), fit, (), (), file)
+    assert "corrected.toml keeps all but the battery as it was" in text
 
 
 def test_what_tests_nothing_says_what_is_needed(evidence: Evidence, fit: Fit) -> None:

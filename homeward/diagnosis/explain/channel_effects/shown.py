@@ -66,7 +66,5 @@ def values_of(
     """The parameters of an effect: its fitted size, and the others of its form."""
     units = {parameter.name: parameter.unit for parameter in hypothesis.entry.parameters}
     switch = hypothesis.entry.switch
-    of_shape = {
-        name: Value(number, (number, number), units[name]) for name, number in shape.items()
-    }
+    of_shape = {name: Value(number, None, units[name]) for name, number in shape.items()}
     return {switch.name: Value(size, ci95, switch.unit), **of_shape}

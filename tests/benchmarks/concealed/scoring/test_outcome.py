@@ -58,7 +58,8 @@ def test_groups_of_the_husky_are_those_of_its_file() -> None:
 
 
 def test_intervals_are_kept_where_the_truth_is_known() -> None:
-    truth = dataclasses.replace(ROBOT, effects={"radio": {"w_per_km2": 500.0}})
+    truth = dataclasses.replace(ROBOT, effects={"radio": {"w_per_km2": 500.0, "reach_m": 90.0}})
+    unlimited = {"value": 90.0, "ci95": None}
     mass = {"group": "m / Gamma", "assumed": 1.0, "fitted": 2.0, "ci95": [1.9, 2.1], "unit": "kg"}
     energy = {**mass, "group": USABLE_ENERGY, "confused_with": ["rate_capacity"]}
     diagnosis = {
@@ -71,7 +72,8 @@ def test_intervals_are_kept_where_the_truth_is_known() -> None:
                 "parameters": {
                     name: {"value": 1.0, "ci95": [400.0, 600.0]}
                     for name in ("w_per_km2", "w_per_km2_level_2")
-                },
+                }
+                | {"reach_m": unlimited},
             }
         ],
         "parameters": [mass, energy],
