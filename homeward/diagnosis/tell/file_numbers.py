@@ -110,7 +110,7 @@ def battery_numbers(evidence: Evidence, capacity_is_written: bool) -> tuple[File
 
 def _values(robot: Robot, changed: Robot, fitted: Joint) -> list[tuple[str, float, str]]:
     """Name, value and unit of each fitted number that the file has, then of each other one that
-    came with an effect."""
+    came with an effect, as the losses of the drive and the numbers of its form."""
     in_file = _effect_numbers(changed)
     values = []
     for name, value, unit in zip(fitted.names, fitted.values.tolist(), fitted.units, strict=True):
@@ -118,6 +118,10 @@ def _values(robot: Robot, changed: Robot, fitted: Joint) -> list[tuple[str, floa
             values.append((name, value, unit))
         elif name in in_file:
             values.append((name, in_file[name], unit))
+    losses = changed.motor_loss + changed.friction_loss
+    if LOSSES not in fitted.names and losses != robot.motor_loss + robot.friction_loss:
+        # They were lowered for a share of regeneration that exceeds its bound.
+        values.append((LOSSES, losses, "1"))
     given = _effect_numbers(robot)
     for name, value in in_file.items():
         if name not in fitted.names and value != given.get(name):
