@@ -256,7 +256,9 @@ def _number(name: str, value: float, unit: str, claim: _Claim) -> FileNumber:
     side = claim.limit
     if name in _SWITCHES and value >= high:
         side = "at least"
-    if ci95 is None or side is not None:
+    if ci95 is None:
+        return FileNumber(name, value, None, unit, proven=False)
+    if side is not None:
         return FileNumber(name, value, ci95, unit, proven=False, limit=side)
     is_size = name in _GROUPS or name in _SWITCHES
     holds_zero = ci95[0] <= 0.0 <= ci95[1]

@@ -41,12 +41,12 @@ def test_motion_accounts_for_a_load_that_it_switches(
     gained = largest_by_motion(
         refit(runs, husky), runs, cut_blocks(runs.run), rng=np.random.default_rng(0)
     )
-    assert gained > 1.0 if by_motion else gained < 0.5
+    assert gained > 0.8 if by_motion else gained == 0.0
 
 
 def test_motion_does_not_account_for_a_load_by_telling_the_time(husky: Robot) -> None:
     """The history of the motion, which starts with each run, tells the time about as well as a
-    clock does."""
+    clock does; a schedule that explains nearly all of the load leaves less than half as much."""
     recordings = []
     for seed, since_s in enumerate((200.0, 300.0, 400.0)):
         run = over_hills(husky, seed)
@@ -57,4 +57,4 @@ def test_motion_does_not_account_for_a_load_by_telling_the_time(husky: Robot) ->
     gained = largest_by_motion(
         refit(runs, husky), runs, cut_blocks(runs.run), rng=np.random.default_rng(0)
     )
-    assert gained < 0.5
+    assert gained < 0.75
