@@ -20,6 +20,7 @@ from homeward.diagnosis.tell.words import UNLIMITED
 from homeward.layout.notation import unit_after
 from homeward.logs.channels import Array, Mask
 from homeward.physics import Robot
+from homeward.physics.effects import surface
 
 
 @dataclass(frozen=True)
@@ -301,7 +302,7 @@ def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber]) -> d
         new = getattr(corrected, quantity.name)
         if isinstance(new, float) and new != old:
             changed[quantity.name] = f"by diagnose.py, {origins[quantity.name]}; it was {old:.6g}"
-    if "rolling_resistance" in changed and "surface" in corrected.effects:
+    if "rolling_resistance" in changed and surface.EFFECT.id in corrected.effects:
         # What is fitted is that of the mean ground.
         changed["rolling_resistance"] += "; the number of this line is that of the smoothest ground"
     for effect, effect_numbers in corrected.effects.items():
