@@ -281,6 +281,8 @@ _FIELDS = {
 }
 """Fields of a robot file by what is fitted, without the losses or the thrust per ampere that divide
 it."""
+_FOLLOWS = "fitted, not proven: it follows from the others, as its product with them was held"
+"""Origin of a number that was not fitted, such as the rolling resistance of another mass."""
 
 
 def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber]) -> dict[str, str]:
@@ -301,7 +303,8 @@ def comments(robot: Robot, corrected: Robot, numbers: Sequence[FileNumber]) -> d
         old = getattr(robot, quantity.name)
         new = getattr(corrected, quantity.name)
         if isinstance(new, float) and new != old:
-            changed[quantity.name] = f"by diagnose.py, {origins[quantity.name]}; it was {old:.6g}"
+            origin = origins.get(quantity.name, _FOLLOWS)
+            changed[quantity.name] = f"by diagnose.py, {origin}; it was {old:.6g}"
     if "rolling_resistance" in changed and surface.EFFECT.id in corrected.effects:
         # What is fitted is that of the mean ground.
         changed["rolling_resistance"] += "; the number of this line is that of the smoothest ground"

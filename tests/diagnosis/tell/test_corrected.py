@@ -276,3 +276,16 @@ def test_the_comment_says_of_which_ground_the_rolling_resistance_is(robot: Robot
     on_rough = comments(robot, rough, [fitted])["rolling_resistance"]
     assert "smoothest" not in on_smooth
     assert on_rough.endswith("is that of the smoothest ground")
+
+
+def test_a_number_that_follows_from_a_fitted_one_says_so(robot: Robot) -> None:
+    """With C_rr m held, another mass is another C_rr."""
+    heavier = dataclasses.replace(
+        robot,
+        mass_kg=2.0 * robot.mass_kg,
+        rolling_resistance=0.5 * robot.rolling_resistance,
+    )
+    mass = FileNumber("m / Gamma", 10.0, (9.0, 11.0), "kg", proven=True)
+    said = comments(robot, heavier, [mass])
+    assert "proven: m / Gamma" in said["mass_kg"]
+    assert "it follows from the others" in said["rolling_resistance"]
