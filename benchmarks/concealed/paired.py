@@ -197,8 +197,8 @@ class Count:
 
     part: Part
     what: str
-    counts: Callable[[Outcome], bool]
-    of: Callable[[Outcome], bool] = lambda outcome: True
+    is_so: Callable[[Outcome], bool]
+    is_asked: Callable[[Outcome], bool] = lambda outcome: True
 
 
 def _by_first_name(outcome: Outcome) -> bool:
@@ -262,10 +262,12 @@ def table(pairs: Sequence[Pair]) -> Table:
     """Counts of both versions, and their paired difference with its 95 % interval."""
     rows = []
     for count in COUNTS:
-        counted = [pair for pair in pairs if pair.now.part == count.part and count.of(pair.now)]
+        counted = [
+            pair for pair in pairs if pair.now.part == count.part and count.is_asked(pair.now)
+        ]
         if counted:
-            before = [count.counts(pair.before) for pair in counted]
-            now = [count.counts(pair.now) for pair in counted]
+            before = [count.is_so(pair.before) for pair in counted]
+            now = [count.is_so(pair.now) for pair in counted]
             shares = (f"{sum(before)} of {len(before)}", f"{sum(now)} of {len(now)}")
             rows.append((count.part, count.what, *shares, _change(before, now, 100.0, " %", 0)))
     for part in ("singles", "pairs"):

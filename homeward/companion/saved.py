@@ -95,7 +95,7 @@ def _is_like(value: Any, example: Any, limits: tuple[float, float]) -> bool:
     if isinstance(example, list):
         inner = value.values() if isinstance(value, dict) else value
         return isinstance(value, dict | list | tuple) and all(
-            _is_like(one, example[0], limits) for one in inner
+            _is_like(item, example[0], limits) for item in inner
         )
     if isinstance(example, dict):
         return (
@@ -107,7 +107,10 @@ def _is_like(value: Any, example: Any, limits: tuple[float, float]) -> bool:
         return (
             isinstance(value, list | tuple)
             and len(value) == len(example)
-            and all(_is_like(*pair, limits) for pair in zip(value, example, strict=True))
+            and all(
+                _is_like(item, its_example, limits)
+                for item, its_example in zip(value, example, strict=True)
+            )
         )
     if isinstance(value, bool) or isinstance(example, bool):
         return isinstance(value, bool) and isinstance(example, bool)

@@ -18,12 +18,12 @@ from homeward.diagnosis.fit.parameter_groups import GROUPS, MASS, ROLLING
 from homeward.diagnosis.fit.refit import refit
 from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
-from homeward.diagnosis.result import FileNumber, Value
 from homeward.diagnosis.tell.corrected import comments
 from homeward.diagnosis.tell.report import report_html
 from homeward.logs.channels import Array
 from homeward.physics import replay
 from homeward.physics.effects import EFFECTS
+from tests.diagnosis.made_up import ends
 
 SHARE = 0.9
 FACTOR = 1.05
@@ -102,11 +102,6 @@ def by_group(model: Corrected) -> Array:
     return np.asarray(model.theta * model.parameters.to_group)
 
 
-def interval_of(value: Value | FileNumber) -> tuple[float, float]:
-    assert value.ci95 is not None
-    return value.ci95
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_a_share_that_exceeds_its_bound_by_the_losses_of_the_file_lowers_these(name: str) -> None:
     found = with_limits(windows(recorded(TRUE), FILES[name]), FILES[name])
@@ -116,7 +111,7 @@ def test_a_share_that_exceeds_its_bound_by_the_losses_of_the_file_lowers_these(n
     assert groups[ROLLING] == pytest.approx(15.8 / GAMMA, rel=0.02)
     assert found.model.values[0] == pytest.approx(FACTOR, rel=0.005)
     (product,) = found.products
-    low, high = interval_of(product.value)
+    low, high = ends(product.value)
     assert product.name == "regeneration share x Gamma" and low < SHARE * GAMMA < high
     limit = found.limits["regeneration share"]
     assert limit.side == "at least" and limit.ci95 == (low, BOUND)
@@ -136,7 +131,7 @@ def test_a_drive_loses_no_less_than_nothing() -> None:
     assert found.model.parameters.nominal.traction_efficiency == 1.0
     share = found.limits["regeneration share"]
     assert share.side == "at least" and share.ci95[0] < BOUND == share.ci95[1]
-    low, high = interval_of(found.products[0].value)
+    low, high = ends(found.products[0].value)
     assert low < high <= BOUND
 
 
@@ -185,7 +180,7 @@ def test_of_a_mass_that_errors_of_slopes_attenuate_only_the_product_with_inertia
     assert by_group(found.model)[MASS] < 0.8 * TRUE.mass_kg / GAMMA
     assert mass.status == "attenuated" and mass.fitted is None and not mass.off
     (product,) = found.products
-    low, high = interval_of(product.value)
+    low, high = ends(product.value)
     assert product.of == ("m / Gamma", "inertia mass_factor")
     assert low < FACTOR * TRUE.mass_kg / GAMMA < high
     factor = found.limits["inertia mass_factor"]
@@ -207,7 +202,7 @@ def test_summary_report_and_file_say_at_least(analysis: Analysis) -> None:
         for effect in diagnosis.missing_physics
         if effect.effect == "regeneration"
     )
-    low, high = interval_of(share)
+    low, high = ends(share)
     assert share.limit == "at least" and low < SHARE < high == BOUND
     assert "at least 0.8" in report_html(analysis)
     names = [product.name for product in diagnosis.products]
@@ -225,7 +220,7 @@ def test_no_number_of_the_file_is_proven_or_exceeds_its_bound_that_is_limited(
     assert file is not None
     numbers = {number.name: number for number in file.numbers}
     share = numbers["regeneration share"]
-    assert not share.proven and share.limit == "at least" and interval_of(share)[1] == BOUND
+    assert not share.proven and share.limit == "at least" and ends(share)[1] == BOUND
     assert not numbers[LOSSES].proven and numbers[LOSSES].limit == "at most"
     said = comments(analysis.robot, analysis.corrected, file.numbers)
     assert "not proven" in said["regeneration.share"] and "at least" in said["regeneration.share"]

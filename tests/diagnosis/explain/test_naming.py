@@ -444,6 +444,28 @@ def test_a_device_that_comes_on_is_named_beside_an_effect_of_motion(
     assert motion.effect == "breakaway"
 
 
+def test_a_payload_taken_up_in_mid_run_is_named_with_its_mass(drive: Drive, husky: Robot) -> None:
+    """A fifth of the robot's mass, from another moment in each run; the last carries none.
+
+    In runs of two minutes motors that heat up would explain nearly as much.
+    """
+    loaded = dataclasses.replace(husky, effects={"payload": {"mass_kg": 10.0}})
+    recordings = []
+    for run, since_s in zip(
+        drive(husky, runs=4, minutes=4.0), (96.0, 120.0, 144.0, np.inf), strict=True
+    ):
+        more_w = replayed_w(loaded, run) - replayed_w(husky, run)
+        power_w = run.channels["power_w"] + more_w * (run.channels["time_s"] >= since_s)
+        recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
+    (payload,) = diagnose(recordings, husky).missing_physics
+    assert payload.effect == "payload"
+    assert payload.parameters["mass_kg"].value == pytest.approx(10.0, rel=0.15)
+    assert [place.condition.split()[0] for place in payload.where] == ["after"] * 3
+    assert [place.start_s for place in payload.where] == pytest.approx(
+        [96.0, 120.0, 144.0], abs=20.0
+    )
+
+
 @pytest.mark.parametrize(
     ("share", "changes_s", "put_down"),
     [
