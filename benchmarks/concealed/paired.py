@@ -269,7 +269,7 @@ def table(pairs: Sequence[Pair]) -> Table:
             before = [count.is_so(pair.before) for pair in counted]
             now = [count.is_so(pair.now) for pair in counted]
             shares = (f"{sum(before)} of {len(before)}", f"{sum(now)} of {len(now)}")
-            rows.append((count.part, count.what, *shares, _change(before, now, 100.0, " %", 0)))
+            rows.append((count.part, count.what, *shares, change(before, now, 100.0, " %", 0)))
     for part in ("singles", "pairs"):
         filed = [
             pair for pair in pairs if pair.now.part == part and pair.before.later and pair.now.later
@@ -279,22 +279,22 @@ def table(pairs: Sequence[Pair]) -> Table:
             now_pct = [_errors_pct(pair.now)["corrected"] for pair in filed]
             means = (f"{np.mean(before_pct):.2f} %", f"{np.mean(now_pct):.2f} %")
             what = f"mean error of corrected.toml on later drives, {len(filed)} cases"
-            rows.append((part, what, *means, _change(before_pct, now_pct, 1.0, " points", 2)))
+            rows.append((part, what, *means, change(before_pct, now_pct, 1.0, " points", 2)))
     return Table(
         "Both versions", ("part", "what is counted", "before", "now", "difference, 95 %"), rows
     )
 
 
-def _change(
+def change(
     before: Sequence[float], now: Sequence[float], scale: float, unit: str, digits: int
 ) -> str:
     """Mean of the paired differences, with its interval by Student's t.
 
-    >>> _change([True, True, False, True], [True, False, False, False], 100.0, " %", 0)
+    >>> change([True, True, False, True], [True, False, False, False], 100.0, " %", 0)
     '-50 % (-142 to 42)'
-    >>> _change([True, False], [True, False], 100.0, " %", 0)
+    >>> change([True, False], [True, False], 100.0, " %", 0)
     '0 %, no case differs'
-    >>> _change([1.5], [1.0], 1.0, " points", 2)
+    >>> change([1.5], [1.0], 1.0, " points", 2)
     '-0.50 points, of one case'
     """
     differences = scale * (np.asarray(now, dtype=float) - np.asarray(before, dtype=float))
