@@ -152,7 +152,11 @@ class Checked:
 
 @dataclass(frozen=True)
 class MissingPhysics:
-    """An effect that the simulator lacks, where it acts, and the evidence for it."""
+    """An effect that the simulator lacks, where it acts, and the evidence for it.
+
+    `confused_with` holds effects that explain the recordings as well; one that is named beside it
+    does so at another size.
+    """
 
     effect: str
     name: str

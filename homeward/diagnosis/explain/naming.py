@@ -19,6 +19,7 @@ from numpy.random import Generator
 from homeward.diagnosis import thresholds
 from homeward.diagnosis.explain.candidate import Candidate, EffectSet
 from homeward.diagnosis.explain.catalogue import terms
+from homeward.diagnosis.explain.change_points import Schedule
 from homeward.diagnosis.explain.channel_effects.meter import not_contradicted
 from homeward.diagnosis.explain.conditions import (
     BEFORE_PLACEBOS,
@@ -86,9 +87,8 @@ def name_missing(
     model = selection.effects.model
     # Where nothing is named, the set is empty and its model the refit.
     corrected = model if isinstance(model, Corrected) else None
-    return replace(
-        naming, named=selection.named, corrected=corrected, refused=tuple(search.refused)
-    )
+    named = search.with_rivals_among_them(selection)
+    return replace(naming, named=named, corrected=corrected, refused=tuple(search.refused))
 
 
 @dataclass(frozen=True)
@@ -335,6 +335,43 @@ class _Search:
         ]
         return _Selection(effects, tuple(as_fitted))
 
+    def with_rivals_among_them(self, selection: _Selection) -> tuple[Named, ...]:
+        """The named effects; each that explains another's schedule nearly as well by a further size
+        at its times is a rival of it: a load that grows looks like two loads."""
+        if len(selection.named) < 2:
+            return selection.named
+        terms = selection.effects.terms
+        error = self._held_out_error(terms)
+        named = []
+        for place, effect in enumerate(selection.named):
+            others = [term for term in terms if term is not terms[place]]
+            rivals = {rival.effect: rival for rival in effect.rivals}
+            for other in self._resized_instead(terms[place], others, error):
+                rivals.setdefault(other.effect, other)
+            named.append(replace(effect, rivals=tuple(rivals.values())))
+        return tuple(named)
+
+    def _resized_instead(self, term: Term, others: Sequence[Term], error: float) -> list[Term]:
+        """Those of the other effects that explain nearly as much as a schedule does, beside them
+        all: `error` is that with it."""
+        candidates = [other for other in others if other.load is not None]
+        if term.axis != "time" or term.schedule is None or not candidates:
+            return []
+        error_without = self._held_out_error(others)
+        rivals = []
+        for candidate in candidates:
+            resized = _resized(candidate, term.schedule)
+            beside = [resized if other is candidate else other for other in others]
+            explained = error_without - self._held_out_error(beside)
+            if explained >= thresholds.RIVAL_SHARE * (error_without - error):
+                rivals.append(candidate)
+        return rivals
+
+    def _held_out_error(self, terms: Sequence[Term]) -> float:
+        """Held-out squared error of effects fitted together, linearised at their joint replay."""
+        model = fit_model(self.material, terms, self.runs, self.block)
+        return self.runs.squared_error(self._held_out(model))
+
     def _fitted(self, forms: Sequence[Term]) -> EffectSet:
         """Effects fitted together, flexible ones in the form of a robot file where that fits as
         well."""
@@ -516,6 +553,20 @@ def _best_forms(bench: Bench, scores: Array) -> list[int]:
         term = bench.candidates[index]
         best_form.setdefault((term.effect, term.axis), index)
     return list(best_form.values())
+
+
+def _resized(term: Term, schedule: Schedule) -> Term:
+    """An effect with a load that has a further size at each level of a schedule."""
+    assert term.load is not None and term.at_work is not None
+    at_work = schedule.at_work()
+    low, high = term.hypothesis.limits(schedule.levels - 1, term.hypothesis.signed)
+    return replace(
+        term,
+        columns=np.column_stack([term.columns, term.load[:, None] * at_work]),
+        low=np.concatenate([term.low, low]),
+        high=np.concatenate([term.high, high]),
+        at_work=np.column_stack([term.at_work, at_work]),
+    )
 
 
 def _with_plain(bench: Bench, index: int) -> Term:

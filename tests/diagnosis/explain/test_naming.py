@@ -15,8 +15,10 @@ from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse, diagnose
 from homeward.diagnosis.explain.catalogue import CATALOGUE
 from homeward.diagnosis.explain.change_points import search
 from homeward.diagnosis.explain.hypothesis import Setting
+from homeward.diagnosis.explain.naming import name_missing
+from homeward.diagnosis.explain.residual_test import independent_blocks
 from homeward.diagnosis.fit.refit import refit
-from homeward.diagnosis.fit.replay import average
+from homeward.diagnosis.fit.replay import Runs, average
 from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.effects.regeneration import NO_LIMIT_W
@@ -206,6 +208,33 @@ def test_what_is_switched_is_on_or_off(drive: Drive, husky: Robot) -> None:
         if one.schedule
     }
     assert levels <= {2}
+
+
+def test_a_load_that_grows_is_a_rival_of_what_its_growth_looks_like(
+    short_runs: Runs, husky: Robot
+) -> None:
+    """A gripper that jams more each time: what the switched load leaves looks like rougher ground,
+    but the same load, stronger at these times, explains as much."""
+    rng = np.random.default_rng(9)
+    jammed_w = np.zeros(len(short_runs.observed))
+    for run in range(len(short_runs.signals)):
+        time_s = short_runs.elapsed_s
+        power_w = 15.0
+        start_s = rng.exponential(15.0)
+        while start_s < time_s.max():
+            end_s = start_s + rng.uniform(3.0, 12.0)
+            is_jammed = (short_runs.run == run) & (start_s <= time_s) & (time_s < end_s)
+            jammed_w[is_jammed] = power_w
+            power_w += 15.0
+            start_s += 8.0 + rng.exponential(15.0)
+    runs = dataclasses.replace(short_runs, observed=short_runs.observed + jammed_w)
+    fit = refit(runs, husky)
+    block = independent_blocks(fit, runs).channels
+    naming = name_missing(fit, runs, block, np.random.default_rng(0), lambda step: None)
+    load, growth = naming.named
+    assert load.term.effect == "intermittent_load"
+    assert growth.term.effect != "intermittent_load"
+    assert "intermittent_load" in [rival.effect for rival in growth.rivals]
 
 
 def test_a_radio_whose_power_rises_in_steps_is_told_by_its_channel(
