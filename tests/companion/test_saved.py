@@ -16,9 +16,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homeward.companion import Advice, Companion, CompanionError
+from homeward.companion import Action, Advice, Companion, CompanionError
 from homeward.companion.saved import sealed
 from homeward.envs.routes import Route
+from homeward.estimation import Prior
+from homeward.physics import load_robot
 from tests.companion.test_wild import check
 
 SECONDS = 700
@@ -105,6 +107,100 @@ def test_a_restart_at_any_moment_changes_nothing(kind: str, tmp_path: Path) -> N
             assert step(other, kind, second) == advised[second], (moment, second)
         # NaN is not equal to itself, its text is
         assert json.dumps(other.state()) == states[moment + AFTER], moment
+
+
+ARGUMENTS: dict[str, Any] = {
+    "home": (1.0, 2.0), "risk": 0.25, "soc": 1.0, "forecast_mps": (1.0, 2.0), "cutoff_v": 21.0,
+    "capacity_j": 1_500_000.0, "cruise_mps": 1.0, "window_s": 8.0, "place_m": 64.0, "reaction_s": 4.0, "arrived_m": 8.0,
+    "docks": {"bay": (9.0, 8.0)}, "prior": Prior(capacity=0.75),
+}  # fmt: skip
+READINGS: dict[str, Any] = {
+    "speed_mps": 1.0, "power_w": 150.0, "voltage_v": 26.0, "current_a": 6.0, "soc": 1.0, "grade_rad": 0.0,
+    "heading_rad": 0.5, "position": (5.0, 2.0), "sensing_hz": 1.0, "temperature_c": 20.0, "interest": 1.0,
+}  # fmt: skip
+CALLS: tuple[tuple[str, Any], ...] = (
+    ("update", 12.0), ("charged", 1.0), ("swap_battery", 1.0), ("move_home", (3.0, 4.0)), ("move_home", 2.0),
+)  # fmt: skip
+
+
+def of_type(number: Any, value: Any) -> Any:
+    """A value with its numbers of a type, where that has them exactly."""
+    if isinstance(value, dict):
+        return {name: of_type(number, inner) for name, inner in value.items()}
+    if isinstance(value, Prior):
+        return Prior(*(of_type(number, inner) for inner in value))
+    if isinstance(value, tuple):
+        return np.array([of_type(number, inner) for inner in value])
+    if math.isfinite(value) and float(number(value)) == value:
+        return number(value)
+    return value
+
+
+def driven_with(number: Any) -> Companion:
+    """A companion whose numbers are all of a type."""
+    companion = Companion("husky", **of_type(number, ARGUMENTS))
+    for second in range(12):
+        companion.update(of_type(number, float(second)), **of_type(number, READINGS))
+    return companion
+
+
+@pytest.mark.parametrize("number", [int, np.int64, np.float32, np.float64])
+def test_a_state_is_for_json_and_the_same_of_numbers_of_any_type(
+    number: Any, tmp_path: Path
+) -> None:
+    plain = driven_with(float)
+    companion = driven_with(number)
+    other = Companion("husky", **of_type(number, ARGUMENTS))
+    for call, argument in CALLS:
+        getattr(plain, call)(argument)
+        getattr(companion, call)(of_type(number, argument))
+        state = json.dumps(companion.state())
+        assert state == json.dumps(plain.state()), (call, argument)
+        companion.save(tmp_path / "state.json")
+        other.load(tmp_path / "state.json")
+        assert state == json.dumps(other.state()), (call, argument)
+    advice = companion.update(of_type(number, 13.0), **of_type(number, READINGS))
+    assert json.dumps(advice.to_json()) == json.dumps(plain.update(13.0, **READINGS).to_json())
+
+
+def test_no_bool_of_numpy_is_taken_for_a_number() -> None:
+    companion = Companion("husky", home=(0.0, 0.0))
+    no_number: Any = np.True_
+    for name in ("risk", "soc", "cutoff_v", "capacity_j", "cruise_mps", "window_s", "place_m"):
+        arguments: dict[str, Any] = {name: no_number}
+        with pytest.raises(CompanionError, match=f"{name} = np.True_ is not allowed; give"):
+            Companion("husky", **arguments)
+    with pytest.raises(CompanionError, match=r"soc = np.True_ is not allowed; give"):
+        companion.charged(no_number)
+    with pytest.raises(CompanionError, match=r"soc = np.True_ is not a number; give"):
+        companion.update(0.0, soc=no_number)
+
+
+class SinglePrecision:
+    """A policy that computes in 32 bits."""
+
+    robot = load_robot("husky")
+
+    def begin(self) -> None:
+        pass
+
+    def update(self, *_: float, **__: float) -> tuple[float, float, str]:
+        speed_mps: Any = np.float32(0.75)
+        return speed_mps, speed_mps, "go"
+
+    def state(self) -> dict[str, Any]:
+        return {}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        pass
+
+
+def test_the_command_of_a_policy_is_for_json_in_numbers_of_any_type() -> None:
+    companion = Companion("husky", home=(0.0, 0.0), policy=SinglePrecision())
+    advice = companion.update(0.0, speed_mps=1.0, position=(0.0, 0.0))
+    state = json.loads(json.dumps(companion.state()))
+    assert state["companion"]["_action"] == [0.75, 0.75, "go"]
+    assert advice.action == Action(0.75, 0.75, "go")
 
 
 def test_a_state_does_not_change_with_its_companion() -> None:
