@@ -363,6 +363,11 @@ def test_of_damage_with_a_right_seal_nothing_follows_but_sound_advice(kind: str)
         (("_readings", "_place"), [-1e300, 0.0]),
         (("_readings", "_said"), [[1.0, 2.0]]),
         (("_has",), {"power": True}),
+        (("_has",), 5.0),
+        (("_way", "moved_home"), "abc"),
+        (("_way", "_crumbs"), math.nan),
+        (("_estimator", "pace_mps"), math.nan),
+        (("_readings", "clock_s"), math.nan),
         (("_turned",), 1.0),
         (("_action",), [1.0, 2.0]),
     ],
@@ -374,14 +379,45 @@ def test_a_value_that_no_companion_writes_is_refused(
     place = state["companion"]
     for name in path[:-1]:
         place = place[name]
+    if path[-1] == "_crumbs":
+        value = damaged(place["_crumbs"], 0, value)
     place[path[-1]] = value
     other = Companion("husky", home=(0.0, 0.0), cutoff_v=21.0)
     with pytest.raises(CompanionError, match=r"^the state cannot be used: "):
         other.restore(resealed(state))
 
 
+@pytest.mark.parametrize("value", [math.nan, 1e300])
+def test_no_number_of_the_estimator_spoils_the_advice(driven: Companion, value: float) -> None:
+    good = json.loads(json.dumps(driven.state()))
+    estimates = good["companion"]["_estimator"]["estimates"]
+    other = Companion("husky", home=(0.0, 0.0), cutoff_v=21.0)
+    refused = 0
+    for at in (0, 1, 2, 3, 5, 8, 20, 40):
+        state = copy.deepcopy(good)
+        state["companion"]["_estimator"]["estimates"] = damaged(estimates, at, value)
+        try:
+            other.restore(resealed(state))
+        except CompanionError as error:
+            assert "\n" not in str(error)
+            refused += 1
+        else:
+            check(step(other, "cut-off", 150), other.vehicle.full_j)
+    assert refused >= 7  # only what a robot may not have read yet may be no number
+
+
+def with_whole_numbers(value: Any) -> Any:
+    """A value as JSON writers have it that write 1.0 as 1."""
+    if isinstance(value, dict):
+        return {name: with_whole_numbers(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [with_whole_numbers(inner) for inner in value]
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    return value
+
+
 def test_a_state_of_whole_numbers_is_taken() -> None:
-    """Whoever gives integers has a state with integers."""
     keywords: dict[str, Any] = {"home": (0, 0), "soc": 1, "cutoff_v": 21, "cruise_mps": 1}
     companion = Companion("husky", **keywords, window_s=10)
     for second in range(60):
@@ -389,8 +425,12 @@ def test_a_state_of_whole_numbers_is_taken() -> None:
             companion.swap_battery(1)
         companion.update(second, speed_mps=1, power_w=100, soc=1, position=(second, 0))
         if second % 7 == 0:
-            state = json.loads(json.dumps(companion.state()))
-            Companion("husky", **keywords, window_s=10).restore(state)
+            state = with_whole_numbers(json.loads(json.dumps(companion.state())))
+            other = Companion("husky", **keywords, window_s=10)
+            other.restore(resealed(state))
+            again = with_whole_numbers(json.loads(json.dumps(other.state())))
+            assert json.dumps(again["companion"]) == json.dumps(state["companion"])
+            assert isinstance(other._readings.clock_s, float)
 
 
 @pytest.mark.parametrize("at", range(0, 4000, 97))
