@@ -608,7 +608,7 @@ class Companion:
         self._check_cutoff()
 
         def low_after_j(onwards_m: float) -> float:
-            return estimator.leaves(home, onwards_m).low_j
+            return estimator.low_after_j(home, onwards_m)
 
         turn = when_to_turn(
             low_after_j,
