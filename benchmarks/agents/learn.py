@@ -91,7 +91,7 @@ class Result:
 
     @property
     def rule(self) -> str:
-        """The d_max rule with the highest mean score."""
+        """The d_max rule with the highest mean score, of the three that do not estimate the robot."""
         return max(RULES, key=lambda name: float(self.others[name].score.mean()))
 
 

@@ -104,7 +104,7 @@ def card(description: dict[str, Any], row: dict[str, Any], curve: list[Point]) -
     compared = "\n".join(compared_rows)
     against = {
         "first": "first policy",
-        "rule": f"best d_max rule, `{row['rule']}`",
+        "rule": f"best of the three d_max rules that do not estimate the robot, `{row['rule']}`",
         "planner": "planner",
     }
     gains = {f"minus the {words}": f"minus_{name}" for name, words in against.items()}

@@ -18,7 +18,7 @@ Energies are as metered, over the energy of a full battery by the robot's file.
 from __future__ import annotations
 
 import math
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -553,8 +553,17 @@ class BatteryBelief:
         return math.sqrt(max(float(self.weights @ (self.totals - self.total) ** 2), 0.0))
 
 
+@lru_cache(maxsize=4)
 def _starts(start: Start) -> tuple[Floats, Floats]:
-    """States of charge at the start and their probabilities, each of shape (STARTS,)."""
+    """States of charge at the start and their probabilities, each of shape (STARTS,): kept, as
+    every update asks for them, and not to be changed."""
+    charge, weight = _drawn_starts(start)
+    charge.flags.writeable = False
+    weight.flags.writeable = False
+    return charge, weight
+
+
+def _drawn_starts(start: Start) -> tuple[Floats, Floats]:
     if start.told:
         # Chargers end, and cells lose, some per cent; nobody tells more than full.
         charge = np.linspace(

@@ -1,4 +1,8 @@
-"""Checks of a companion's arguments; an invalid one is a `CompanionError` of one line."""
+"""Checks of a companion's arguments; an invalid one is a `CompanionError` of one line.
+
+Numbers may be of any type, such as those of numpy; what is returned are floats, so that a saved
+state holds nothing else.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,8 @@ from homeward.companion.advice import HOME
 from homeward.companion.readings import CompanionError, Position, as_float, checked_position
 
 
-def check_number(name: str, value: Any, low: float, high: float) -> None:
-    """Check that a value is a number within bounds."""
+def checked_number(name: str, value: Any, low: float, high: float) -> float:
+    """A number within bounds."""
     if (
         isinstance(value, bool)
         or not isinstance(value, numbers.Real)
@@ -25,13 +29,14 @@ def check_number(name: str, value: Any, low: float, high: float) -> None:
         raise CompanionError(
             f"{name} = {value!r} is not allowed; give a number in [{low:.4g}, {high:.4g}]"
         )
+    return as_float(value)
 
 
-def check_numbers(given: Mapping[str, tuple[Any, float, float]]) -> None:
-    """Check numbers by name, each with its bounds; None is not given."""
-    for name, (value, low, high) in given.items():
-        if value is not None:
-            check_number(name, value, low, high)
+def checked_if_given(name: str, value: Any, low: float, high: float) -> float | None:
+    """A number within bounds; None if it is not given."""
+    if value is None:
+        return None
+    return checked_number(name, value, low, high)
 
 
 def check_route(route: Any, most_m: float) -> None:
@@ -76,15 +81,18 @@ def check_route(route: Any, most_m: float) -> None:
         )
 
 
-def check_home(home: Any) -> None:
-    """Check that home, if given, is `(east, north)` on the earth, or `"here"`."""
-    if home is None or home == "here":
-        return
+def checked_home(home: Any) -> tuple[float, float] | str | None:
+    """Home, if given: `(east, north)` on the earth, or `"here"`."""
+    if home is None:
+        return None
+    if isinstance(home, str) and home == "here":
+        return "here"
     place = checked_position("home", home)
     if not isinstance(place, tuple) or not math.hypot(*place) <= thresholds.EARTH_M:
         raise CompanionError(
             f"home = {home!r} is not allowed; give (east, north) in metres, or 'here'"
         )
+    return place
 
 
 def docks_of(texts: Sequence[str]) -> dict[str, Position]:
@@ -132,7 +140,8 @@ def checked_docks(
             f"docks = {docks!r} is not allowed; give places by name, such as {{'bay': (40.0, -12.0)}}"
         )
     return {
-        name: _checked_dock(name, place, home, route_m, most_m) for name, place in docks.items()
+        str(name): _checked_dock(name, place, home, route_m, most_m)
+        for name, place in docks.items()
     }
 
 
@@ -170,12 +179,13 @@ def _checked_dock(
     return dock
 
 
-def check_wind(forecast_mps: Any) -> None:
-    """Check that a forecast of the wind, if given, is `(east, north)` and of a plausible
-    strength."""
-    if forecast_mps is not None:
-        wind = checked_position("forecast_mps", forecast_mps)
-        if not isinstance(wind, tuple) or math.hypot(*wind) > shared.MOST_WIND_MPS:
-            raise CompanionError(
-                f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s"
-            )
+def checked_wind(forecast_mps: Any) -> tuple[float, float] | None:
+    """A forecast of the wind, if given: `(east, north)`, of a plausible strength."""
+    if forecast_mps is None:
+        return None
+    wind = checked_position("forecast_mps", forecast_mps)
+    if not isinstance(wind, tuple) or math.hypot(*wind) > shared.MOST_WIND_MPS:
+        raise CompanionError(
+            f"forecast_mps = {forecast_mps!r} is not allowed; give (east, north) in m/s"
+        )
+    return wind

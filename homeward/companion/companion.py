@@ -20,12 +20,12 @@ from homeward.companion import thresholds
 from homeward.companion.advice import HOME, Action, Advice, UncertainValue
 from homeward.companion.battery import Start
 from homeward.companion.checks import (
-    check_home,
-    check_number,
-    check_numbers,
     check_route,
-    check_wind,
     checked_docks,
+    checked_home,
+    checked_if_given,
+    checked_number,
+    checked_wind,
 )
 from homeward.companion.gauge import FOLLOWS, OWN
 from homeward.companion.home_estimator import HomeEstimator, Outcome, WayHome, best_first
@@ -154,22 +154,22 @@ class Companion:
         self._range_m = range_m
         full_j = self.robot.usable_energy_j
         most_v = thresholds.MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)
-        # Each with its lowest and its highest value.
-        arguments = {
-            "risk": (risk, *thresholds.RISKS),
-            "soc": (soc, 0.0, 1.0),
-            "cutoff_v": (cutoff_v, thresholds.LEAST_VOLTAGE_V, most_v),
-            "capacity_j": (capacity_j, thresholds.LEAST_CAPACITY * full_j, full_j),
-            "cruise_mps": (cruise_mps, thresholds.SLOWEST_MPS, self.robot.max_speed_mps),
-            "window_s": (window_s, *thresholds.WINDOWS_S),
-            "place_m": (place_m, thresholds.SHORTEST_PLACE * range_m, range_m),
-            "reaction_s": (reaction_s, 0.0, thresholds.LONGEST_REACTION_S),
-            "arrived_m": (arrived_m, 0.0, thresholds.LARGEST_HOME_M),
-        }
-        check_numbers(arguments)
+        risk = checked_number("risk", risk, *thresholds.RISKS)
+        arrived_m = checked_number("arrived_m", arrived_m, 0.0, thresholds.LARGEST_HOME_M)
+        soc = checked_if_given("soc", soc, 0.0, 1.0)
+        cutoff_v = checked_if_given("cutoff_v", cutoff_v, thresholds.LEAST_VOLTAGE_V, most_v)
+        least_j = thresholds.LEAST_CAPACITY * full_j
+        capacity_j = checked_if_given("capacity_j", capacity_j, least_j, full_j)
+        fastest_mps = self.robot.max_speed_mps
+        cruise_mps = checked_if_given("cruise_mps", cruise_mps, thresholds.SLOWEST_MPS, fastest_mps)
+        window_s = checked_if_given("window_s", window_s, *thresholds.WINDOWS_S)
+        shortest_m = thresholds.SHORTEST_PLACE * range_m
+        place_m = checked_if_given("place_m", place_m, shortest_m, range_m)
+        longest_s = thresholds.LONGEST_REACTION_S
+        reaction_s = checked_if_given("reaction_s", reaction_s, 0.0, longest_s)
         self._limits = limits_of(self.robot, range_m)
-        check_home(home)
-        check_wind(forecast_mps)
+        home = checked_home(home)
+        forecast_mps = checked_wind(forecast_mps)
         check_route(route, self._limits.way_m)
         route_m = None
         if route is not None:
@@ -184,8 +184,7 @@ class Companion:
         self.risk = risk
         keeps_cruise = cruise_mps is not None
         if cruise_mps is None:
-            cruise_mps = optimal_speed(self.robot)
-        cruise_mps = float(cruise_mps)
+            cruise_mps = float(optimal_speed(self.robot))
         if window_s is None:
             window_s = range_m / cruise_mps / WINDOWS
         if reaction_s is None:
@@ -204,6 +203,7 @@ class Companion:
         self._cutoff_v = cutoff_v
         knowledge = known_of(self.robot, forecast_mps is not None)
         if prior is not None:
+            prior = Prior(*map(float, prior))
             knowledge = PriorKnowledge(prior, (), meter_sd=prior.gain_sd)
         if capacity_j is not None:
             knowledge = knowledge.with_capacity(capacity_j / full_j)
@@ -346,9 +346,11 @@ class Companion:
             interest=reading.interest,
         )
         if action is not None:
-            speed_mps, sensing_hz, _ = action
-            if not (math.isfinite(speed_mps) and math.isfinite(sensing_hz)):
-                action = None
+            speed_mps, sensing_hz, mode = action
+            action = None
+            if math.isfinite(speed_mps) and math.isfinite(sensing_hz):
+                # of any type of number, as a policy computes them
+                action = (float(speed_mps), float(sensing_hz), str(mode))
         self._action = action
 
     def charged(self, soc: float) -> None:
@@ -365,7 +367,7 @@ class Companion:
         Raises:
             CompanionError: `soc` is not such a number.
         """
-        check_number("soc", soc, 0.0, 1.0)
+        soc = checked_number("soc", soc, 0.0, 1.0)
         self._flush()
         self._estimator.recharge(soc)
         self._readings.charge()
@@ -396,7 +398,7 @@ class Companion:
         Raises:
             CompanionError: `soc` is not such a number.
         """
-        check_number("soc", soc, 0.0, 1.0)
+        soc = checked_number("soc", soc, 0.0, 1.0)
         self._flush()
         self._estimator.begin_battery(Start(soc))
         self._lowest_j = math.inf
@@ -449,7 +451,7 @@ class Companion:
             other_j: Energy by the robot's own model for all but steady driving on it, J: standing,
                 turning.
         """
-        return self._estimator.ahead(ways, other_j)
+        return self._estimator.ahead(ways, float(other_j))
 
     def after(self, ways: NDArray[np.void]) -> UncertainValue:
         """Energy left after a way from here, see `ahead`, if only standing and steady driving
@@ -574,11 +576,19 @@ class Companion:
         Args:
             place: `(east, north)` in metres, or metres from home along the way.
             from_m: With a route: position on it to start from, m from home; by default the robot's.
+
+        Raises:
+            CompanionError: `place` is neither.
         """
+        checked = checked_position("place", place)
+        if checked is None:
+            raise CompanionError(
+                f"place = {place!r} is not allowed; give (east, north) in metres, or metres from home along the way"
+            )
         here_m = self._way.position_m
         if from_m is not None:
             here_m = from_m
-        leave_m, leg_m = self._way.beyond(place, from_m)
+        leave_m, leg_m = self._way.beyond(checked, from_m)
         leg_m, speed_mps = thresholds.DETOUR * leg_m, self._estimator.home_mps
         return along_and_off(
             self._estimator.places, self.vehicle, here_m, leave_m, leg_m, speed_mps
@@ -598,7 +608,7 @@ class Companion:
         self._check_cutoff()
 
         def low_after_j(onwards_m: float) -> float:
-            return estimator.leaves(home, onwards_m).low_j
+            return estimator.low_after_j(home, onwards_m)
 
         turn = when_to_turn(
             low_after_j,

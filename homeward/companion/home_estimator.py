@@ -610,10 +610,17 @@ class HomeEstimator:
 
     def leaves(self, home: WayHome, onwards_m: float = 0.0) -> Outcome:
         """Energy left at home after driving on at the present pace, and then home."""
+        return self._outcome(self._margin_at_home(home, onwards_m))
+
+    def low_after_j(self, home: WayHome, onwards_m: float) -> float:
+        """`low_j` of `leaves`, in less time."""
+        return self._low_j(_mixture_of(self._margin_at_home(home, onwards_m)), self._totals_j)
+
+    def _margin_at_home(self, home: WayHome, onwards_m: float) -> Margin:
         plan = self._plan(onwards_m, home.cost_j)
         plan["elsewhere"] = float(home.ways is not None)
         plan["unsure_j"] = home.unsure_j
-        return self._outcome(self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m))
+        return self._margin(plan, home.ways, home.way_m + 2.0 * onwards_m)
 
     def _outcome(self, margin: Margin) -> Outcome:
         """What a plan leaves, with what is believed of the battery: `margin` is that of a battery
@@ -631,20 +638,27 @@ class HomeEstimator:
             mean=float(total["margin_j"]) + beyond_j,
             sd=math.hypot(float(total["margin_sd_j"]), total_sd_j),
         )
-        mixture = np.stack(
-            (margin.weight[0], margin.mean_j[0], margin.sd_j[0], margin.skewness[0]), axis=-1
-        )
-        totals_j = full_j * (battery.totals - 1.0)
-        low_j = quantile_of_sum(
-            mixture, totals_j, battery.weights, self._risk, self._student_quantile
-        )
+        mixture = _mixture_of(margin)
+        totals_j = self._totals_j
         chance_stranded = float(chance_below(mixture, totals_j, battery.weights, 0.0, 0.0))
         return Outcome(
             left=left.within(0.0, full_j),
             cost=self._cost(total).within(0.0, math.inf),
             margin=after_plan,
-            low_j=float(low_j),
+            low_j=self._low_j(mixture, totals_j),
             chance_home=max(1.0 - chance_stranded, 0.0),
+        )
+
+    @property
+    def _totals_j(self) -> NDArray[np.float64]:
+        """What each possible battery holds beyond the file's usable energy, J as metered."""
+        return np.asarray(self.vehicle.full_j * (self.battery.totals - 1.0))
+
+    def _low_j(self, mixture: NDArray[np.float64], totals_j: NDArray[np.float64]) -> float:
+        """Margin at the accepted risk, J."""
+        weights = self.battery.weights
+        return float(
+            quantile_of_sum(mixture, totals_j, weights, self._risk, self._student_quantile)
         )
 
     def _cost(self, total: np.void) -> UncertainValue:
@@ -733,3 +747,9 @@ class HomeEstimator:
     def _standing_j(self, way_m: float) -> float:
         """Energy of standing for as long as a way home takes."""
         return self.vehicle.idle_w / self.home_mps * way_m
+
+
+def _mixture_of(margin: Margin) -> NDArray[np.float64]:
+    """A margin in the form that `homeward.estimation.margin` takes, shape (hypotheses, 4)."""
+    parts = (margin.weight[0], margin.mean_j[0], margin.sd_j[0], margin.skewness[0])
+    return np.stack(parts, axis=-1)

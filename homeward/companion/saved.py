@@ -202,6 +202,8 @@ def _decoded(value: Any, present: Any) -> Any:
         return _unpacked(value, present)
     if isinstance(value, dict):
         return dict(value)
+    if isinstance(present, float) and isinstance(value, int):
+        return float(value)  # some writers of JSON have 1 for 1.0
     return _with_tuples(value)
 
 

@@ -74,6 +74,7 @@ _LEAST_VARIANCE = 1e-18
 """Least variance of a margin, of a battery squared. Chosen: above 0, because it divides."""
 _TINY = 1e-300
 """Least probability and deviation, of which the logarithm and the inverse are finite."""
+_FARTHEST = 1e150  # standard deviations; chosen: beyond any, and the square is finite
 _LEAST_COURSE = 1e-6
 """Least duration of a way, over the correlation time of the gusts. Chosen: above 0, because it
 divides."""
@@ -409,6 +410,23 @@ def _quantile(mixture: Any, risk: float, normal_quantile: float) -> float:
     return low
 
 
+@called
+def _sum_below(
+    mixture: Any, totals: Any, weights: Any, value: float, least: float, enough: float
+) -> float:
+    """Probability of `chance_below`, summed until it is above `enough`."""
+    below = 0.0
+    for k in range(len(mixture)):
+        if mixture[k, _WEIGHT] > least:
+            for m in range(len(totals)):
+                deviations = (value - mixture[k, _MEAN] - totals[m]) / max(mixture[k, _SD], _TINY)
+                standardised = _standardised(deviations, mixture[k, _SKEWNESS])
+                below += mixture[k, _WEIGHT] * weights[m] * _below_by_student(standardised)
+            if below > enough:
+                break
+    return below
+
+
 @compiled
 def chance_below(mixture: Any, totals: Any, weights: Any, value: float, least: float) -> float:
     """Probability that the sum of two independent numbers is below a value.
@@ -421,14 +439,7 @@ def chance_below(mixture: Any, totals: Any, weights: Any, value: float, least: f
         value: The value.
         least: Weight up to which a part of the first is left out.
     """
-    below = 0.0
-    for k in range(len(mixture)):
-        if mixture[k, _WEIGHT] > least:
-            for m in range(len(totals)):
-                deviations = (value - mixture[k, _MEAN] - totals[m]) / max(mixture[k, _SD], _TINY)
-                standardised = _standardised(deviations, mixture[k, _SKEWNESS])
-                below += mixture[k, _WEIGHT] * weights[m] * _below_by_student(standardised)
-    return float(below)
+    return float(_sum_below(mixture, totals, weights, value, least, np.inf))
 
 
 @compiled
@@ -455,7 +466,7 @@ def quantile_of_sum(
         middle = 0.5 * (low + high)
         if not low < middle < high:
             break  # neighbouring numbers: nothing is between them
-        if chance_below(mixture, totals, weights, middle, negligible) > risk:
+        if _sum_below(mixture, totals, weights, middle, negligible, risk) > risk:
             high = middle
         else:
             low = middle
@@ -468,11 +479,10 @@ def _below_by_student(deviations: float) -> float:
 
     In closed form, as for all odd numbers of them (Abramowitz and Stegun, 26.7.3).
     """
-    angle = math.atan2(deviations, math.sqrt(thresholds.DEGREES))
-    cosine = math.cos(angle)
-    square = cosine * cosine
-    series = cosine * (1.0 + square * (2.0 / 3.0 + square * (8.0 / 15.0)))
-    return 0.5 + (angle + math.sin(angle) * series) / math.pi
+    tangent = min(max(deviations, -_FARTHEST), _FARTHEST) / math.sqrt(thresholds.DEGREES)
+    square = 1.0 / (1.0 + tangent * tangent)  # of the cosine
+    series = square * (1.0 + square * (2.0 / 3.0 + square * (8.0 / 15.0)))
+    return 0.5 + (math.atan(tangent) + tangent * series) / math.pi
 
 
 @inline

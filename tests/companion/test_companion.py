@@ -451,6 +451,20 @@ def test_home_that_moves() -> None:
     assert ahead.update(1.0, position=100.0, speed_mps=0.0).way_home_m == pytest.approx(250.0)
 
 
+@pytest.mark.parametrize("number", [int, np.int64, np.float32])
+def test_the_way_to_a_place_is_the_same_in_numbers_of_any_type(number: Any) -> None:
+    one = companion()
+    Driven(every_s=5.0).drive(one, 0.0, 100.0)
+    for place in (40.0, (40.0, 30.0)):
+        length_m = one.way_to(place)["way_m"].sum()
+        given: Any = np.array(place, dtype=number)
+        if given.ndim == 0:
+            given = given[()]  # a number of that type
+        assert one.way_to(given)["way_m"].sum() == length_m > 0.0
+    with pytest.raises(CompanionError, match="place = nan is not allowed; give"):
+        one.way_to(math.nan)
+
+
 def test_of_several_homes_the_nearer_is_advised_and_one_out_of_reach_is_listed() -> None:
     docks = {"hut": (2000.0, 50.0), "bay": (900.0, 0.0), "town": (20_000.0, 0.0)}
     one, robot = companion(docks=docks), Driven(every_s=25.0)

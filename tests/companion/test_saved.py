@@ -16,9 +16,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homeward.companion import Advice, Companion, CompanionError
+from homeward.companion import Action, Advice, Companion, CompanionError
 from homeward.companion.saved import sealed
 from homeward.envs.routes import Route
+from homeward.estimation import Prior
+from homeward.physics import load_robot
 from tests.companion.test_wild import check
 
 SECONDS = 700
@@ -105,6 +107,100 @@ def test_a_restart_at_any_moment_changes_nothing(kind: str, tmp_path: Path) -> N
             assert step(other, kind, second) == advised[second], (moment, second)
         # NaN is not equal to itself, its text is
         assert json.dumps(other.state()) == states[moment + AFTER], moment
+
+
+ARGUMENTS: dict[str, Any] = {
+    "home": (1.0, 2.0), "risk": 0.25, "soc": 1.0, "forecast_mps": (1.0, 2.0), "cutoff_v": 21.0,
+    "capacity_j": 1_500_000.0, "cruise_mps": 1.0, "window_s": 8.0, "place_m": 64.0, "reaction_s": 4.0, "arrived_m": 8.0,
+    "docks": {"bay": (9.0, 8.0)}, "prior": Prior(capacity=0.75),
+}  # fmt: skip
+READINGS: dict[str, Any] = {
+    "speed_mps": 1.0, "power_w": 150.0, "voltage_v": 26.0, "current_a": 6.0, "soc": 1.0, "grade_rad": 0.0,
+    "heading_rad": 0.5, "position": (5.0, 2.0), "sensing_hz": 1.0, "temperature_c": 20.0, "interest": 1.0,
+}  # fmt: skip
+CALLS: tuple[tuple[str, Any], ...] = (
+    ("update", 12.0), ("charged", 1.0), ("swap_battery", 1.0), ("move_home", (3.0, 4.0)), ("move_home", 2.0),
+)  # fmt: skip
+
+
+def of_type(number: Any, value: Any) -> Any:
+    """A value with its numbers of a type, where that has them exactly."""
+    if isinstance(value, dict):
+        return {name: of_type(number, inner) for name, inner in value.items()}
+    if isinstance(value, Prior):
+        return Prior(*(of_type(number, inner) for inner in value))
+    if isinstance(value, tuple):
+        return np.array([of_type(number, inner) for inner in value])
+    if math.isfinite(value) and float(number(value)) == value:
+        return number(value)
+    return value
+
+
+def driven_with(number: Any) -> Companion:
+    """A companion whose numbers are all of a type."""
+    companion = Companion("husky", **of_type(number, ARGUMENTS))
+    for second in range(12):
+        companion.update(of_type(number, float(second)), **of_type(number, READINGS))
+    return companion
+
+
+@pytest.mark.parametrize("number", [int, np.int64, np.float32, np.float64])
+def test_a_state_is_for_json_and_the_same_of_numbers_of_any_type(
+    number: Any, tmp_path: Path
+) -> None:
+    plain = driven_with(float)
+    companion = driven_with(number)
+    other = Companion("husky", **of_type(number, ARGUMENTS))
+    for call, argument in CALLS:
+        getattr(plain, call)(argument)
+        getattr(companion, call)(of_type(number, argument))
+        state = json.dumps(companion.state())
+        assert state == json.dumps(plain.state()), (call, argument)
+        companion.save(tmp_path / "state.json")
+        other.load(tmp_path / "state.json")
+        assert state == json.dumps(other.state()), (call, argument)
+    advice = companion.update(of_type(number, 13.0), **of_type(number, READINGS))
+    assert json.dumps(advice.to_json()) == json.dumps(plain.update(13.0, **READINGS).to_json())
+
+
+def test_no_bool_of_numpy_is_taken_for_a_number() -> None:
+    companion = Companion("husky", home=(0.0, 0.0))
+    no_number: Any = np.True_
+    for name in ("risk", "soc", "cutoff_v", "capacity_j", "cruise_mps", "window_s", "place_m"):
+        arguments: dict[str, Any] = {name: no_number}
+        with pytest.raises(CompanionError, match=f"{name} = np.True_ is not allowed; give"):
+            Companion("husky", **arguments)
+    with pytest.raises(CompanionError, match=r"soc = np.True_ is not allowed; give"):
+        companion.charged(no_number)
+    with pytest.raises(CompanionError, match=r"soc = np.True_ is not a number; give"):
+        companion.update(0.0, soc=no_number)
+
+
+class SinglePrecision:
+    """A policy that computes in 32 bits."""
+
+    robot = load_robot("husky")
+
+    def begin(self) -> None:
+        pass
+
+    def update(self, *_: float, **__: float) -> tuple[float, float, str]:
+        speed_mps: Any = np.float32(0.75)
+        return speed_mps, speed_mps, "go"
+
+    def state(self) -> dict[str, Any]:
+        return {}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        pass
+
+
+def test_the_command_of_a_policy_is_for_json_in_numbers_of_any_type() -> None:
+    companion = Companion("husky", home=(0.0, 0.0), policy=SinglePrecision())
+    advice = companion.update(0.0, speed_mps=1.0, position=(0.0, 0.0))
+    state = json.loads(json.dumps(companion.state()))
+    assert state["companion"]["_action"] == [0.75, 0.75, "go"]
+    assert advice.action == Action(0.75, 0.75, "go")
 
 
 def test_a_state_does_not_change_with_its_companion() -> None:
@@ -267,6 +363,11 @@ def test_of_damage_with_a_right_seal_nothing_follows_but_sound_advice(kind: str)
         (("_readings", "_place"), [-1e300, 0.0]),
         (("_readings", "_said"), [[1.0, 2.0]]),
         (("_has",), {"power": True}),
+        (("_has",), 5.0),
+        (("_way", "moved_home"), "abc"),
+        (("_way", "_crumbs"), math.nan),
+        (("_estimator", "pace_mps"), math.nan),
+        (("_readings", "clock_s"), math.nan),
         (("_turned",), 1.0),
         (("_action",), [1.0, 2.0]),
     ],
@@ -278,14 +379,45 @@ def test_a_value_that_no_companion_writes_is_refused(
     place = state["companion"]
     for name in path[:-1]:
         place = place[name]
+    if path[-1] == "_crumbs":
+        value = damaged(place["_crumbs"], 0, value)
     place[path[-1]] = value
     other = Companion("husky", home=(0.0, 0.0), cutoff_v=21.0)
     with pytest.raises(CompanionError, match=r"^the state cannot be used: "):
         other.restore(resealed(state))
 
 
+@pytest.mark.parametrize("value", [math.nan, 1e300])
+def test_no_number_of_the_estimator_spoils_the_advice(driven: Companion, value: float) -> None:
+    good = json.loads(json.dumps(driven.state()))
+    estimates = good["companion"]["_estimator"]["estimates"]
+    other = Companion("husky", home=(0.0, 0.0), cutoff_v=21.0)
+    refused = 0
+    for at in (0, 1, 2, 3, 5, 8, 20, 40):
+        state = copy.deepcopy(good)
+        state["companion"]["_estimator"]["estimates"] = damaged(estimates, at, value)
+        try:
+            other.restore(resealed(state))
+        except CompanionError as error:
+            assert "\n" not in str(error)
+            refused += 1
+        else:
+            check(step(other, "cut-off", 150), other.vehicle.full_j)
+    assert refused >= 7  # only what a robot may not have read yet may be no number
+
+
+def with_whole_numbers(value: Any) -> Any:
+    """A value as JSON writers have it that write 1.0 as 1."""
+    if isinstance(value, dict):
+        return {name: with_whole_numbers(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [with_whole_numbers(inner) for inner in value]
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    return value
+
+
 def test_a_state_of_whole_numbers_is_taken() -> None:
-    """Whoever gives integers has a state with integers."""
     keywords: dict[str, Any] = {"home": (0, 0), "soc": 1, "cutoff_v": 21, "cruise_mps": 1}
     companion = Companion("husky", **keywords, window_s=10)
     for second in range(60):
@@ -293,8 +425,12 @@ def test_a_state_of_whole_numbers_is_taken() -> None:
             companion.swap_battery(1)
         companion.update(second, speed_mps=1, power_w=100, soc=1, position=(second, 0))
         if second % 7 == 0:
-            state = json.loads(json.dumps(companion.state()))
-            Companion("husky", **keywords, window_s=10).restore(state)
+            state = with_whole_numbers(json.loads(json.dumps(companion.state())))
+            other = Companion("husky", **keywords, window_s=10)
+            other.restore(resealed(state))
+            again = with_whole_numbers(json.loads(json.dumps(other.state())))
+            assert json.dumps(again["companion"]) == json.dumps(state["companion"])
+            assert isinstance(other._readings.clock_s, float)
 
 
 @pytest.mark.parametrize("at", range(0, 4000, 97))

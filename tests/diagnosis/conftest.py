@@ -2,9 +2,13 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable
+import hashlib
+import os
+from collections.abc import Callable, Sequence
 
+import cloudpickle
 import pytest
+from filelock import FileLock
 
 from homeward import Robot, load_robot
 from homeward.diagnosis import Analysis, Recording, analyse
@@ -18,6 +22,7 @@ from tests.logs.conftest import csv as csv
 from tests.logs.conftest import table as table
 
 Drive = Callable[..., list[Recording]]
+Analyse = Callable[[Sequence[Recording], Robot], Analysis]
 
 
 @pytest.fixture(scope="session")
@@ -70,16 +75,40 @@ def short_fit(short_runs: Runs, husky: Robot) -> Refit:
 
 
 @pytest.fixture(scope="session")
-def scrubbing(short_drive: Drive, husky: Robot) -> Analysis:
-    """What is said of a robot whose turning its file does not know, for all tests that ask
-    something of it."""
-    return analyse(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+def analyse_once(tmp_path_factory: pytest.TempPathFactory) -> Analyse:
+    """`analyse`, for all tests and processes that ask for the same recordings and robot: the first
+    makes the analysis, and each gets a copy."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # of this run of the tests, and no other
+
+    def analysis_of(recordings: Sequence[Recording], robot: Robot) -> Analysis:
+        digest = hashlib.sha256(repr(robot).encode())
+        for recording in recordings:
+            digest.update(repr(dataclasses.replace(recording, channels={})).encode())
+            for name, values in recording.channels.items():
+                digest.update(name.encode() + values.tobytes())
+        path = folder / f"analysis-{digest.hexdigest()}.pickle"
+        with FileLock(f"{path}.lock"):
+            if not path.exists():  # with what local functions close over, which pickle refuses
+                path.write_bytes(cloudpickle.dumps(analyse(recordings, robot)))
+            analysis: Analysis = cloudpickle.loads(path.read_bytes())
+        return analysis
+
+    return analysis_of
 
 
 @pytest.fixture(scope="session")
-def faultless(short_drive: Drive, husky: Robot) -> Analysis:
+def scrubbing(short_drive: Drive, husky: Robot, analyse_once: Analyse) -> Analysis:
+    """What is said of a robot whose turning its file does not know, for all tests that ask
+    something of it."""
+    return analyse_once(short_drive(husky, effects={"turning": {"scrub": 0.3}}), husky)
+
+
+@pytest.fixture(scope="session")
+def faultless(short_drive: Drive, husky: Robot, analyse_once: Analyse) -> Analysis:
     """What is said of a robot that is as its file says."""
-    return analyse(short_drive(husky), husky)
+    return analyse_once(short_drive(husky), husky)
 
 
 @pytest.fixture(scope="session")

@@ -259,6 +259,14 @@ def test_a_sum_with_a_second_number_has_the_tails_of_student() -> None:
         assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(risk, rel=0.05)
 
 
+def test_a_sum_of_exact_numbers_is_certainly_below_or_not() -> None:
+    """Without a deviation a value is infinitely many of them away."""
+    each = np.array([[1.0, 5.0, 0.0, 0.0]])
+    totals, weights = np.array([1.0]), np.array([1.0])
+    for value, below in ((-1e9, 0.0), (5.9, 0.0), (6.1, 1.0), (1e9, 1.0)):
+        assert chance_below(each, totals, weights, value, 0.0) == pytest.approx(below, abs=1e-12)
+
+
 def test_the_quantile_of_a_sum_ends_where_no_number_is_between_its_parts() -> None:
     """Energies so large that neighbouring numbers are farther apart than what is asked for."""
     each = np.array(

@@ -24,7 +24,7 @@ from benchmarks.on_the_robot.gauges.cell import (
     open_circuit_v,
 )
 from benchmarks.on_the_robot.gauges.sizes import Sizes, between
-from homeward import load_robot
+from homeward.companion import Companion
 
 Curve = Literal["none", "chemistry", "measured"]
 LABEL_C = 25.0  # C, makers state capacities at 20 to 25 C
@@ -210,8 +210,7 @@ def robot_file(
 
 
 def refusal(curve: Curve, chemistry: str, sizes: Sizes) -> str | None:
-    """What the installed version of homeward says against such a robot file; None if it accepts
-    it."""
+    """What the companion says against such a robot file; None if it accepts it."""
     place = sizes.robots["husky"]
     cells = place.cells[chemistry]
     cell = sizes.cells[chemistry]
@@ -223,7 +222,7 @@ def refusal(curve: Curve, chemistry: str, sizes: Sizes) -> str | None:
     with tempfile.TemporaryDirectory() as folder:
         path = robot_file(Path(folder), place.preset, label, chemistry, curve, straight_v)
         try:
-            load_robot(path)
+            Companion(path)
         except ValueError as error:
             return str(error)
     return None

@@ -70,6 +70,9 @@ def test_its_card_tells_of_the_very_policy(agent: str, mission: str) -> None:
     card = (folder / "card.md").read_text()
     assert description["weights_sha256"][:16] in card
     assert description["command"] in card
+    # `dmax_belief`, which estimates the robot, is a d_max rule too, and better
+    assert "minus the best of the three d_max rules that do not estimate the robot, `dmax_" in card
+    assert "best d_max rule" not in card
     assert (Path(__file__).parents[3] / description["command"].split()[0]).is_file()
 
 

@@ -65,7 +65,7 @@ def test_the_best_on_its_curve_is_shipped_with_a_card(tmp_path: Path) -> None:
         "`benchmarks/agents/learn.py`, seed 0",
         "this policy scores 1240 and strands in 0.50%",
         "minus the first policy +50 (+40 to +60)",
-        "last minus the best d_max rule, `dmax_adaptive` +50 (+40 to +60)",
+        "last minus the best of the three d_max rules that do not estimate the robot, `dmax_adaptive` +50 (+40 to +60)",
         "| first policy, sampled | 1000 | 3.00% |",
         "| last policy, greedy, all seeds | 1000 | 3.00% |",
         "| `ppo`, sampled, all seeds | 1230 | 2.00% |",

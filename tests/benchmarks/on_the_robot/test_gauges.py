@@ -1,6 +1,7 @@
 """The benchmark of faulty gauges: its battery, way, gauges and instruments do what physics and
 their names say."""
 
+import ast
 import csv
 import io
 import math
@@ -18,6 +19,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from rich.table import Table as RichTable
 
+from benchmarks.on_the_robot import gauges
 from benchmarks.on_the_robot.gauges import report
 from benchmarks.on_the_robot.gauges.__main__ import Args, Chemistry, main, make_cases
 from benchmarks.on_the_robot.gauges.agents import (
@@ -85,7 +87,7 @@ from benchmarks.on_the_robot.gauges.way import (
     drive_home,
     drive_out,
 )
-from homeward import load_robot
+from homeward import companion, load_robot
 
 SIZES = read_sizes()
 CHEMISTRIES = tuple(SIZES.cells)
@@ -852,8 +854,23 @@ def test_homeward_accepts_the_robot_files(curve: Curve, tmp_path: Path) -> None:
         assert ("chemistry" in battery) == (curve == "chemistry")
         assert ("cells_in_series" in battery) == (curve == "chemistry" and chemistry != "flat")
         assert ("open_circuit_v" in battery) == (curve == "measured")
+    for chemistry in CHEMISTRIES:
         assert refusal(curve, chemistry, SIZES) is None
     assert accepted_curve(CHEMISTRIES, SIZES) == "chemistry"
+
+
+def test_of_homeward_it_imports_the_public_companion_only() -> None:
+    imported = set()
+    for path in Path(gauges.__path__[0]).glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module is not None:
+                imported |= {f"{node.module}.{alias.name}" for alias in node.names}
+            elif isinstance(node, ast.Import):
+                imported |= {alias.name for alias in node.names}
+    of_homeward = {name for name in imported if name.split(".")[0] == "homeward"}
+    of_companion = {f"homeward.companion.{name}" for name in companion.__all__}
+    assert "homeward.companion.Companion" in of_homeward
+    assert of_homeward <= of_companion
 
 
 def test_a_chemistry_that_is_not_known_is_refused() -> None:

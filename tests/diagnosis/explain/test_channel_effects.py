@@ -30,6 +30,7 @@ from homeward.diagnosis.read.signals import signals
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.battery import FLAT
 from homeward.physics.effects.cold_battery import cold_battery
+from tests.diagnosis.conftest import Analyse
 from tests.diagnosis.made_up import ends
 
 Drive = Callable[..., list[Recording]]
@@ -166,9 +167,9 @@ def test_a_battery_that_fades_from_run_to_run_is_named_and_handed_back(
 
 
 def test_a_battery_that_holds_less_in_all_runs_is_a_parameter_that_is_off(
-    short_drive: Drive, tiny: Robot
+    short_drive: Drive, tiny: Robot, analyse_once: Analyse
 ) -> None:
-    analysis = analyse(with_charge(short_drive(tiny, runs=3), tiny, (0.3, 0.3, 0.3)), tiny)
+    analysis = analyse_once(with_charge(short_drive(tiny, runs=3), tiny, (0.3, 0.3, 0.3)), tiny)
     diagnosis = analysis.diagnosis
     assert diagnosis.verdict == "parameters_off"
     (off,) = diagnosis.parameters_off

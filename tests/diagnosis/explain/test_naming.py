@@ -23,6 +23,7 @@ from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.effects.regeneration import NO_LIMIT_W
 from homeward.physics.log_replay import replay
+from tests.diagnosis.conftest import Analyse
 from tests.diagnosis.made_up import ends, over_hills, with_power
 from tests.diagnosis.tell.test_file_choice import replay_equals_fit
 
@@ -115,12 +116,12 @@ def test_a_noisy_meter_does_not_hide_an_effect(drive: Drive, husky: Robot) -> No
 
 
 def test_a_load_switched_on_part_way_is_found_with_its_time(
-    short_drive: Drive, husky: Robot
+    short_drive: Drive, husky: Robot, analyse_once: Analyse
 ) -> None:
     runs = with_power(
         short_drive(husky, runs=3), lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0)
     )
-    analysis = analyse(runs, husky)
+    analysis = analyse_once(runs, husky)
     diagnosis = analysis.diagnosis
     assert (
         diagnosis.file is not None
@@ -335,10 +336,12 @@ def test_a_parameter_beside_the_size_is_fitted_and_written(
             )
 
 
-def test_a_limit_that_is_never_reached_is_at_its_default(short_drive: Drive, husky: Robot) -> None:
+def test_a_limit_that_is_never_reached_is_at_its_default(
+    short_drive: Drive, husky: Robot, analyse_once: Analyse
+) -> None:
     robot = dataclasses.replace(husky, rolling_resistance=0.2 * husky.rolling_resistance)
     hidden = {"regeneration": {"share": 0.6}, "inertia": {"mass_factor": 1.2}}
-    corrected = analyse(short_drive(robot, runs=3, effects=hidden), robot).corrected
+    corrected = analyse_once(short_drive(robot, runs=3, effects=hidden), robot).corrected
     assert corrected.effects["regeneration"].get("up_to_w", NO_LIMIT_W) == NO_LIMIT_W
 
 
@@ -530,7 +533,9 @@ def test_a_payload_that_changes_in_mid_run_is_named_with_its_mass(
     assert moments_s == pytest.approx(within_runs_s, abs=30.0)
 
 
-def test_a_rougher_stretch_of_the_way_is_named_where_it_lies(drive: Drive, husky: Robot) -> None:
+def test_a_rougher_stretch_of_the_way_is_named_where_it_lies(
+    drive: Drive, husky: Robot, analyse_once: Analyse
+) -> None:
     """Two fifths more rolling resistance between 40 and 75 m from base, there and back."""
     rough = dataclasses.replace(husky, rolling_resistance=1.4 * husky.rolling_resistance)
     recordings = []
@@ -546,7 +551,7 @@ def test_a_rougher_stretch_of_the_way_is_named_where_it_lies(drive: Drive, husky
             "power_w": run.channels["power_w"] + more_w,
         }
         recordings.append(dataclasses.replace(run, channels=of))
-    (surface,) = diagnose(recordings, husky).missing_physics
+    (surface,) = analyse_once(recordings, husky).diagnosis.missing_physics
     assert surface.effect == "surface"
     assert next(iter(surface.parameters.values())).value == pytest.approx(0.4, rel=0.15)
 

@@ -25,6 +25,7 @@ from homeward.diagnosis.tell.file_choice import (
 )
 from homeward.diagnosis.tell.report import corrected_toml
 from homeward.physics import ancillary_power, replay
+from tests.diagnosis.conftest import Analyse
 from tests.diagnosis.made_up import ends
 
 Drive = Callable[..., list[Recording]]
@@ -215,7 +216,7 @@ def test_the_error_of_the_mass_is_in_that_of_the_accelerated_over_the_moved_mass
 
 
 def test_a_file_of_what_nothing_proves_says_so_and_is_no_worse_than_the_given_one(
-    short_drive: Drive, husky: Robot
+    short_drive: Drive, husky: Robot, analyse_once: Analyse
 ) -> None:
     """Runs of another load each, which no channel shows: a fit of four runs predicts, and hardly a
     number is proven."""
@@ -225,7 +226,7 @@ def test_a_file_of_what_nothing_proves_says_so_and_is_no_worse_than_the_given_on
     ):
         power_w = run.channels["power_w"] * (1.0 + 0.05 * (-1) ** number)
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
-    analysis = analyse(recordings, husky)
+    analysis = analyse_once(recordings, husky)
     file, fit = analysis.diagnosis.file, analysis.diagnosis.fit
     assert file is not None and fit is not None
     nominal, by_file = fit.arms["nominal"].energy_error_pct, fit.arms["file"].energy_error_pct

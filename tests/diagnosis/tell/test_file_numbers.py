@@ -9,32 +9,35 @@ import numpy as np
 import pytest
 
 from homeward import Robot
-from homeward.diagnosis import Analysis, Recording, analyse
+from homeward.diagnosis import Analysis, Recording
 from homeward.diagnosis.result import Diagnosis, FileNumber
 from homeward.diagnosis.tell.corrected import ROUNDING
 from homeward.diagnosis.tell.report import corrected_toml, report_html
 from homeward.diagnosis.tell.words import UNLIMITED
 from homeward.physics.effects import EFFECTS
+from tests.diagnosis.conftest import Analyse
 from tests.diagnosis.explain.test_channel_effects import at_terminals, with_charge
 from tests.diagnosis.explain.test_naming import replayed_w
 from tests.diagnosis.made_up import ends
 
 Drive = Callable[..., list[Recording]]
+Made = tuple[list[Recording], Robot]
+"""Recordings, and the robot of their file."""
 
 
-def of_rolling(drive: Drive, husky: Robot) -> Analysis:
+def of_rolling(drive: Drive, husky: Robot) -> Made:
     """A robot that rolls harder than its file says."""
-    return analyse(drive(husky, rolling_resistance=0.2), husky)
+    return drive(husky, rolling_resistance=0.2), husky
 
 
-def of_recovery(drive: Drive, husky: Robot) -> Analysis:
+def of_recovery(drive: Drive, husky: Robot) -> Made:
     """A robot that recovers energy without a limit, and has rotating parts."""
     robot = dataclasses.replace(husky, rolling_resistance=0.2 * husky.rolling_resistance)
     effects = {"regeneration": {"share": 0.6}, "inertia": {"mass_factor": 1.2}}
-    return analyse(drive(robot, runs=3, effects=effects), robot)
+    return drive(robot, runs=3, effects=effects), robot
 
 
-def of_currents(drive: Drive, husky: Robot) -> Analysis:
+def of_currents(drive: Drive, husky: Robot) -> Made:
     """Motor currents that are the same at any speed, and larger in turns: rolling takes next to
     nothing."""
     rng = np.random.default_rng(1)
@@ -54,30 +57,30 @@ def of_currents(drive: Drive, husky: Robot) -> Analysis:
             "motor_right_a": current_a / 2.0,
         }
         runs.append(Recording(f"run{number}.csv", str(number), channels))
-    return analyse(runs, husky)
+    return runs, husky
 
 
-def of_worn_battery(drive: Drive, husky: Robot) -> Analysis:
+def of_worn_battery(drive: Drive, husky: Robot) -> Made:
     """A battery that holds less than its file says."""
     tiny = dataclasses.replace(husky, rated_energy_j=2.6e4)
-    return analyse(with_charge(drive(tiny, runs=3), tiny, (0.3, 0.3, 0.3)), tiny)
+    return with_charge(drive(tiny, runs=3), tiny, (0.3, 0.3, 0.3)), tiny
 
 
-def of_resistance(drive: Drive, husky: Robot) -> Analysis:
+def of_resistance(drive: Drive, husky: Robot) -> Made:
     """A battery whose voltage sags."""
-    return analyse(at_terminals(drive(husky), 0.15), husky)
+    return at_terminals(drive(husky), 0.15), husky
 
 
-def of_uneven_runs(drive: Drive, husky: Robot) -> Analysis:
+def of_uneven_runs(drive: Drive, husky: Robot) -> Made:
     """Runs that draw more and less for no recorded reason."""
     recordings = []
     for number, run in enumerate(drive(husky, rolling_resistance=1.3 * husky.rolling_resistance)):
         power_w = run.channels["power_w"] * (1.0 + 0.05 * (-1) ** number)
         recordings.append(dataclasses.replace(run, channels={**run.channels, "power_w": power_w}))
-    return analyse(recordings, husky)
+    return recordings, husky
 
 
-def of_rough_ground(drive: Drive, husky: Robot) -> Analysis:
+def of_rough_ground(drive: Drive, husky: Robot) -> Made:
     """Ground that rolls harder between 40 and 75 m from base."""
     rough = dataclasses.replace(husky, rolling_resistance=1.4 * husky.rolling_resistance)
     recordings = []
@@ -89,7 +92,7 @@ def of_rough_ground(drive: Drive, husky: Robot) -> Analysis:
         power_w = run.channels["power_w"] + more_w
         channels = {**run.channels, "base_distance_m": base_m, "power_w": power_w}
         recordings.append(dataclasses.replace(run, channels=channels))
-    return analyse(recordings, husky)
+    return recordings, husky
 
 
 MADE = [
@@ -104,9 +107,10 @@ MADE = [
 
 
 @pytest.fixture(scope="module", params=MADE, ids=lambda made: made.__name__)
-def analysis(request: pytest.FixtureRequest, short_drive: Drive, husky: Robot) -> Analysis:
-    made: Analysis = request.param(short_drive, husky)
-    return made
+def analysis(
+    request: pytest.FixtureRequest, short_drive: Drive, husky: Robot, analyse_once: Analyse
+) -> Analysis:
+    return analyse_once(*request.param(short_drive, husky))
 
 
 def changed_lines(analysis: Analysis) -> list[str]:

@@ -18,6 +18,7 @@ from homeward.diagnosis import Analysis, Diagnosis, Recording, analyse
 from homeward.diagnosis.explain.formula import Empirical, EmpiricalTerm
 from homeward.diagnosis.explain.named import Naming
 from homeward.diagnosis.tell.report import corrected_toml, ranking, report_html, write_outputs
+from tests.diagnosis.conftest import Analyse
 from tests.diagnosis.made_up import ends, with_power
 
 Drive = Callable[..., list[Recording]]
@@ -35,16 +36,17 @@ def turning(drive: Drive, husky: Robot) -> Analysis:
 
 
 @pytest.fixture(scope="module")
-def standby(short_drive: Drive, husky: Robot) -> Analysis:
+def standby(short_drive: Drive, husky: Robot, analyse_once: Analyse) -> Analysis:
     """A load that is switched on part way: a faulty sensor would read the same."""
     runs = short_drive(husky, runs=3)
-    return analyse(with_power(runs, lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0)), husky)
+    later = with_power(runs, lambda of: of["power_w"] + 25.0 * (of["time_s"] > 75.0))
+    return analyse_once(later, husky)
 
 
 @pytest.fixture(scope="module")
-def off(short_drive: Drive, husky: Robot) -> Analysis:
+def off(short_drive: Drive, husky: Robot, analyse_once: Analyse) -> Analysis:
     """A robot that rolls harder than its file says."""
-    return analyse(short_drive(husky, rolling_resistance=0.2), husky)
+    return analyse_once(short_drive(husky, rolling_resistance=0.2), husky)
 
 
 @pytest.fixture(scope="module")
