@@ -175,7 +175,7 @@ def causes() -> str:
     """Columns of the energy ledger."""
     own = ", ".join(f"`{name}`" for name in BASE_CAUSES)
     effects = ", ".join(f"[`{name}`](effects.md#{name})" for name in CAUSES[len(BASE_CAUSES) :])
-    return f"* of the paper's model: {own}\n* of effects, where they are on: {effects}"
+    return f"* without effects: {own}\n* of effects, where they are on: {effects}"
 
 
 def missions() -> str:

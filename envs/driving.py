@@ -10,9 +10,10 @@ import numpy as np
 from homeward.envs import docks, sensing
 from homeward.envs.conditions import gauges, weather
 from homeward.envs.state import RETURN, STOP
-from homeward.physics import model
+from homeward.physics import battery, model
 from homeward.physics.jit import inline
 from homeward.physics.kernel import Conditions, advance, connect, demand
+from homeward.physics.robot import HAS_CUTOFF
 
 
 @inline
@@ -26,7 +27,7 @@ def decide(
     sensing_hz: float,
     mode: int,
 ) -> None:
-    """Carry out one decision, place by place, until its time is over, the battery is empty or the
+    """Carry out one decision, place by place, until its time is over, the battery has ended or the
     robot is home.
 
     A robot that stops drives on to a dock that it reaches within the decision, and stands there.
@@ -178,9 +179,11 @@ def map_place(
     true_home_cost_j: float,
 ) -> None:
     """Predict the energy of a place at the first visit, by the robot's own model and the grade as
-    read."""
-    place.home_cost_j = home_cost_j
-    place.true_home_cost_j = true_home_cost_j
+    read.
+
+    On its way home through the place a battery with a cut-off must hold what stays below it at this
+    load.
+    """
     cruise_mps = shared.cruise_mps
     true_headwind_mps = weather.headwind(mission, place)
     headwind_mps = 0.0
@@ -198,6 +201,7 @@ def map_place(
         mission.traction_n,
         mission.drive_w,
         mission.power_w,
+        mission.terminal_w,
     )
     true_sine = place.sin_grade
     true_j = mission.energy_j
@@ -209,6 +213,9 @@ def map_place(
     true_home_w = demand(
         robot, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, true_headwind_mps, -1.0)
     )
+    if robot.effects & HAS_CUTOFF:
+        true_kept = battery.share_below_cutoff(robot, mission.terminal_w)
+        true_home_cost_j = max(true_home_cost_j, mission.capacity_j * true_kept)
     # The robot's model knows the charge, and so the voltage, as it is read, and the slope likewise.
     place.sin_grade = place.sine_read
     mission.energy_j = mission.soc * mission.capacity_j
@@ -221,6 +228,9 @@ def map_place(
     home_w = demand(
         believed, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, headwind_mps, -1.0)
     )
+    if believed.effects & HAS_CUTOFF:
+        kept = battery.share_below_cutoff(believed, mission.terminal_w)
+        home_cost_j = max(home_cost_j, shared.usable_j * kept)
     place.sin_grade = true_sine
     mission.energy_j = true_j
     (
@@ -232,8 +242,11 @@ def map_place(
         mission.traction_n,
         mission.drive_w,
         mission.power_w,
+        mission.terminal_w,
     ) = state_before
 
+    place.home_cost_j = home_cost_j
+    place.true_home_cost_j = true_home_cost_j
     place.standing_w = standing_w
     place.out_j_per_m = (out_w - standing_w) / cruise_mps
     place.back_j_per_m = (home_w - standing_w) / cruise_mps

@@ -50,7 +50,7 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
     (
         "home_cost",
         "usable energy",
-        "energy to get home over the driven ground, by the robot's own model",
+        "energy to get home over the driven ground, by the robot's own model, with what stays below a cut-off",
     ),
     ("margin", "usable energy", "metered minus home_cost: the d_max margin"),
     *(
@@ -176,7 +176,8 @@ OBSERVATION_DTYPE = _row_dtype()
 
 @inline
 def home_cost(mission: Any, shared: Any) -> Any:
-    """Energy to get home over the driven ground, J, predicted by the robot's own model."""
+    """Energy that the battery must hold to get home over the driven ground, J, predicted by the
+    robot's own model."""
     return (
         mission.here.home_cost_j
         + (mission.position_m - mission.place * shared.place_m) * mission.here.home_j_per_m

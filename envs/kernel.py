@@ -16,6 +16,7 @@ from homeward.envs.reward import potential, reward
 from homeward.envs.routes.route import generate
 from homeward.envs.state import AHEAD, IN_SIGHT, MAX_PLACES
 from homeward.physics.jit import compiled, inline, prefetch
+from homeward.physics.kernel import BELOW_CUTOFF
 
 _FETCH_AHEAD = 4  # missions; chosen: 0.7 us (benchmarks/speed.py), above the latency of memory
 _FORECAST_PLACES = 4
@@ -119,6 +120,7 @@ def _reset(mission: Any, robot: Any, route: Any, rng: Any, c: Any) -> None:
     mission.traction_n = 0.0
     mission.drive_w = 0.0
     mission.power_w = 0.0
+    mission.terminal_w = 0.0
     mission.position_m = 0.0
     mission.furthest_m = 0.0
     mission.dwell_s = 0.0
@@ -228,7 +230,10 @@ def _step(
     shared = c.shared
     before_j = mission.energy_j
     decide(mission, true_robot, route, c.nominal, shared, speed_mps, sensing_hz, mode)
-    instruments.read(mission, shared, before_j - mission.energy_j)
+    used_j = before_j - mission.energy_j
+    if mission.depleted:
+        used_j -= mission.ledger_j[BELOW_CUTOFF]  # it does not pass the meter
+    instruments.read(mission, shared, used_j)
     earned = reward(mission, route, shared, _margin(mission, shared))
     mission.over = mission.home or mission.depleted or mission.decisions >= shared.max_decisions
     weather.change(mission)

@@ -71,7 +71,7 @@ class MultiObjectiveEnv(HomewardEnv):
         """Carry out one decision; raises as `HomewardEnv.step`."""
         observation, reward, terminated, truncated, info = super().step(action)
         drawn_before_j = self._drawn_j
-        self._drawn_j = info["energy_j"].total()
+        self._drawn_j = info["energy_j"].total() - info["energy_j"]["below_cutoff"]
         energy = (drawn_before_j - self._drawn_j) * self._per_j
         rewards = np.array((reward, -info["cost"], energy, -self._per_decision), np.float32)
         return observation, rewards, terminated, truncated, info

@@ -371,7 +371,8 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     s["information_per_m"] = interest * 2.0 / 3.0
 
     duty = length_m / (length_m + cruise_mps * pit_stop_s)
-    s["energy_per_m"] = robot.usable_energy_j / _mission_range_m(robot, mission, duty)
+    range_of_all_m = _mission_range_m(robot.without_cutoff(), mission, duty)
+    s["energy_per_m"] = robot.usable_energy_j / range_of_all_m
     s["out_and_home_j_per_m"] = s["energy_per_m"] + s["cruise_w"] / s["cruise_mps"]
     half_m = 0.5 * _mission_range_m(scale, mission, duty)
     if mission.senses and interest <= 0.0:
@@ -398,15 +399,20 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
 
 
 def _robot(given: Any) -> Robot:
-    """A robot of an option, which must run empty.
+    """A robot of an option, which must drive, and run empty.
 
     Raises:
         RobotError, OptionError: It cannot be loaded, or never does.
     """
     robot = load_robot(given)
-    if not np.isfinite(d_max(robot)):
+    range_m = float(d_max(robot))
+    if not np.isfinite(range_m):
         raise OptionError(
             f"robot {robot.name!r} never runs empty on level ground; check its effects"
+        )
+    if range_m == 0.0:
+        raise OptionError(
+            f"robot {robot.name!r} is cut off at once on level ground; check its cutoff_v"
         )
     return robot
 
@@ -439,7 +445,8 @@ def _write_robot(robot: Robot, s: Any) -> None:
     s["curved"] = robot.curve.mean_v > 0.0
     s["usable_j"] = robot.usable_energy_j
     s["cruise_mps"] = cruise_mps
-    s["cruise_w"] = robot.usable_energy_j * s["cruise_mps"] / d_max(robot)
+    range_of_all_m = d_max(robot.without_cutoff(), cruise_mps)
+    s["cruise_w"] = robot.usable_energy_j * s["cruise_mps"] / range_of_all_m
     s["drag_j_per_m"] = robot.drag_ns2_per_m2 / robot.traction_efficiency
 
 
@@ -511,7 +518,7 @@ def _write_instruments(
     if instruments.soc_lag_s:
         s["soc_keeps"] = np.exp(-s["decision_s"] / instruments.soc_lag_s)
     fastest_mps = np.array([robot.max_speed_mps])
-    driving_w = robot.usable_energy_j * fastest_mps / d_max(robot, fastest_mps)
+    driving_w = robot.usable_energy_j * fastest_mps / d_max(robot.without_cutoff(), fastest_mps)
     sensing_w = float(ancillary_power(robot, robot.max_sensing_hz) - ancillary_power(robot, 0.0))
     full_w = driving_w + sensing_w
     s["power_offset_w"] = instruments.power_offset * full_w[0]

@@ -31,7 +31,8 @@ PLACE_DTYPE = np.dtype(
         ("interest", np.float32),
         # Readings of the robot and, from its first visit on, its own predictions.
         ("sine_read", np.float32),  # of the grade
-        # from the start of this place home; this and the rest by the robot's own model
+        # that the battery must hold at the start of this place to get home; this and the rest by
+        # the robot's own model
         ("home_cost_j", np.float32),
         ("home_j_per_m", np.float32),  # towards home, all power
         ("back_j_per_m", np.float32),  # towards home, drive only

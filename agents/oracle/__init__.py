@@ -73,8 +73,8 @@ def solve(
 
     Raises:
         TaskError, ClusterError: See `homeward.parallel.run_tasks`.
-        OracleError: The action space is continuous, or there is no bound for the mission or for an
-            effect of the robot.
+        OracleError: The action space is continuous, or there is no bound for the mission, or for an
+            effect or a cut-off of the robot.
 
     >>> optimum = solve(Options("OutAndBack", weather="still"), [7])
     >>> bool(0.98 * optimum.upper[0] < optimum.lower[0] <= optimum.upper[0])
@@ -105,8 +105,8 @@ def check(options: Options) -> None:
     """Refuse an environment for which there is no bound.
 
     Raises:
-        OracleError: The action space is continuous, or there is no bound for the mission or for an
-            effect of the robot.
+        OracleError: The action space is continuous, or there is no bound for the mission, or for an
+            effect or a cut-off of the robot.
     """
     if options.action_type != "discrete":
         raise OracleError(
@@ -121,11 +121,16 @@ def check(options: Options) -> None:
         raise OracleError(
             f"the oracle has no bound for {options.mission} with docks, for Patrol only; leave out --optimum"
         )
+    robot = load_robot(options.robot)
     for effect in REFUSED:
-        if effect in load_robot(options.robot).active_effects:
+        if effect in robot.active_effects:
             raise OracleError(
                 f"the oracle has no bound for a robot with the effect {effect}; switch it off"
             )
+    if robot.has_cutoff:
+        raise OracleError(
+            f"the oracle does not model that a battery is cut off at {robot.cutoff_v:g} V; leave out its cutoff_v"
+        )
 
 
 def _solve_some(task: tuple[Options, list[int]]) -> Optimum:

@@ -97,7 +97,7 @@ class Planner(Policy):
         )
         for level, speed_mps in enumerate(model["speeds_mps"]):
             model["per_m"][level] = 1.0 / np.asarray(
-                d_max(robot, float(speed_mps), np.arcsin(sines))
+                d_max(robot.without_cutoff(), float(speed_mps), np.arcsin(sines))
             )
         model["interest"] = s["information_per_m"] / _TYPICAL_SHARE
         for speed_level, speed_mps in enumerate(model["speeds_mps"]):

@@ -16,7 +16,7 @@ from homeward.agents.rules.pace import Pace
 from homeward.envs.features import SINE_UNIT
 from homeward.envs.options import Known
 from homeward.envs.routes import thresholds as routes_thresholds
-from homeward.physics import ancillary_power, d_max
+from homeward.physics import ancillary_power, below_cutoff, d_max
 
 
 class Outlook(NamedTuple):
@@ -66,10 +66,14 @@ class TurnBackRule(Policy):
         self._sines = np.linspace(
             -routes_thresholds.STEEPEST_SINE, routes_thresholds.STEEPEST_SINE, 281
         )
-        # Eq. 8 with a full battery: share of it that a metre consumes at each grade.
+        # Eq. 8 with a full battery: share of it that a metre consumes at each grade, and that stays
+        # in it below its cut-off.
+        cruise_mps = float(s["cruise_mps"])
+        grades_rad = np.arcsin(self._sines)
         self._shares_per_m = 1.0 / np.asarray(
-            d_max(known.robot, float(s["cruise_mps"]), np.arcsin(self._sines))
+            d_max(known.robot.without_cutoff(), cruise_mps, grades_rad)
         )
+        self._shares_kept = below_cutoff(known.robot, cruise_mps, grades_rad) / s["usable_j"]
         self._reach_m = float(s["reach_m"])
         self._sees_posts = sees_posts(known)
         idle_w, busy_w = ancillary_power(
@@ -170,7 +174,14 @@ class TurnBackRule(Policy):
         """Energy to get home by Eq. 8 at the average grade, a share of the usable energy, shape
         (n,)."""
         distance_m = feature(observations, "distance") * self._reach_m
-        return distance_m * self._share_per_m(-_mean_sine(observations))
+        sine = -_mean_sine(observations)
+        return np.asarray(distance_m * self._share_per_m(sine) + self._share_kept(sine))
+
+    def kept_on_average(self, observations: Observations) -> NDArray[np.float64]:
+        """Energy that stays in the battery below its cut-off at the average grade, up or down, a
+        share of the usable energy, shape (n,)."""
+        sine = _mean_sine(observations)
+        return np.asarray(np.maximum(self._share_kept(sine), self._share_kept(-sine)))
 
     def cost_of_going_on(self, observations: Observations) -> NDArray[np.float64]:
         """Energy of going on to the next chance to turn, and back, by Eq. 7 at the average grade,
@@ -184,6 +195,9 @@ class TurnBackRule(Policy):
 
     def _share_per_m(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.interp(sine, self._sines, self._shares_per_m)
+
+    def _share_kept(self, sine: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.interp(sine, self._sines, self._shares_kept))
 
     def _late(
         self, observations: Observations, distance_m: NDArray[np.float64]

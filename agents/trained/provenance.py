@@ -65,11 +65,14 @@ def robot_hash(known: Known) -> str:
     """Hash of a robot's parameters and effects, without its name and uncertainty.
 
     A battery of constant voltage is left out: robots had no other when the first policies were
-    trained. So is the motors' current at rest, which no environment uses.
+    trained. So are a cut-off that the model does not use, and the motors' current at rest, which no
+    environment uses.
     """
     left_out = ["name", "description", "uncertainty", "rest_current_a"]
     if known.robot.curve.mean_v == 0.0:
         left_out += ["chemistry", "cells_in_series", "open_circuit_v"]
+    if not known.robot.has_cutoff:
+        left_out.append("cutoff_v")
     values = {
         field.name: getattr(known.robot, field.name)
         for field in dataclasses.fields(known.robot)

@@ -32,7 +32,8 @@ class PointOfNoReturn:
     def __init__(self, known: Known) -> None:
         self._known = known
         s = known.shared[0]
-        range_m = np.asarray(d_max(known.robot, float(s["cruise_mps"]), np.arcsin(_SINES)))
+        robot = known.robot.without_cutoff()
+        range_m = np.asarray(d_max(robot, float(s["cruise_mps"]), np.arcsin(_SINES)))
         with np.errstate(divide="ignore"):
             self._j_per_m = np.minimum(s["usable_j"] / range_m, _HOPELESS_J_PER_M)
         self._pit_stops_j = 2.0 * float(s["pit_stop_s"] * ancillary_power(known.robot, 0.0))
@@ -74,8 +75,9 @@ class PointOfNoReturn:
         edges_m = np.arange(len(driven) + 1) * place_m
         end_cost_j = driven[-1]["home_cost_j"] + driven[-1]["home_j_per_m"] * place_m
         home_cost_j = np.append(driven["home_cost_j"], end_cost_j)
-        # The uncovered part is the distance left when the battery is empty.
-        return float(np.interp(-margin_j, home_cost_j, edges_m))
+        # The uncovered part is the distance left when the battery ends; what stays in it below its
+        # cut-off drives no metre.
+        return float(np.interp(-margin_j, home_cost_j - home_cost_j[0], edges_m))
 
     def laps_left(self, m: Any, places: NDArray[np.void], margin_j: float) -> float:
         """Laps of a patrol for which the margin is enough; arguments as in `no_return_m`."""

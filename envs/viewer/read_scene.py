@@ -28,7 +28,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "computer": ("computer", "compute"),
     "electronics": ("controller", "communication", "radio", "standby", "heater", "cooler", "intermittent_load"),
     "charger": ("charger",),
-    "battery losses": ("internal_resistance", "rate_capacity", "ageing", "cold_battery"),
+    "battery losses": ("internal_resistance", "rate_capacity", "ageing", "cold_battery", "below_cutoff"),
 }  # fmt: skip
 """Causes of the energy ledger under the names that the viewer shows; each cause is in one group."""
 

@@ -110,8 +110,11 @@ def main(args: Args) -> None:
     console.show(_table(mission, speed_mps), ("of a charge", "mean power"))
     method = "Eq. 8"
     accuracy = " The paper found such estimates 66 to 91 % accurate."
-    if robot.active_effects:
-        method = f"the model with {', '.join(robot.active_effects)}"
+    beyond_paper = list(robot.active_effects)
+    if robot.has_cutoff:
+        beyond_paper.append(f"a cut-off at {robot.cutoff_v:g} V")
+    if beyond_paper:
+        method = f"the model with {', '.join(beyond_paper)}"
         accuracy = ""
     console.print(
         f"By {method}: {quantities.energy(robot.usable_energy_j)} usable, "
@@ -177,7 +180,8 @@ def _mission(args: Args) -> Mission:
 
 
 def _table(mission: Mission, speed_mps: float) -> Table:
-    """Energy by part: mean power, energy of a metre and of a charge, and share of the total."""
+    """Energy by part: mean power, energy of a metre and of a charge, and share of the total; and
+    what stays of the charge below a cut-off."""
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("part")
     for heading in ("mean power", "per metre", "of a charge", "share"):
@@ -200,6 +204,9 @@ def _table(mission: Mission, speed_mps: float) -> Table:
         add_row(name, j_per_m)
     table.add_section()
     add_row("total", total_j_per_m)
+    if mission.robot.has_cutoff:
+        kept_j = mission.below_cutoff_j(speed_mps)
+        table.add_row("below_cutoff", "", "", quantities.energy(kept_j), "")
     return table
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from homeward import Robot
-from homeward.physics import d_max, model, replay
+from homeward.physics import below_cutoff, d_max, model, replay
 
 _CYCLES = 100
 """Cycles of driving and standing in the mission of a robot with effects. Chosen: a cycle then takes
@@ -29,12 +30,18 @@ class Mission:
         return float(d_max(self.robot, speed_mps, self.grade_rad, self.duty, self.sensing_hz))
 
     def parts_j_per_m(self, speed_mps: float) -> dict[str, float]:
-        """Energy per metre by part, J/m; zero parts are omitted."""
+        """Energy that a metre consumes by part, J/m; zero parts are omitted."""
         if self.robot.active_effects:
             parts = self._parts_by_the_kernel(speed_mps)
         else:
             parts = self._parts_of_the_paper(speed_mps)
         return {name: part for name, part in parts.items() if part != 0.0}
+
+    def below_cutoff_j(self, speed_mps: float) -> float:
+        """Energy of a charge that stays in the battery below its cut-off, J."""
+        return float(
+            below_cutoff(self.robot, speed_mps, self.grade_rad, self.duty, self.sensing_hz)
+        )
 
     def _parts_of_the_paper(self, speed_mps: float) -> dict[str, float]:
         """The terms of Eq. 7; where the slope drives the robot without power, forces consume
@@ -56,7 +63,10 @@ class Mission:
 
     def _parts_by_the_kernel(self, speed_mps: float) -> dict[str, float]:
         """The energy by cause of a mission as long as the range, in many drives and stops."""
-        lasts_s = min(self.range_m(speed_mps), 1e9) / (speed_mps * self.duty)
+        whole = dataclasses.replace(self, robot=self.robot.without_cutoff())
+        # what a battery that is cut off at once does not drive, the same without a cut-off does
+        range_m = self.range_m(speed_mps) or whole.range_m(speed_mps)
+        lasts_s = min(range_m, 1e9) / (speed_mps * self.duty)
         cycle_s = lasts_s / _CYCLES
         # Each cycle drives and stands; the stop is split in two, because the last sample holds as
         # long as the one before.

@@ -95,6 +95,7 @@ def figures(routes: list[Route], robot: Robot) -> dict[str, tuple[NDArray[np.flo
         robot: Its own model gives the energy.
     """
     speed_mps = float(optimal_speed(robot))
+    robot = robot.without_cutoff()  # so that a range tells what a metre consumes
     rows = []
     for route in routes:
         rise = route.place_m * np.sin(route.grade_rad)

@@ -70,7 +70,8 @@ class Args:
     soc: float | None = None
     """State of charge at the start, 0 to 1; by default as recorded, or full."""
     cutoff_v: float | None = None
-    """Voltage at which the battery is cut off, V."""
+    """Voltage at which the battery is cut off, V; by default that of the robot's file, or what is
+    usual for its cells."""
     capacity_j: float | None = None
     """Energy that this battery gave when it was last discharged from full to the cut-off, J; by
     default unknown, as of ageing batteries."""

@@ -87,7 +87,8 @@ class Companion:
         soc: State of charge at the start, 0 to 1; by default that of the first reading, or 1.
         forecast_mps: Forecast of the wind: components towards where it comes from, east and north;
             None: unknown.
-        cutoff_v: Voltage at which the battery is cut off.
+        cutoff_v: Voltage at which the battery is cut off; by default that of the robot's file, or
+            what is usual for its cells.
         capacity_j: Energy that this battery gave when it was last discharged from full to the
             cut-off, warm and in some hours, J; by default within the range of ageing batteries.
             What cold and rate take is allowed for beside it.
@@ -146,13 +147,13 @@ class Companion:
         docks: Mapping[str, Position] | None = None,
     ) -> None:
         self.robot = load_robot(robot)
-        range_m = float(d_max(self.robot))
-        if not math.isfinite(range_m):
-            raise CompanionError(
-                f"robot {self.robot.name!r} never runs empty on level ground; check its effects"
-            )
+        range_m = _checked_range(self.robot)
         self._range_m = range_m
         full_j = self.robot.usable_energy_j
+        self._cutoff_source = "given"
+        if cutoff_v is None:
+            cutoff_v = self.robot.cutoff_v or None  # 0: the file states none
+            self._cutoff_source = "the robot file's"
         most_v = thresholds.MOST_CUTOFF * (self.robot.nominal_voltage_v or math.inf)
         risk = checked_number("risk", risk, *thresholds.RISKS)
         arrived_m = checked_number("arrived_m", arrived_m, 0.0, thresholds.LARGEST_HOME_M)
@@ -715,7 +716,7 @@ class Companion:
     def _cutoff_words(self) -> str:
         """Down to which voltage the battery is used."""
         if self._cutoff_v is not None:
-            return "the battery is usable down to its cut-off voltage under load (given)"
+            return f"the battery is usable down to its cut-off voltage under load ({self._cutoff_source})"
         cells = "its cells" if self.robot.curve.mean_v > 0.0 else "cells of any chemistry"
         return f"the battery is usable down to its cut-off voltage under load (none was given: that usual for {cells})"
 
@@ -851,3 +852,21 @@ class Companion:
         except ValueError as error:
             raise CompanionError(f"{path}: {error}") from None
         self.restore(state, other_way)
+
+
+def _checked_range(robot: Robot) -> float:
+    """Range of a robot, m, which must drive, and run empty.
+
+    Raises:
+        CompanionError: It never does, or its battery is cut off at once.
+    """
+    range_m = float(d_max(robot))
+    if not math.isfinite(range_m):
+        raise CompanionError(
+            f"robot {robot.name!r} never runs empty on level ground; check its effects"
+        )
+    if range_m == 0.0:
+        raise CompanionError(
+            f"robot {robot.name!r} is cut off at once on level ground; check its cutoff_v"
+        )
+    return range_m

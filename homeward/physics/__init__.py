@@ -7,6 +7,7 @@ from homeward.physics.log_replay import Replay, replay
 from homeward.physics.model import ancillary_power, ideal_range, traction_force, usable_energy
 from homeward.physics.range import (
     Leg,
+    below_cutoff,
     d_max,
     leg,
     manoeuvring_energy,
@@ -23,6 +24,7 @@ __all__ = [
     "Robot",
     "RobotError",
     "ancillary_power",
+    "below_cutoff",
     "d_max",
     "effects",
     "ideal_range",

@@ -182,6 +182,44 @@ def square_v2(squares_v2: Any, energy: Any) -> Any:
     return low_v2 + (squares_v2[cell + 1] - low_v2) * (energy * CELLS - cell)
 
 
+@inline
+def share_at(squares_v2: Any, wanted_v2: Any) -> Any:
+    """Share of the energy at which the square of the open-circuit voltage is a given one, the
+    inverse of `square_v2`; 0 below the voltage of an empty battery, 1 above that of a full one.
+
+    >>> squares_v2 = squares_of(curve_of(CHEMISTRIES["lipo"]))
+    >>> round(float(share_at(squares_v2, square_v2(squares_v2, 0.3))), 9)
+    0.3
+    """
+    if wanted_v2 <= squares_v2[0]:
+        return 0.0
+    cell = 0
+    while cell < CELLS and squares_v2[cell + 1] < wanted_v2:
+        cell += 1
+    if cell == CELLS:
+        return 1.0
+    low_v2 = squares_v2[cell]
+    return (cell + (wanted_v2 - low_v2) / (squares_v2[cell + 1] - low_v2)) / CELLS
+
+
+@inline
+def share_below_cutoff(p: Any, terminal_w: Any) -> Any:
+    """Share of a full battery's energy that stays in it below its cut-off voltage at a load.
+
+    Under a load P the voltage V satisfies V (V_rest - V) = R P. So the battery holds a voltage V if
+    it has V + R P / V at rest; of all V, it is sqrt(R P) that needs the least: there a battery
+    gives its most power, and with less it does not carry the load at any voltage.
+
+    Args:
+        p: Robot record of a battery with a cut-off.
+        terminal_w: Power P at the battery's terminals, W, negative while it is charged.
+    """
+    drop_v2 = p.internal_resistance_ohm * terminal_w
+    held_v = np.maximum(p.cutoff_v, np.sqrt(np.maximum(drop_v2, 0.0)))
+    rest_v = np.maximum(held_v + drop_v2 / held_v, 0.0)
+    return share_at(p.squares_v2, rest_v * rest_v)
+
+
 def charge_at(curve: Curve, open_circuit: Any) -> Any:
     """Share of charge at an open-circuit voltage over its mean, the inverse of `open_circuit_v`; 0
     below empty.

@@ -13,23 +13,34 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from homeward.physics import model
+from homeward.physics import battery, model
 from homeward.physics.effects import EFFECTS, Kind, breakaway, intermittent_load, motor_heating
 from homeward.physics.jit import inline
-from homeward.physics.robot import Robot
+from homeward.physics.robot import HAS_CUTOFF, Robot
 
 BASE_CAUSES = (
     "sensing", "communication", "controller", "computer", "rolling", "drag", "grade", "braking", "charger",
+    "below_cutoff",
 )  # fmt: skip
 CAUSES = BASE_CAUSES + tuple(effect.id for effect in EFFECTS)
 """Columns of the energy ledger. Forces are booked while the drive works, with `grade` negative
 downhill. Where the slope drives the robot alone, no force is booked. `braking` is regenerated
 energy that a full battery cannot store. `charger` is negative: what a charger supplied, of which
-the battery stores what the other causes leave."""
+the battery stores what the other causes leave. `below_cutoff` is the energy that stays in a battery
+whose voltage under load has fallen to its cut-off: nobody gets it, and none counts as left."""
 
-SENSING, COMMUNICATION, CONTROLLER, COMPUTER, ROLLING, DRAG, GRADE, BRAKING, CHARGER = range(
-    len(BASE_CAUSES)
-)
+(
+    SENSING,
+    COMMUNICATION,
+    CONTROLLER,
+    COMPUTER,
+    ROLLING,
+    DRAG,
+    GRADE,
+    BRAKING,
+    CHARGER,
+    BELOW_CUTOFF,
+) = range(len(BASE_CAUSES))
 _BASE = len(BASE_CAUSES)
 _EFFECTS = len(EFFECTS)
 _FORCES = len([effect for effect in EFFECTS if effect.kind == "force"])
@@ -55,6 +66,8 @@ STATE_FIELDS = (
     ("traction_n", np.float64),  # force at the wheels in the last step
     ("drive_w", np.float64),  # mean power into the drive in the last step
     ("power_w", np.float64),  # mean power out of the battery in the last step
+    # the same at its terminals, without what is lost inside; written if any effect is on
+    ("terminal_w", np.float64),
     # power of the charger that the robot is connected to in the step under way
     ("charger_w", np.float64),
     ("depleted", np.bool_),
@@ -161,8 +174,9 @@ def _demand_with_effects(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
     ancillary_w = model.ancillary_power(p, x.sensing_hz)
     ancillary_w += _extra_ancillary(on, p, s, x, ancillary_w, 1.0)
     drive_w = np.maximum(force_n, 0.0) * watts_per_n + _extra_drive(on, p, s, x, force_n, 1.0)
-    power_w = ancillary_w + drive_w - s.charger_w
-    power_w += _extra_battery(on, p, s, x, power_w, 1.0)
+    terminal_w = ancillary_w + drive_w - s.charger_w
+    power_w = terminal_w + _extra_battery(on, p, s, x, terminal_w, 1.0)
+    s.terminal_w = terminal_w
     s.traction_n = force_n
     s.drive_w = drive_w
     s.power_w = power_w
@@ -197,14 +211,19 @@ def _stepper(effects: bool) -> Callable[..., Any]:
         power_w = power(p, s, x, watts_per_n)
         passed_s = dt_s
         spent_j = power_w * dt_s
-        if spent_j >= s.energy_j and not s.endless:
+        given_j = s.energy_j  # the most that the battery gives at this load
+        if effects and p.effects & HAS_CUTOFF:
+            kept_j = s.capacity_j * battery.share_below_cutoff(p, s.terminal_w)
+            given_j = max(s.energy_j - kept_j, 0.0)
+        if spent_j >= given_j and not s.endless:
             s.depleted = True
             # Without effects the power does not depend on the length of the step.
             if effects:
-                power_w = _demand_until_empty(p, s, x, watts_per_n)
+                power_w = _demand_until_empty(p, s, x, watts_per_n, given_j)
+                s.ledger_j[BELOW_CUTOFF] += s.energy_j - given_j
             passed_s = 0.0
             if power_w > 0.0:
-                passed_s = s.energy_j / power_w
+                passed_s = given_j / power_w
             spent_j = s.energy_j
         elif spent_j < 0.0 and s.energy_j - spent_j > s.capacity_j and not s.endless:
             # A full battery stores nothing: the brakes take the energy, or the charger keeps it.
@@ -231,12 +250,13 @@ _step_with_effects = _stepper(effects=True)
 
 @inline
 def advance(p: Any, s: Any, x: Any, dt_s: float) -> Any:
-    """Advance time under constant conditions until `dt_s` is over or the battery is empty.
+    """Advance time under constant conditions until `dt_s` is over or the battery has ended: it is
+    empty, or its voltage under load has fallen to its cut-off.
 
     Args:
         p: Robot record.
         s: State record (`STATE_FIELDS`), updated; `depleted` is set, and stays set, when the
-            battery runs out, and `ledger_j` sums to what the battery has lost.
+            battery has ended, and `ledger_j` sums to what the battery has lost.
         x: `Conditions`.
         dt_s: Time to advance, s, above zero.
 
@@ -308,9 +328,9 @@ def _advance_by_switches(p: Any, s: Any, x: Any, dt_s: float) -> Any:
 
 
 @inline
-def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
-    """Mean power until the battery is empty, W: effects that act at the start or build up change it
-    within the step."""
+def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float, given_j: float) -> Any:
+    """Mean power until the battery has given what it gives, W: effects that act at the start or
+    build up change it within the step."""
     low_s = 0.0
     high_s = s.step_s
     power_w = s.power_w
@@ -318,13 +338,13 @@ def _demand_until_empty(p: Any, s: Any, x: Any, watts_per_n: float) -> Any:
         # The power rarely changes with the length of the step, and the first guesses usually agree.
         guess_s = high_s
         if power_w > 0.0:
-            guess_s = s.energy_j / power_w
+            guess_s = given_j / power_w
         # Halving the interval always converges, where guesses may oscillate.
         if trial >= _GUESSES or not low_s < guess_s <= high_s:
             guess_s = 0.5 * (low_s + high_s)
         s.step_s = guess_s
         power_w = _demand_with_effects(p, s, x, watts_per_n)
-        short_j = s.energy_j - power_w * s.step_s
+        short_j = given_j - power_w * s.step_s
         if abs(short_j) <= _ROUNDING * s.energy_j:
             break
         if short_j > 0.0:

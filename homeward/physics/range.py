@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from homeward.physics import model, thresholds
 from homeward.physics.intervals import FINITE, NOT_NEGATIVE, Bounds, checked
 from homeward.physics.jit import announce_compilation, compiled
-from homeward.physics.kernel import Conditions, advance, demand, full_charge
+from homeward.physics.kernel import BELOW_CUTOFF, Conditions, advance, demand, full_charge
 from homeward.physics.log_replay import Recorded, conditions
 from homeward.physics.robot import Robot
 from homeward.physics.uncertainty import Uncertainty
@@ -117,7 +117,7 @@ def optimal_speed(
 
     The minimum of Eq. 7 over v at a fixed duty cycle. Without drag the highest speed is optimal. On
     a descent that the robot rolls down without power it is at least the speed at which drag
-    balances gravity. With active effects, the kernel's range is maximised instead.
+    balances gravity. With active effects or a cut-off, the kernel's range is maximised instead.
 
     Args:
         robot: The robot.
@@ -134,7 +134,7 @@ def optimal_speed(
     True
     """
     grade_rad, duty, sensing_hz = _checked_way(grade_rad, duty, sensing_hz)
-    if robot.active_effects:
+    if _needs_kernel(robot):
         speeds = np.linspace(robot.min_speed_mps, robot.max_speed_mps, _SPEED_GRID)
         arguments = np.broadcast_arrays(grade_rad, duty, sensing_hz)
         # The speeds vary along an axis of their own, the last.
@@ -163,8 +163,8 @@ def d_max(
 ) -> Any:
     """Range on one battery charge, m (Eq. 8): E / { P_anc / (v D) + F(v) / Gamma }.
 
-    For a robot with effects the kernel drives until the battery is empty. Without effects the
-    kernel and Eq. 8 agree.
+    For a robot with effects or a cut-off the kernel drives until the battery is empty, or its
+    voltage under load falls to the cut-off. Without either the kernel and Eq. 8 agree.
 
     Args:
         robot: The robot.
@@ -194,11 +194,40 @@ def d_max(
         energy_j = robot.usable_energy_j
     speed_mps = checked("speed_mps", speed_mps, _SPEEDS)
     energy_j = checked("energy_j", energy_j, NOT_NEGATIVE)
-    if robot.active_effects:
+    if _needs_kernel(robot):
         return _range_by_kernel(robot, speed_mps, grade_rad, duty, sensing_hz, energy_j)
     per_metre = _energy_per_metre(robot, speed_mps, grade_rad, duty, sensing_hz)
     with np.errstate(divide="ignore"):  # a descent without consumption has an infinite range
         return np.divide(energy_j, np.where(energy_j, per_metre, 1.0))
+
+
+def below_cutoff(
+    robot: Robot,
+    speed_mps: Any,
+    grade_rad: Any = 0.0,
+    duty: Any = 1.0,
+    sensing_hz: Any = 0.0,
+) -> Any:
+    """Energy that stays in the battery at the end of `d_max`, because its voltage under load has
+    fallen to its cut-off, J; 0 without a cut-off.
+
+    Args:
+        robot: The robot.
+        speed_mps: Speed while moving, m/s, above 0, any shape.
+        grade_rad: Slope angle, rad, any shape.
+        duty: Duty cycle D, share of the time spent moving, in (0, 1], any shape.
+        sensing_hz: Sensing rate, Hz, any shape.
+
+    Raises:
+        ValueError: A value is outside its bounds.
+    """
+    grade_rad, duty, sensing_hz = _checked_way(grade_rad, duty, sensing_hz)
+    speed_mps = checked("speed_mps", speed_mps, _SPEEDS)
+    if not robot.has_cutoff:
+        return np.zeros(np.broadcast(speed_mps, grade_rad, duty, sensing_hz).shape)[()]
+    full_j = robot.usable_energy_j
+    _, kept_j = _on_one_charge(robot, speed_mps, grade_rad, duty, sensing_hz, full_j)
+    return kept_j
 
 
 def leg(robot: Robot, route: RouteLike, speed_mps: float, sensing_hz: float = 0.0) -> Leg:
@@ -374,12 +403,26 @@ def _checked_way(grade_rad: Any, duty: Any, sensing_hz: Any) -> Any:
     )
 
 
+def _needs_kernel(robot: Robot) -> bool:
+    """Whether the paper's equations do not describe a robot."""
+    return bool(robot.active_effects) or robot.has_cutoff
+
+
 def _range_by_kernel(
     robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any, energy_j: Any
 ) -> NDArray[np.float64]:
+    range_m, _ = _on_one_charge(robot, speed_mps, grade_rad, duty, sensing_hz, energy_j)
+    return range_m
+
+
+def _on_one_charge(
+    robot: Robot, speed_mps: Any, grade_rad: Any, duty: Any, sensing_hz: Any, energy_j: Any
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Range, m, and energy that then stays in the battery below its cut-off, J."""
     announce_compilation()
     arguments = np.broadcast(speed_mps, grade_rad, duty, sensing_hz, energy_j)
     ranges_m = []
+    kept_j = []
     record = robot.record()
     roughness = float(record["surface_usual"][0])
     for speed, grade, duty_cycle, rate, energy in arguments:
@@ -387,7 +430,12 @@ def _range_by_kernel(
         standing = driving._replace(speed_mps=0.0)
         state = full_charge(robot, float(energy))
         ranges_m.append(_drive_until_empty(record, state, driving, standing, float(duty_cycle)))
-    return np.array(ranges_m, np.float64).reshape(arguments.shape)[()]
+        kept_j.append(state["ledger_j"][0, BELOW_CUTOFF])
+    shape = arguments.shape
+    return (
+        np.array(ranges_m, np.float64).reshape(shape)[()],
+        np.array(kept_j, np.float64).reshape(shape)[()],
+    )
 
 
 def _steady(speed_mps: float, sensing_hz: float, grade_rad: float, roughness: float) -> Conditions:
@@ -428,7 +476,8 @@ def _drive_until_empty(robots: Any, states: Any, driving: Any, standing: Any, du
             advance(p, s, standing, (1.0 - duty) * cycle_s)
             # the share of a cycle for which the rest of the charge is enough
             if s.depleted and spent_j > 0.0:
-                return before_m + min(before_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
+                given_j = before_j - s.ledger_j[BELOW_CUTOFF]
+                return before_m + min(given_j / spent_j, 1.0) * duty * cycle_s * driving.speed_mps
         spent_j = before_j - s.energy_j
         # A descent may consume nothing; effects with a memory may still change that.
         if spent_j <= 0.0 and cycle_s > thresholds.LONGEST_MEMORY_S:

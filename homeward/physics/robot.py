@@ -95,6 +95,12 @@ class Robot:
     age: float = _quantity("battery", "age t, in the unit k2 is per", _NOT_NEGATIVE, 0.0)
     cycle_fade: float = _quantity("battery", "k1, fade per unit of cycles", _NOT_NEGATIVE, 0.0)
     age_fade: float = _quantity("battery", "k2, fade per unit of age", _NOT_NEGATIVE, 0.0)
+    cutoff_v: float = _quantity(
+        "battery",
+        "voltage under load at which the battery is cut off, V (0: none)",
+        _NOT_NEGATIVE,
+        0.0,
+    )
     storage_loss: float = _quantity("battery", "battery loss eta1, a share", _LOSS, 0.0)
     track_m: float = _quantity(
         "body", "distance between left and right wheels, m (0: unknown)", _NOT_NEGATIVE, 0.0
@@ -138,6 +144,7 @@ class Robot:
         # The instance is frozen; what was checked is stored nonetheless.
         object.__setattr__(self, "effects", _checked_effects(self.effects))
         object.__setattr__(self, "open_circuit_v", _checked_curve(self))
+        _check_cutoff(self)
         if "turning" in self.active_effects and self.track_m == 0.0:
             raise RobotError(
                 "body.track_m = 0 (unknown), but effects.turning needs it; allowed: the distance of the wheels, above 0"
@@ -174,6 +181,21 @@ class Robot:
         """Open-circuit curve of the pack: its own, that of its chemistry, or a constant voltage."""
         return _curve(self.chemistry, self.cells_in_series, self.open_circuit_v)
 
+    @property
+    def has_cutoff(self) -> bool:
+        """Whether the battery ends at a cut-off in the model: it has one, and a voltage that
+        falls."""
+        return self.cutoff_v > 0.0 and self.curve.mean_v > 0.0
+
+    def without_cutoff(self) -> Robot:
+        """The robot with a battery that gives all of its energy.
+
+        By its range what a metre consumes is computed.
+        """
+        if not self.has_cutoff:
+            return self
+        return dataclasses.replace(self, cutoff_v=0.0)
+
     def record(self) -> NDArray[np.void]:
         """Array of shape (1,) and dtype `ROBOT_DTYPE`, the form that compiled kernels take."""
         return self._record.copy()
@@ -189,6 +211,8 @@ class Robot:
             of_effects += [
                 table.get(parameter.name, parameter.default) for parameter in effect.parameters
             ]
+        if self.has_cutoff:
+            active |= int(HAS_CUTOFF)
         of_robot = (getattr(self, quantity.name) for quantity in _QUANTITIES)
         squares_v2 = _squares_v2(self.chemistry, self.cells_in_series, self.open_circuit_v)
         return np.array([(active, *of_robot, *of_effects, squares_v2)], ROBOT_DTYPE)
@@ -254,7 +278,11 @@ ROBOT_DTYPE = np.dtype(
     align=True,
 )
 """One robot as a record: the fields of `Robot`, the parameters of every effect, the bits of those
-switched on, and the open-circuit curve."""
+switched on and of a cut-off, and the open-circuit curve."""
+
+HAS_CUTOFF = np.uint64(1 << len(EFFECTS))
+"""Bit of a record's `effects`, after those of the effects, of a battery that ends at a cut-off: so a
+robot without any takes no time to ask for it."""
 
 
 @functools.lru_cache(maxsize=64)
@@ -524,6 +552,21 @@ def _check_cells(robot: Robot) -> None:
         raise RobotError(
             f"battery.cells_in_series = {cells} of {robot.chemistry} have {empty_v:.3g} to {full_v:.3g} V, but "
             f"battery.nominal_voltage_v = {robot.nominal_voltage_v:g}; correct one of them"
+        )
+
+
+def _check_cutoff(robot: Robot) -> None:
+    """Raise an error if a cut-off is not below the voltage of the full battery."""
+    if robot.cutoff_v == 0.0:
+        return
+    full_v = robot.nominal_voltage_v
+    curve = robot.curve
+    if curve.mean_v > 0.0:
+        full_v = curve.mean_v * float(curve.relative_v[curve.knots - 1])
+    if robot.cutoff_v >= full_v:
+        raise RobotError(
+            f"battery.cutoff_v = {robot.cutoff_v:g} is not below the {full_v:.4g} V of the full battery; "
+            "give the voltage of the whole pack at which it is cut off, or 0 for none"
         )
 
 

@@ -130,7 +130,8 @@ def watch(
         soc: State of charge at the start; by default as recorded, or full.
         prior: Prior of the estimator, instead of the one that follows from the file.
         risk: Accepted probability of not getting home.
-        cutoff_v: Voltage at which the battery is cut off.
+        cutoff_v: Voltage at which the battery is cut off; by default that of the robot's file, or
+            what is usual for its cells.
         capacity_j: Energy that this battery gave when it was last discharged from full, J, see
             `Companion`.
         cruise_mps: Speed on the way home in the advice that is shown, m/s; the rest has the

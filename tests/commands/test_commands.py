@@ -317,3 +317,24 @@ def test_a_name_with_markup_and_escapes_is_printed_as_text(
     for arguments in (f"range {tmp_path}/r.toml", f"routes incline --robot {tmp_path}/r.toml"):
         code, out, _ = call(arguments, monkeypatch, capsys)
         assert code == 0 and "[red]x?[31m[/red]" in out and "\x1b" not in out
+
+
+def test_range_shows_what_stays_below_the_cut_off(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    robot = dataclasses.replace(
+        load_robot("turtlebot3_burger"),
+        cutoff_v=10.5,
+        effects={"internal_resistance": {"ohm": 0.3}},
+    )
+    file = tmp_path / "cut.toml"
+    file.write_text(robot.to_toml())
+    code, out, _ = call(f"range {file}", monkeypatch, capsys)
+    assert code == 0 and "a cut-off at 10.5 V: 71.9 kJ usable" in out
+    of_a_charge = dict(re.findall(r"^ +(\w+) .*?([\d.]+) kJ", out, re.MULTILINE))
+    both_kj = float(of_a_charge["total"]) + float(of_a_charge["below_cutoff"])
+    assert both_kj == pytest.approx(71.9, abs=0.2)
+    strong = dataclasses.replace(robot, cutoff_v=12.45)
+    file.write_text(strong.to_toml())
+    code, out, _ = call(f"range {file}", monkeypatch, capsys)
+    assert code == 0 and "0 m on one charge" in out

@@ -1130,3 +1130,35 @@ def test_a_robot_file_that_says_how_sure_it_is() -> None:
     assert of(between_runs=0.4).energy_home_j.sd > of(between_runs=0.1).energy_home_j.sd
     assert any("uncertainty from the robot's file: a test" in text for text in narrow.rests_on)
     assert any("generic ranges" in text for text in generic.rests_on)
+
+
+def test_a_cut_off_is_that_of_the_file_unless_another_is_given() -> None:
+    falls = with_curve((0.0, 19.0), (1.0, 25.0))
+    stated = dataclasses.replace(falls, cutoff_v=21.0)
+    left, words = {}, {}
+    for name, robot, cutoff_v in (
+        ("given", falls, 21.0),
+        ("file", stated, None),
+        ("other", stated, 20.0),
+        ("usual", falls, None),
+    ):
+        one, drives = Companion(robot, home=(0.0, 0.0), soc=1.0, cutoff_v=cutoff_v), Driven()
+        advice = drives.drive(one, 0.0, 60.0, soc=None, power_w=None, **electric(drives, falls))
+        left[name] = advice.energy_left_j.mean
+        words[name] = " ".join(advice.rests_on)
+    # The file's cut-off also shortens the range, and so the time over which readings are averaged.
+    assert left["file"] == pytest.approx(left["given"], rel=0.01)
+    assert left["file"] < 0.95 * left["other"] and left["other"] < 0.95 * left["usual"]
+    assert "cut-off voltage under load (given)" in words["given"] and "(given)" in words["other"]
+    assert "cut-off voltage under load (the robot file's)" in words["file"]
+    assert "none was given" in words["usual"]
+
+
+def test_a_battery_that_is_cut_off_at_once_is_refused() -> None:
+    weak = dataclasses.replace(
+        with_curve((0.0, 19.0), (1.0, 25.0)),
+        cutoff_v=24.9,
+        effects={"internal_resistance": {"ohm": 1.0}},
+    )
+    with pytest.raises(CompanionError, match="'husky' is cut off at once on level ground"):
+        Companion(weak, home="here")

@@ -14,6 +14,8 @@ from homeward.envs.features import FEATURES
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
 from homeward.envs.vector import HomewardVectorEnv
+from homeward.physics import ancillary_power, traction_force
+from homeward.physics.battery import share_below_cutoff
 from tests.envs.rollouts import MISSIONS, SHORT_S, feature, make, mission
 
 WAITS = {None: 3, 20.0: 4, 50.0: 2, SHORT_S: 1}
@@ -202,3 +204,35 @@ def test_the_way_home_is_predicted_with_the_voltage_at_the_charge_as_read() -> N
         ways.append((float(place["home_j_per_m"]), float(place["true_home_j_per_m"]), place_m))
     assert ways[0][0] == ways[1][0]
     assert ways[1][1] > 1.002 * ways[0][1]
+
+
+def test_the_way_home_needs_what_stays_below_the_cut_off() -> None:
+    """At every place as much as its load needs, and at the start of it what the places before it
+    need and consume."""
+    costs = {}
+    for cutoff_v in (0.0, 11.0):
+        robot = dataclasses.replace(
+            load_robot("turtlebot3_burger"),
+            cutoff_v=cutoff_v,
+            effects={"internal_resistance": {"ohm": 0.3}},
+        )
+        env = HomewardEnv(mission="OutAndBack", robot=robot, difficulty="known", route="generated")
+        env.reset(seed=3)
+        while mission(env)["place"] < 5:
+            env.step([4, 0, GO])
+        costs[cutoff_v] = env.batch.routes[0]["places"][:6].copy()
+        place_m = float(env.batch.known.shared["place_m"][0])
+    full_j = robot.usable_energy_j
+    true = robot.record().view(np.recarray)[0]
+    needed_j = 0.0
+    for place in costs[11.0]:
+        sine = -float(place["sin_grade"])
+        watts_per_n = robot.max_speed_mps / robot.traction_efficiency
+        force_n = traction_force(robot, robot.max_speed_mps, np.arcsin(sine))
+        load_w = float(ancillary_power(robot, 0.0) + max(float(force_n), 0.0) * watts_per_n)
+        needed_j = max(needed_j, full_j * share_below_cutoff(true, load_w))
+        assert float(place["home_cost_j"]) == pytest.approx(needed_j, rel=1e-5)
+        assert float(place["true_home_cost_j"]) == pytest.approx(needed_j, rel=1e-5)
+        needed_j += float(place["home_j_per_m"]) * place_m
+    extra_j = costs[11.0]["home_cost_j"] - costs[0.0]["home_cost_j"]
+    assert (extra_j > 0.1 * full_j).all()

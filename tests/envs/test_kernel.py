@@ -3,6 +3,7 @@ out inside a step."""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from pathlib import Path
@@ -17,7 +18,8 @@ from homeward import Robot, load_robot
 from homeward.envs.conditions.difficulty import DIFFICULTIES
 from homeward.envs.scalar import HomewardEnv
 from homeward.envs.state import GO, RETURN, STOP
-from homeward.physics import CAUSES, d_max
+from homeward.physics import CAUSES, below_cutoff, d_max
+from homeward.physics.battery import share_below_cutoff
 from homeward.physics.robot import preset_names
 from tests.envs.rollouts import (
     MISSIONS,
@@ -71,7 +73,7 @@ def test_any_robot_keeps_the_ledger_and_the_observation_space(
     robot: Robot, difficulty: str, mission_id: str, seed: int
 ) -> None:
     """From grams to tonnes and with any effects on."""
-    assume(np.isfinite(d_max(robot)))
+    assume(0.0 < d_max(robot) < np.inf)
     env = HomewardEnv(robot=robot, difficulty=difficulty, mission=mission_id)
     observation, _ = env.reset(seed=seed)
     assert observation in env.observation_space
@@ -234,3 +236,56 @@ def test_energy_never_comes_back(action_type: str) -> None:
             # The one decision that may cost nothing: to be home already.
             assert energy_j < before_j or mission(env)["home"]
             before_j = energy_j
+
+
+CUT_OFF = dataclasses.replace(
+    load_robot("turtlebot3_burger"), cutoff_v=11.0, effects={"internal_resistance": {"ohm": 0.3}}
+)
+
+
+@pytest.mark.parametrize("difficulty", DIFFICULTIES)
+@pytest.mark.parametrize("mission_id", MISSIONS)
+def test_a_mission_ends_at_the_cut_off_and_its_ledger_closes(
+    mission_id: str, difficulty: str
+) -> None:
+    env = make(mission_id, difficulty=difficulty, robot=CUT_OFF)
+    env.reset(seed=1)
+    full_j = float(mission(env)["energy_j"])
+    *_, before, last = drive(env, [(4, 4, GO)] * 3000)
+    ledger = last.info["energy_j"]
+    assert last.terminated and last.info["stranded"] and last.info["score"] == 0.0
+    assert before.info["energy_j"]["below_cutoff"] == 0.0 < ledger["below_cutoff"]
+    assert mission(env)["energy_j"] == 0.0
+    assert abs(ledger.total() - full_j) <= 1e-9 * full_j
+    true = env.batch.known.robot.record()
+    if difficulty != "known":
+        true = env.batch.robots
+    true = true.view(np.recarray)[0]
+    kept = share_below_cutoff(true, float(mission(env)["terminal_w"]))
+    assert ledger["below_cutoff"] == pytest.approx(kept * full_j, rel=1e-9)
+    assert ledger["below_cutoff"] > 0.1 * full_j
+    # The meter shows what the robot drew, not what stays.
+    assert mission(env)["read_w"] < 1.2 * mission(env)["terminal_w"]
+
+
+def test_a_robot_on_the_flat_ends_where_the_range_does(tmp_path: Path) -> None:
+    path = route_file(tmp_path, "distance_m,elevation_m\n0,0\n5000,0\n")
+    env = make("OutAndBack", difficulty="known", robot=CUT_OFF, route=str(path))
+    env.reset(seed=1)
+    *_, last = drive(env, [(4, 0, GO)] * 3000)
+    speed_mps = CUT_OFF.max_speed_mps
+    assert last.info["position_m"] == pytest.approx(float(d_max(CUT_OFF, speed_mps)), rel=1e-4)
+    kept_j = float(below_cutoff(CUT_OFF, speed_mps))
+    assert last.info["energy_j"]["below_cutoff"] == pytest.approx(kept_j, rel=1e-9)
+
+
+def test_a_cut_off_that_is_never_reached_changes_no_mission() -> None:
+    rows = []
+    for cutoff_v in (0.0, 1.0):
+        robot = dataclasses.replace(CUT_OFF, cutoff_v=cutoff_v)
+        env = make("Survey", difficulty="harsh", robot=robot)
+        env.reset(seed=1)
+        rng = np.random.default_rng(1)
+        steps = list(drive(env, random_actions(rng, "discrete", 200, home=0.0)))
+        rows.append([(step.reward, *step.info["energy_j"].values()) for step in steps])
+    assert len(rows[0]) > 10 and rows[0] == rows[1]

@@ -41,8 +41,20 @@ PLAIN = Robot(
 )
 """Round numbers: Gamma is one half."""
 
+LINEAR = ((0.0, 8.0), (1.0, 12.0))
+"""Another, whose square is 64 V^2 + 80 V^2 times the share of the energy: by hand, V = 8 + 4 q at a
+share q of charge, of which the share 0.8 q + 0.2 q^2 is the energy."""
+
 FALLING = ((0.0, 8.0), (0.1, 9.5), (0.4, 10.0), (1.0, 11.5))
 """Open-circuit voltage of a battery that falls as it empties."""
+
+
+def cut_off(load_w: float, ohm: float = 0.5, cutoff_v: float = 9.0) -> Robot:
+    """`PLAIN` on a battery `LINEAR` with a cut-off, which draws a load while it stands: 1.5 W of the
+    file, and the rest on standby."""
+    effects = {"standby": {"power_w": load_w - 1.5}, "internal_resistance": {"ohm": ohm}}
+    return dataclasses.replace(PLAIN, open_circuit_v=LINEAR, cutoff_v=cutoff_v, effects=effects)
+
 
 STEADY = Conditions(
     speed_mps=2.0,
@@ -88,6 +100,10 @@ def effects(draw: st.DrawFn, without: Sequence[str] = ()) -> dict[str, dict[str,
 def robots(draw: st.DrawFn, with_effects: bool = True, without: Sequence[str] = ()) -> Robot:
     """Ground robots from grams to tonnes, as lossy as the paper's and worse, with any effects
     on."""
+    curve: tuple[tuple[float, float], ...] = draw(st.just(()) | st.just(FALLING))
+    cutoff_v = 0.0
+    if curve and with_effects:
+        cutoff_v = draw(st.just(0.0) | st.just(9.0))
     slow, fast = sorted((draw(quantities(0.01, 10.0)), draw(quantities(0.01, 10.0))))
     return Robot(
         name="drawn",
@@ -108,7 +124,8 @@ def robots(draw: st.DrawFn, with_effects: bool = True, without: Sequence[str] = 
         computer_w=draw(not_negative(1e-3, 100.0)),
         computer_j_per_sample=draw(not_negative(1e-6, 1.0)),
         track_m=draw(quantities(0.05, 5.0)),
-        open_circuit_v=draw(st.just(()) | st.just(FALLING)),
+        open_circuit_v=curve,
+        cutoff_v=cutoff_v,
         effects=draw(effects(without)) if with_effects else {},
     )
 

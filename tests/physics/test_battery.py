@@ -22,7 +22,10 @@ from homeward.physics.battery import (
     curve_of,
     energy_share,
     open_circuit_v,
-)  # fmt: skip
+    share_at,
+    square_v2,
+    squares_of,
+)
 
 SHARES = st.floats(0.0, 1.0)
 
@@ -137,3 +140,16 @@ def test_a_file_keeps_its_battery(changes: dict[str, Any], tmp_path: Any) -> Non
     for mine, read in itertools.zip_longest(robot.curve, again.curve):
         np.testing.assert_array_equal(mine, read)
     assert ("chemistry" in robot.to_toml()) == (robot.chemistry != FLAT)
+
+
+@given(points=curves(), share=SHARES)
+def test_a_voltage_is_found_at_its_share_of_the_energy(
+    points: list[tuple[float, float]], share: float
+) -> None:
+    squares_v2 = squares_of(curve_of(points))
+    wanted_v2 = float(square_v2(squares_v2, share))
+    found = share_at(squares_v2, wanted_v2)
+    # Where the voltage is constant, it is that of several shares.
+    assert float(square_v2(squares_v2, found)) == pytest.approx(wanted_v2, rel=1e-6)
+    assert share_at(squares_v2, 0.99 * float(squares_v2[0])) == 0.0
+    assert share_at(squares_v2, 1.01 * float(squares_v2[-1])) == 1.0

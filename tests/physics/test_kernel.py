@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 from homeward import Robot
 from homeward.physics import CAUSES, EFFECTS, ancillary_power, d_max, mission_energy
 from homeward.physics.kernel import BASE_CAUSES, Conditions
-from tests.physics.drives import PLAIN, STEADY, conditions, drive, quantities, robots, with_effect
+from tests.physics.drives import (
+    PLAIN,
+    STEADY,
+    conditions,
+    cut_off,
+    drive,
+    quantities,
+    robots,
+    with_effect,
+)
 
 EPSILON = float(np.finfo(np.float64).eps)
 DRIVING = [
@@ -278,3 +287,67 @@ def test_the_power_of_a_step_is_its_mean() -> None:
     )
     end = drive(robot, [STEADY], 50.0, np.inf)
     assert float(end["power_w"]) * 50.0 == pytest.approx(float(end["ledger_j"].sum()), rel=1e-12)
+
+
+STANDING = STEADY._replace(speed_mps=0.0, sensing_hz=0.0)
+BELOW = CAUSES.index("below_cutoff")
+LOST_INSIDE = CAUSES.index("internal_resistance")
+
+
+@pytest.mark.parametrize(
+    ("load_w", "ohm", "cutoff_v", "rest_v"),
+    [
+        # At 9 V a load of 9 W draws 1 A, which takes 0.5 V of 0.5 Ohm; one of 36 W draws 4 A.
+        (9.0, 0.5, 9.0, 9.5),
+        (36.0, 0.5, 9.0, 11.0),
+        (9.0, 0.0, 9.0, 9.0),
+        # One of 54 W draws 6 A, which takes 6 V of 1 Ohm: even a full battery is cut off at once.
+        (54.0, 1.0, 9.0, 12.0),
+        # Below 11 V at rest no voltage carries 30.25 W through 1 Ohm; at 11 V, 5.5 V do.
+        (30.25, 1.0, 5.0, 11.0),
+    ],
+)
+def test_what_stays_below_the_cut_off_by_hand(
+    load_w: float, ohm: float, cutoff_v: float, rest_v: float
+) -> None:
+    end = drive(cut_off(load_w, ohm, cutoff_v), [STANDING] * 5000, 10.0)
+    kept_j = 1e5 * (rest_v**2 - 64.0) / 80.0
+    assert end["depleted"] and end["energy_j"] == 0.0
+    assert float(end["ledger_j"][BELOW]) == pytest.approx(kept_j, rel=1e-6)
+    assert float(end["ledger_j"].sum()) == pytest.approx(1e5, rel=1e-9)
+    drawn_j = float(end["ledger_j"].sum() - end["ledger_j"][[BELOW, LOST_INSIDE]].sum())
+    assert drawn_j == pytest.approx(load_w * float(end["time_s"]), rel=1e-9)
+
+
+def test_a_heavy_load_ends_a_battery_that_still_carries_a_light_one() -> None:
+    # 11 V at rest: 71,250 J are left, of which 9 W get 38,437 J and 36 W none.
+    at_j = 1e5 * (11.0**2 - 64.0) / 80.0
+    light = drive(cut_off(9.0), [STANDING], 10.0, at_j, capacity_j=1e5)
+    heavy = drive(cut_off(36.001), [STANDING], 10.0, at_j, capacity_j=1e5)
+    assert not light["depleted"] and light["ledger_j"][BELOW] == 0.0
+    assert heavy["depleted"] and heavy["time_s"] == 0.0
+    assert float(heavy["ledger_j"][BELOW]) == at_j
+
+
+@given(dt_s=STEPS_S)
+def test_the_cut_off_comes_within_a_step(dt_s: float) -> None:
+    # 36 W, and 4 A through 0.5 Ohm: 44 W, of which 20 J for each second of the step are left.
+    end = drive(cut_off(36.0), [STANDING], dt_s, 71250.0 + 20.0 * dt_s, capacity_j=1e5)
+    assert end["depleted"] and float(end["ledger_j"][BELOW]) == pytest.approx(71250.0, rel=1e-6)
+    assert float(end["time_s"]) == pytest.approx(20.0 / 44.0 * dt_s, rel=0.1)
+
+
+def test_a_charger_ends_no_battery_below_its_cut_off() -> None:
+    end = drive(cut_off(9.0), [STANDING], 10.0, 1000.0, capacity_j=1e5, charger_w=20.0)
+    assert not end["depleted"] and end["energy_j"] > 1000.0 and end["ledger_j"][BELOW] == 0.0
+
+
+@given(data=st.data(), robot=robots(), dt_s=STEPS_S)
+def test_without_a_falling_voltage_a_cut_off_changes_nothing(
+    data: st.DataObject, robot: Robot, dt_s: float
+) -> None:
+    flat = dataclasses.replace(robot, open_circuit_v=(), cutoff_v=0.0)
+    steps = data.draw(drives(flat))
+    start_j = flat.usable_energy_j * data.draw(st.floats(0.01, 1.0))
+    with_one = dataclasses.replace(flat, cutoff_v=0.9 * flat.nominal_voltage_v)
+    assert drive(with_one, steps, dt_s, start_j) == drive(flat, steps, dt_s, start_j)

@@ -15,7 +15,16 @@ from hypothesis import strategies as st
 from homeward import Robot
 from homeward.physics import CAUSES, ancillary_power, mission_energy, replay, traction_force
 from homeward.physics.model import drive_power
-from tests.physics.drives import FALLING, PLAIN, STEADY, conditions, drive, robots, with_effect
+from tests.physics.drives import (
+    FALLING,
+    PLAIN,
+    STEADY,
+    conditions,
+    cut_off,
+    drive,
+    robots,
+    with_effect,
+)
 
 TIME_S = np.arange(5.0)
 
@@ -241,3 +250,21 @@ def test_the_voltage_of_a_replay_falls_with_its_charge_and_the_replay_goes_on_be
         current_a = (rest_v - math.sqrt(rest_v**2 - 4.0 * 0.05 * load_w)) / (2.0 * 0.05)
         assert loss_w == pytest.approx(0.05 * current_a**2, rel=1e-6)
     assert sum(again.energy_j.values()) > 1.1 * robot.usable_energy_j
+
+
+def test_a_recorded_drive_is_not_cut_off() -> None:
+    """It shows that the battery did not end; what the step draws is the same with a cut-off."""
+    robot = cut_off(36.0)
+    time_s = np.linspace(0.0, 5e3, 501)
+    again = replay(robot, time_s, 0.0)
+    free = replay(robot.without_cutoff(), time_s, 0.0)
+    assert again.energy_j == free.energy_j and again.energy_j["below_cutoff"] == 0.0
+    np.testing.assert_array_equal(again.power_w, free.power_w)
+    # Until the battery of a drive is cut off, they are the same.
+    end = drive(robot, [STEADY._replace(speed_mps=0.0, sensing_hz=0.0)] * 500, 10.0)
+    lasts = int(end["time_s"] / 10.0)
+    assert 0 < lasts < 500 and end["depleted"]
+    drawn_j = 10.0 * again.power_w[:lasts].sum()
+    in_last_step_j = again.power_w[lasts] * (float(end["time_s"]) - 10.0 * lasts)
+    kept_j = float(end["ledger_j"][CAUSES.index("below_cutoff")])
+    assert drawn_j + in_last_step_j + kept_j == pytest.approx(1e5, rel=1e-6)

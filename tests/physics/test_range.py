@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from homeward import Robot, load_robot
 from homeward.estimation import Prior
 from homeward.physics import (
+    CAUSES,
+    below_cutoff,
     d_max,
     ideal_range,
     leg,
@@ -27,7 +29,16 @@ from homeward.physics.battery import FLAT
 from homeward.physics.model import GRAVITY_MPS2
 from homeward.physics.range import _range_by_kernel
 from homeward.physics.uncertainty import Uncertainty
-from tests.physics.drives import FALLING, PLAIN, STEADY, drive, quantities, robots, with_effect
+from tests.physics.drives import (
+    FALLING,
+    PLAIN,
+    STEADY,
+    cut_off,
+    drive,
+    quantities,
+    robots,
+    with_effect,
+)
 
 
 def test_eq_4_manoeuvring_energy() -> None:
@@ -364,3 +375,52 @@ def test_generic_ranges_are_those_of_uncertain_missions() -> None:
     works = dataclasses.replace(PLAIN, computer_w=8.0)
     more_j2 = leg(works, level, 2.0, sensing_hz=0.1).sd_j ** 2 - leg(works, level, 2.0).sd_j ** 2
     assert more_j2 > (thresholds.GENERIC_IDLE_SD * 8.0 * 100.0) ** 2
+
+
+@pytest.mark.parametrize("grade_rad", [0.0, 0.02])
+def test_a_range_ends_at_the_cut_off(grade_rad: float) -> None:
+    robot = cut_off(1.6, ohm=0.05)
+    x = STEADY._replace(
+        speed_mps=1.0, sensing_hz=0.0, sin_grade=np.sin(grade_rad), cos_grade=np.cos(grade_rad)
+    )
+    end = drive(robot, [x] * 40000, 1.0, speed_mps=1.0)
+    kept_j = float(end["ledger_j"][CAUSES.index("below_cutoff")])
+    load_w = float(end["terminal_w"])
+    rest_v = 9.0 + 0.05 * load_w / 9.0
+    assert load_w > 20.0 and kept_j == pytest.approx(1e5 * (rest_v**2 - 64.0) / 80.0, rel=1e-6)
+    assert float(below_cutoff(robot, 1.0, grade_rad)) == pytest.approx(kept_j, rel=1e-9)
+    reach_m = float(d_max(robot, 1.0, grade_rad))
+    assert reach_m == pytest.approx(float(end["distance_m"]), rel=1e-4)
+    assert reach_m < 0.8 * float(d_max(robot.without_cutoff(), 1.0, grade_rad))
+
+
+def test_a_range_in_turns_ends_where_its_driving_is_cut_off() -> None:
+    robot = cut_off(1.6, ohm=0.05)
+    kept_j = float(below_cutoff(robot, 1.0))
+    whole_m = float(d_max(robot.without_cutoff(), 1.0, duty=0.5, energy_j=1e5 - kept_j))
+    assert float(below_cutoff(robot, 1.0, duty=0.5)) == pytest.approx(kept_j, rel=2e-3)
+    # The voltage is lower than that of a battery of that energy, and so the loss higher.
+    assert float(d_max(robot, 1.0, duty=0.5)) == pytest.approx(whole_m, rel=5e-3)
+
+
+@pytest.mark.parametrize("duty", [1.0, 0.7, 0.3])
+def test_a_range_in_turns_ends_within_a_turn(duty: float) -> None:
+    robot = cut_off(1.6, ohm=0.0)
+    # Without a resistance (81 - 64) / 80 of the energy stay, whatever the load.
+    whole_m = float(d_max(robot.without_cutoff(), 1.0, duty=duty))
+    assert float(d_max(robot, 1.0, duty=duty)) == pytest.approx(0.7875 * whole_m, rel=1e-6)
+
+
+def test_a_load_that_no_charge_carries_has_no_range() -> None:
+    robot = cut_off(64.0, ohm=1.0)
+    assert d_max(robot, 1.0) == d_max(robot, 1.0, duty=0.5) == 0.0
+    assert float(below_cutoff(robot, 1.0)) == robot.usable_energy_j
+
+
+def test_a_cut_off_without_effects_keeps_what_is_below_its_voltage_at_rest() -> None:
+    robot = dataclasses.replace(cut_off(9.0), effects={})
+    # (81 - 64) / 80 of the energy
+    assert float(below_cutoff(robot, 1.0)) == pytest.approx(21250.0, rel=1e-6)
+    whole_m = float(d_max(robot.without_cutoff(), 1.0))
+    assert float(d_max(robot, 1.0)) == pytest.approx((1.0 - 0.2125) * whole_m, rel=1e-6)
+    assert below_cutoff(PLAIN, 1.0, np.zeros(3)).tolist() == [0.0, 0.0, 0.0]

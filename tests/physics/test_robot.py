@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from homeward import Robot, RobotError, load_robot
 from homeward.physics import EFFECTS, preset_names
-from homeward.physics.robot import ROBOT_DTYPE
+from homeward.physics.robot import HAS_CUTOFF, ROBOT_DTYPE
 from tests.physics.drives import PLAIN, robots
 
 QUANTITIES = {
@@ -395,3 +395,35 @@ def test_a_current_at_rest_is_read_from_where_older_files_have_it(tmp_path: Path
     assert robot.uncertainty is not None and robot.uncertainty.unexplained == 0.1
     (tmp_path / "newer.toml").write_text(robot.to_toml())
     assert load_robot(tmp_path / "newer.toml") == robot
+
+
+LIPO: dict[str, Any] = {"chemistry": "lipo", "cells_in_series": 3, "nominal_voltage_v": 11.1}
+
+
+@pytest.mark.parametrize(
+    ("battery", "full"),
+    [
+        ({}, "10 V"),  # its nominal voltage
+        (LIPO, "12.51 V"),  # three cells of 4.17 V
+        ({"open_circuit_v": ((0.0, 8.0), (1.0, 12.0))}, "12 V"),
+    ],
+)
+def test_a_cut_off_is_below_the_voltage_of_the_full_battery(
+    battery: dict[str, Any], full: str, tmp_path: Path
+) -> None:
+    robot = dataclasses.replace(PLAIN, **battery)
+    full_v = float(full.removesuffix(" V"))
+    assert dataclasses.replace(robot, cutoff_v=full_v - 0.01).cutoff_v == full_v - 0.01
+    text = robot.to_toml().replace("cutoff_v = 0.0", f"cutoff_v = {full_v + 0.01}")
+    message = refusal(write(tmp_path, text))
+    assert f"battery.cutoff_v = {full_v + 0.01:g} is not below the {full} of the full" in message
+    assert message.endswith("or 0 for none")
+
+
+def test_only_a_voltage_that_falls_ends_at_a_cut_off() -> None:
+    flat = dataclasses.replace(PLAIN, cutoff_v=9.0)
+    falling = dataclasses.replace(PLAIN, cutoff_v=9.9, **LIPO)
+    assert not flat.has_cutoff and flat.without_cutoff() is flat
+    assert flat.record()["effects"] == 0
+    assert falling.has_cutoff and not falling.without_cutoff().has_cutoff
+    assert falling.active_effects == () and falling.record()["effects"] == HAS_CUTOFF

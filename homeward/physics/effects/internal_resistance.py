@@ -19,7 +19,7 @@ def internal_resistance(p: Any, s: Any, x: Any, load: Any) -> Any:
             p.squares_v2, np.minimum(np.maximum(energy_share, 0.0), 1.0)
         )
     # No current delivers more than V^2 / 4R, where half of the energy is lost. Above that the load
-    # is still supplied, with half of the energy lost, because the model has no brown-out.
+    # is still supplied, with half of the energy lost, unless the robot has a cut-off, which ends it.
     relative = load * (4.0 * p.internal_resistance_ohm / open_circuit_v2)
     root = np.sqrt(np.maximum(1.0 - relative, 0.0))  # twice the efficiency, minus 1
     return load * (1.0 - root) / (1.0 + root)

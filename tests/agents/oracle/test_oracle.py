@@ -303,6 +303,12 @@ def test_a_robot_with_inertia_is_refused() -> None:
         solve(Options("Survey", robot=robot), SEEDS[:1])
 
 
+def test_a_robot_with_a_cut_off_is_refused() -> None:
+    robot = dataclasses.replace(homeward.load_robot("turtlebot3_burger"), cutoff_v=9.9)
+    with pytest.raises(OracleError, match=r"does not model .* cut off at 9\.9 V; leave out"):
+        solve(Options("Survey", robot=robot), SEEDS[:1])
+
+
 def test_continuous_actions_are_refused() -> None:
     with pytest.raises(OracleError, match="choose 'discrete'"):
         solve(Options("Survey", action_type="continuous"), SEEDS[:1])

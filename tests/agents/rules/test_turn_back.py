@@ -1,9 +1,12 @@
 """What all rules share: where they turn back, for one mission as for many, and that they come
 home."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from homeward import load_robot
 from homeward.agents import make_policy
 from homeward.agents.evaluation import episode_seeds, run_episodes
 from homeward.agents.planner import Planner
@@ -89,3 +92,17 @@ def test_hidden_wind_fools_rules_that_extrapolate(name: str) -> None:
     misled = episodes(name, Options("OutAndBack", route="hidden_wind"), 200).stranded.mean()
     assert stranded < 0.1
     assert misled > 0.4
+
+
+@pytest.mark.parametrize("name", ["dmax", "dmax_mapped", "dmax_adaptive", "dmax_belief", "planner"])
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_rules_come_home_above_the_cut_off(name: str, mission: str) -> None:
+    robot = dataclasses.replace(
+        load_robot("turtlebot3_burger"),
+        cutoff_v=11.0,
+        effects={"internal_resistance": {"ohm": 0.3}},
+    )
+    result = episodes(name, Options(mission, difficulty="known", robot=robot), 20)
+    assert not result.stranded.any() and (result.score > 0.0).all()
+    # What stays is a sixth of the battery.
+    assert result.energy_left_j.min() > 0.15 * robot.usable_energy_j
