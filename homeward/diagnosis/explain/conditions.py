@@ -231,7 +231,8 @@ def _share_beside_a_residual(together: Together) -> float | None:
 
 
 def _least_over_motion(together: Together) -> float:
-    if together.is_scheduled:
+    # What has no recorded cause must explain more than the recorded motion.
+    if together.first.term.axis != "steady":
         return 1.0
     if together.beats_trees:
         return thresholds.HALF
@@ -291,8 +292,9 @@ TOGETHER: tuple[Condition[Together], ...] = (
         value=_over_motion,
         side="more than",
         limit=_least_over_motion,
-        limit_in_words=f"1 of a schedule; otherwise {thresholds.HALF:g}, or {thresholds.SIMPLER:g} if trees on the "
-        "motion leave less than half of the effects' squared error on unseen runs",
+        limit_in_words="1 if the size of the first changes in time or with place; otherwise "
+        f"{thresholds.HALF:g}, or {thresholds.SIMPLER:g} if trees on the motion leave less than half of the effects' "
+        "squared error on unseen runs",
         origin="SIMPLER, HALF",
     ),
     Condition(

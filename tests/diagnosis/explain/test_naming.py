@@ -23,6 +23,7 @@ from homeward.diagnosis.fit.usable import usable_runs
 from homeward.diagnosis.tell.report import write_outputs
 from homeward.physics.effects.regeneration import NO_LIMIT_W
 from homeward.physics.log_replay import replay
+from tests.diagnosis import hills
 from tests.diagnosis.conftest import Analyse
 from tests.diagnosis.made_up import ends, over_hills, with_power
 from tests.diagnosis.tell.test_file_choice import replay_equals_fit
@@ -563,3 +564,31 @@ def replayed_w(robot: Robot, run: Recording) -> np.ndarray:
         robot, of["time_s"], of["speed_mps"], grade_rad=of["grade_rad"], yaw_rate_radps=of["yaw_rate_radps"],
         sensing_hz=of["sensing_hz"],
     ).power_w  # fmt: skip
+
+
+def test_what_the_bends_of_a_way_cost_is_not_its_ground(husky: Robot) -> None:
+    """A bent steering drags in left bends, which are always in the same places: trees on the motion
+    explain more than any ground does."""
+    runs = []
+    for seed in range(4):
+        channels = dict(hills.drive(husky, seed))
+        moving = channels["speed_mps"] > 0.0
+        place_m = channels["base_distance_m"]
+        turning_radps = 0.5 * np.sin(2.0 * np.pi * place_m / 30.0) * moving
+        power_w = replay(
+            husky, channels["time_s"], np.abs(channels["speed_mps"]), yaw_rate_radps=turning_radps
+        ).power_w
+        dragged_w = 60.0 * np.tanh(np.maximum(turning_radps, 0.0) / 0.1)
+        noise = 1.0 + 0.01 * np.random.default_rng(seed).normal(size=len(power_w))
+        del channels["elevation_m"]
+        channels |= {
+            "yaw_rate_radps": turning_radps,
+            "grade_rad": np.zeros(len(power_w)),
+            "power_w": noise * (power_w + dragged_w),
+        }
+        runs.append(Recording(f"run{seed}.csv", str(seed), channels))
+    diagnosis = diagnose(runs, husky)
+    assert diagnosis.verdict == "unknown_physics"
+    refused = diagnosis.together[-1]
+    assert refused.condition == "motion together"
+    assert thresholds.SIMPLER < refused.value < refused.limit == 1.0
