@@ -37,6 +37,7 @@ from homeward.envs.state import (
 from homeward.physics import Robot, ancillary_power, d_max, load_robot, optimal_speed
 from homeward.physics import thresholds as physics_thresholds
 from homeward.physics.intervals import Bounds
+from homeward.physics.range import why_no_mission
 
 ACTION_TYPES = ("discrete", "continuous", "flat")
 SHAPINGS = ("dmax", "none")
@@ -405,15 +406,9 @@ def _robot(given: Any) -> Robot:
         RobotError, OptionError: It cannot be loaded, or never does.
     """
     robot = load_robot(given)
-    range_m = float(d_max(robot))
-    if not np.isfinite(range_m):
-        raise OptionError(
-            f"robot {robot.name!r} never runs empty on level ground; check its effects"
-        )
-    if range_m == 0.0:
-        raise OptionError(
-            f"robot {robot.name!r} is cut off at once on level ground; check its cutoff_v"
-        )
+    reason = why_no_mission(robot)
+    if reason:
+        raise OptionError(reason)
     return robot
 
 

@@ -57,6 +57,7 @@ from homeward.estimation import Prior, Vehicle
 from homeward.estimation.excitation import looks_back
 from homeward.files import read_json, write_whole
 from homeward.physics import Robot, d_max, load_robot, optimal_speed
+from homeward.physics.range import why_no_mission
 
 WINDOWS = 200.0
 """Number of updates of the estimator while the battery lasts at cruise, as of decisions in the
@@ -858,15 +859,9 @@ def _checked_range(robot: Robot) -> float:
     """Range of a robot, m, which must drive, and run empty.
 
     Raises:
-        CompanionError: It never does, or its battery is cut off at once.
+        CompanionError: It does not.
     """
-    range_m = float(d_max(robot))
-    if not math.isfinite(range_m):
-        raise CompanionError(
-            f"robot {robot.name!r} never runs empty on level ground; check its effects"
-        )
-    if range_m == 0.0:
-        raise CompanionError(
-            f"robot {robot.name!r} is cut off at once on level ground; check its cutoff_v"
-        )
-    return range_m
+    reason = why_no_mission(robot)
+    if reason:
+        raise CompanionError(reason)
+    return float(d_max(robot))

@@ -201,6 +201,16 @@ def d_max(
         return np.divide(energy_j, np.where(energy_j, per_metre, 1.0))
 
 
+def why_no_mission(robot: Robot) -> str:
+    """Why a robot can do no mission on the level, in words; empty if it drives, and runs empty."""
+    range_m = float(d_max(robot))
+    if not np.isfinite(range_m):
+        return f"robot {robot.name!r} never runs empty on level ground; check its effects"
+    if range_m == 0.0:
+        return f"robot {robot.name!r} is cut off at once on level ground; check its cutoff_v"
+    return ""
+
+
 def below_cutoff(
     robot: Robot,
     speed_mps: Any,

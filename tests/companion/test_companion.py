@@ -453,16 +453,16 @@ def test_home_that_moves() -> None:
 
 @pytest.mark.parametrize("number", [int, np.int64, np.float32])
 def test_the_way_to_a_place_is_the_same_in_numbers_of_any_type(number: Any) -> None:
-    one = companion()
-    Driven(every_s=5.0).drive(one, 0.0, 100.0)
+    driven = companion()
+    Driven(every_s=5.0).drive(driven, 0.0, 100.0)
     for place in (40.0, (40.0, 30.0)):
-        length_m = one.way_to(place)["way_m"].sum()
+        length_m = driven.way_to(place)["way_m"].sum()
         given: Any = np.array(place, dtype=number)
         if given.ndim == 0:
             given = given[()]  # a number of that type
-        assert one.way_to(given)["way_m"].sum() == length_m > 0.0
+        assert driven.way_to(given)["way_m"].sum() == length_m > 0.0
     with pytest.raises(CompanionError, match="place = nan is not allowed; give"):
-        one.way_to(math.nan)
+        driven.way_to(math.nan)
 
 
 def test_of_several_homes_the_nearer_is_advised_and_one_out_of_reach_is_listed() -> None:
@@ -1142,8 +1142,9 @@ def test_a_cut_off_is_that_of_the_file_unless_another_is_given() -> None:
         ("other", stated, 20.0),
         ("usual", falls, None),
     ):
-        one, drives = Companion(robot, home=(0.0, 0.0), soc=1.0, cutoff_v=cutoff_v), Driven()
-        advice = drives.drive(one, 0.0, 60.0, soc=None, power_w=None, **electric(drives, falls))
+        advised = Companion(robot, home=(0.0, 0.0), soc=1.0, cutoff_v=cutoff_v)
+        drives = Driven()
+        advice = drives.drive(advised, 0.0, 60.0, soc=None, power_w=None, **electric(drives, falls))
         left[name] = advice.energy_left_j.mean
         words[name] = " ".join(advice.rests_on)
     # The file's cut-off also shortens the range, and so the time over which readings are averaged.

@@ -139,7 +139,7 @@ class _Search:
         """The effects with one or two more: the simplest of the sets that predict about best and
         meet all conditions."""
         trials = self._trials(selection.effects, bench)
-        base_error = self.runs.squared_error(self._held_out(selection.effects.model))
+        base_error = self._held_out_error(selection.effects.model)
         standing = trials
         no_better_than_placebos: list[_Trial] = []
         for trial in _simplest_first(trials, base_error):
@@ -185,8 +185,8 @@ class _Search:
 
     def _replayed(self, effects: EffectSet, bench: Bench, indices: tuple[int, ...]) -> _Trial:
         forms = tuple(bench.candidates[index] for index in indices)
-        model = fit_model(self.material, [*effects.terms, *forms], self.runs, self.block)
-        squared_error = self.runs.squared_error(self._held_out(model))
+        model = self._together([*effects.terms, *forms])
+        squared_error = self._held_out_error(model)
         if any(form.axis != "steady" for form in forms):
             # Change points that are searched anew without the held-out windows.
             searched_error = (1.0 - bench.share(*indices)) * bench.squared_error(*indices)
@@ -199,13 +199,13 @@ class _Search:
             sudden=all(bench.is_in_steps(index) for index in indices),
         )
 
-    def _held_out(self, model: Fitted) -> Array:
-        """Held-out prediction, shape (windows,), by the model linearised at its joint replay."""
+    def _held_out_error(self, model: Fitted) -> float:
+        """Squared error of the held-out prediction by the model linearised at its joint replay."""
 
         def predict(training: Mask) -> Array:
             return model.fitted_to(training, self.runs.observed).predicted
 
-        return held_out(predict, self.block % FOLDS)
+        return self.runs.squared_error(held_out(predict, self.block % FOLDS))
 
     def _judged(
         self, selection: _Selection, bench: Bench, trial: _Trial, trials: Sequence[_Trial]
@@ -341,7 +341,7 @@ class _Search:
         if len(selection.named) < 2:
             return selection.named
         terms = selection.effects.terms
-        error = self._held_out_error(terms)
+        error = self._held_out_error(self._together(terms))
         named = []
         for place, effect in enumerate(selection.named):
             others = [term for term in terms if term is not terms[place]]
@@ -357,30 +357,29 @@ class _Search:
         candidates = [other for other in others if other.load is not None]
         if term.axis != "time" or term.schedule is None or not candidates:
             return []
-        error_without = self._held_out_error(others)
+        error_without = self._held_out_error(self._together(others))
         rivals = []
         for candidate in candidates:
             resized = _resized(candidate, term.schedule)
             beside = [resized if other is candidate else other for other in others]
-            explained = error_without - self._held_out_error(beside)
+            explained = error_without - self._held_out_error(self._together(beside))
             if explained >= thresholds.RIVAL_SHARE * (error_without - error):
                 rivals.append(candidate)
         return rivals
 
-    def _held_out_error(self, terms: Sequence[Term]) -> float:
-        """Held-out squared error of effects fitted together, linearised at their joint replay."""
-        model = fit_model(self.material, terms, self.runs, self.block)
-        return self.runs.squared_error(self._held_out(model))
+    def _together(self, forms: Sequence[Term]) -> Corrected:
+        """Effects fitted together, each in its form, with the parameters."""
+        return fit_model(self.material, forms, self.runs, self.block)
 
     def _fitted(self, forms: Sequence[Term]) -> EffectSet:
         """Effects fitted together, flexible ones in the form of a robot file where that fits as
         well."""
         if not forms:
             return EffectSet(self.fit, self.runs, self.block, self.rng)
-        model = fit_model(self.material, forms, self.runs, self.block)
+        model = self._together(forms)
         if any(form.plain is not None for form in forms):
             plain_forms = [form.plain or form for form in forms]
-            plain = fit_model(self.material, plain_forms, self.runs, self.block)
+            plain = self._together(plain_forms)
             plain_error = self.runs.squared_error(plain.predicted)
             if plain_error <= thresholds.NO_WORSE * self.runs.squared_error(model.predicted):
                 model = plain
@@ -397,7 +396,7 @@ class _Search:
         """
         if trials is None:
             trials = self._trials_of_singles(named.without, named.bench)
-        base_error = self.runs.squared_error(self._held_out(named.without.model))
+        base_error = self._held_out_error(named.without.model)
         explained = (
             base_error - self._replayed(named.without, named.bench, (named.index,)).squared_error
         )
