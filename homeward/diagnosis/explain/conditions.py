@@ -182,16 +182,6 @@ CONDITIONS: tuple[Condition[Candidate], ...] = (
         origin="SMALLEST_GAIN_TO_NAME, SMALLEST_GAIN_OF_THE_FLEXIBLE",
     ),
     Condition(
-        name="interval",
-        asks="lower end of the 95 % interval of that share, by block bootstrap",
-        applies_to="every effect",
-        value=lambda candidate: candidate.gain.ci95[0],
-        side="more than",
-        limit=lambda candidate: 0.0,
-        limit_in_words="0",
-        origin="definition of an interval",
-    ),
-    Condition(
         name="instruments",
         asks="squared error that it explains over what errors of the channels, or of the meter's scale, explain",
         applies_to="every effect",
