@@ -66,7 +66,9 @@ format: .venv/installed
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
 	    echo "homeward needs Python 3.11 or later$(if $(PYTHON), (which '$(PYTHON)' is not)): install one or name it with 'make PYTHON=/path/to/python'" >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[train,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt --editable '.[train,dev]'
+	@# pip would compile on one core; files that are no Python of this version are left out, as by pip.
+	@$(BIN)/python -W ignore -m compileall -qq -j 0 .venv/lib || true
 	@touch $@
 
 clean:
