@@ -99,9 +99,9 @@ def unflatten_actions(numbers: Any, count: int | None = None) -> NDArray[np.int6
         )
     outside = np.flatnonzero((array < 0) | (array >= FLAT_ACTIONS))
     if outside.size:
-        first = int(outside[0])
+        index = int(outside[0])
         raise OptionError(
-            f"action {array[first]} of env {first} is not allowed; give a whole number from 0 to {FLAT_ACTIONS - 1}"
+            f"action {array[index]} of env {index} is not allowed; give a whole number from 0 to {FLAT_ACTIONS - 1}"
         )
     speed, sensing, mode = np.unravel_index(array, _PARTS)
     return np.stack((speed, sensing, mode), axis=-1)

@@ -257,5 +257,6 @@ class Batch:
         return np.ascontiguousarray(array)
 
     def _refuse(self, actions: Any, index: int) -> None:
-        given, allowed = np.asarray(actions)[index].tolist(), allowed_actions(self._discrete)
-        raise OptionError(f"action {given} of env {index} is not allowed; give {allowed}")
+        action = np.asarray(actions)[index].tolist()
+        allowed = allowed_actions(self._discrete)
+        raise OptionError(f"action {action} of env {index} is not allowed; give {allowed}")

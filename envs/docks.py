@@ -157,9 +157,10 @@ def observe_docks(
     """
     position_m = records["position_m"]
     place_m = float(shared["place_m"])
-    here = records["here"]
+    ground_here = records["here"]
     home_cost_j = (
-        here["home_cost_j"] + (position_m - records["place"] * place_m) * here["home_j_per_m"]
+        ground_here["home_cost_j"]
+        + (position_m - records["place"] * place_m) * ground_here["home_j_per_m"]
     )
     out_m = np.full(len(records), np.inf)
     back_m = position_m.copy()

@@ -214,8 +214,8 @@ def map_place(
         robot, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, true_headwind_mps, -1.0)
     )
     if robot.effects & HAS_CUTOFF:
-        true_kept = battery.share_below_cutoff(robot, mission.terminal_w)
-        true_home_cost_j = max(true_home_cost_j, mission.capacity_j * true_kept)
+        true_share_kept = battery.share_below_cutoff(robot, mission.terminal_w)
+        true_home_cost_j = max(true_home_cost_j, mission.capacity_j * true_share_kept)
     # The robot's model knows the charge, and so the voltage, as it is read, and the slope likewise.
     place.sin_grade = place.sine_read
     mission.energy_j = mission.soc * mission.capacity_j
@@ -229,8 +229,8 @@ def map_place(
         believed, mission, _conditions(mission, place, cruise_mps, 0.0, 0.0, headwind_mps, -1.0)
     )
     if believed.effects & HAS_CUTOFF:
-        kept = battery.share_below_cutoff(believed, mission.terminal_w)
-        home_cost_j = max(home_cost_j, shared.usable_j * kept)
+        share_kept = battery.share_below_cutoff(believed, mission.terminal_w)
+        home_cost_j = max(home_cost_j, shared.usable_j * share_kept)
     place.sin_grade = true_sine
     mission.energy_j = true_j
     (
@@ -261,10 +261,10 @@ def _account(
 ) -> None:
     """Add the energy that the robot's own model predicts for a stretch, and the samples taken and
     sent on it."""
-    here = mission.here
-    drive_j_per_m = here.back_j_per_m
+    place = mission.here
+    drive_j_per_m = place.back_j_per_m
     if conditions.direction > 0.0:
-        drive_j_per_m = here.out_j_per_m
+        drive_j_per_m = place.out_j_per_m
     drive_j_per_m += shared.drag_j_per_m * (
         conditions.speed_mps * conditions.speed_mps - shared.cruise_mps * shared.cruise_mps
     )
@@ -272,12 +272,12 @@ def _account(
         nominal, 0.0
     )
     mission.modelled_j += (
-        max(drive_j_per_m, 0.0) * conditions.speed_mps + here.standing_w + sensing_w
+        max(drive_j_per_m, 0.0) * conditions.speed_mps + place.standing_w + sensing_w
     ) * passed_s
     if shared.senses:
         sensing.sense(
             mission,
-            here,
+            place,
             shared,
             conditions.sensing_hz * passed_s,
             conditions.speed_mps * passed_s,

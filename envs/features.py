@@ -32,10 +32,10 @@ _DRAWN = 0.05
 the model's. Chosen: ten decisions at cruise, so that the first ones change it little."""
 _STRETCHES = tuple(
     (
-        first,
-        f"places {first} to {last - 1} from here outwards, {'in sight' if k < IN_SIGHT else 'known or forecast'}",
+        start,
+        f"places {start} to {stop - 1} from here outwards, {'in sight' if k < IN_SIGHT else 'known or forecast'}",
     )
-    for k, (first, last) in enumerate(AHEAD)
+    for k, (start, stop) in enumerate(AHEAD)
 )
 
 FEATURES: tuple[tuple[str, str, str], ...] = (
@@ -77,10 +77,10 @@ FEATURES: tuple[tuple[str, str, str], ...] = (
     ("speed", "top speed", "speed reading of the last decision"),
     ("sensing", "top rate", "sensing rate of the last decision"),
     ("grade", "sine 0.1", "slope reading here in the direction of travel"),
-    *((f"grade_{first}", "sine 0.1", f"mean slope of {where}") for first, where in _STRETCHES),
+    *((f"grade_{start}", "sine 0.1", f"mean slope of {where}") for start, where in _STRETCHES),
     ("grade_mean", "sine 0.1", "mean slope of the whole route, known beforehand"),
     ("interest", "2", "interest here"),
-    *((f"interest_{first}", "2", f"mean interest of {where}") for first, where in _STRETCHES),
+    *((f"interest_{start}", "2", f"mean interest of {where}") for start, where in _STRETCHES),
     ("backlog", "memory", "samples on board"),
     ("link", "1", "share of the radio's rate at this distance"),
     ("headwind", "10 m/s", "wind against the direction of travel, by the forecast"),
@@ -161,9 +161,9 @@ def _row_dtype() -> np.dtype[np.void]:
     ahead."""
     fields: list[Any] = []
     for name in NAMES:
-        kind, _, first = name.rpartition("_")
-        if kind in _AT and first.isdigit():
-            if first == str(AHEAD[0][0]):
+        kind, _, start = name.rpartition("_")
+        if kind in _AT and start.isdigit():
+            if start == str(AHEAD[0][0]):
                 fields.append((f"{kind}_ahead", np.float32, (len(AHEAD),)))
         else:
             fields.append((name, np.float32))

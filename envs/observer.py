@@ -298,13 +298,19 @@ def _note(records: Any, routes: Any, constants: Any, sines: Any, interests: Any)
     read since."""
     mission, route, c = records[0], routes[0], constants[0]
     note_ahead(route, c.shared, sines, interests)
-    here = route.places[mission.place]
-    if mission.place == mission.mapped - 1 and here.sine_read != mission.here.sine_read:
+    place = route.places[mission.place]
+    if mission.place == mission.mapped - 1 and place.sine_read != mission.here.sine_read:
         map_place(
-            mission, c.nominal, here, c.nominal, c.shared, here.home_cost_j, here.true_home_cost_j
+            mission,
+            c.nominal,
+            place,
+            c.nominal,
+            c.shared,
+            place.home_cost_j,
+            place.true_home_cost_j,
         )
         mission.mapped -= 1
-    mission.here = here
+    mission.here = place
 
 
 def _drive(

@@ -239,16 +239,16 @@ def check_reset_options(options: Any, allowed: tuple[str, ...] = ()) -> None:
         )
     unknown = [name for name in options if name not in allowed]
     if unknown:
-        known = (
+        hint = (
             f"it knows {', '.join(allowed)}"
             if allowed
             else "it knows none; options of missions are given to make"
         )
-        raise OptionError(f"reset does not know the option {unknown[0]!r}; {known}")
+        raise OptionError(f"reset does not know the option {unknown[0]!r}; {hint}")
 
 
-def _number(name: str, value: Any, most: float) -> float:
-    bounds = Bounds(0.0, most, open_low=True)
+def _number(name: str, value: Any, largest: float) -> float:
+    bounds = Bounds(0.0, largest, open_low=True)
     if isinstance(value, bool) or not isinstance(value, numbers.Real) or not bounds.hold(value):
         raise OptionError(f"{name} = {value!r} is not allowed; give a number in {bounds}")
     return float(value)
@@ -399,13 +399,13 @@ def constants_of(options: Options) -> tuple[Known, Hidden]:
     return known, Hidden(robot=truth, record=hidden)
 
 
-def _robot(given: Any) -> Robot:
+def _robot(option: Any) -> Robot:
     """A robot of an option, which must drive, and run empty.
 
     Raises:
         RobotError, OptionError: It cannot be loaded, or never does.
     """
-    robot = load_robot(given)
+    robot = load_robot(option)
     reason = why_no_mission(robot)
     if reason:
         raise OptionError(reason)

@@ -31,8 +31,8 @@ def attainable(mission: Any, route: Any, shared: Any, margin_j: float) -> Any:
     room = shared.backlog_limit - mission.backlog + radio_hz * way_m / shared.cruise_mps
     samples = min(room, shared.max_sensing_hz * way_m / shared.cruise_mps)
     end_m = mission.position_m + way_m
-    last = route.places[min(int(end_m * shared.per_place_m), shared.places - 1)]
-    interest = last.interest_to_here + last.interest * end_m
+    last_place = route.places[min(int(end_m * shared.per_place_m), shared.places - 1)]
+    interest = last_place.interest_to_here + last_place.interest * end_m
     interest -= mission.here.interest_to_here + mission.here.interest * mission.position_m
     return sensing.information(interest, 1.0, samples, way_m, shared.saturation_per_m)
 

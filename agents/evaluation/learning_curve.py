@@ -42,12 +42,12 @@ class EvaluatedCurve:
 
     Attributes:
         present: The policy of each point.
-        kept: The policy that the run would have kept had it ended at that point; the last one is
-            the policy kept.
+        best_so_far: The policy that the run would have kept had it ended at that point; the last
+            one is the policy kept.
     """
 
     present: list[Point]
-    kept: list[Point]
+    best_so_far: list[Point]
 
 
 def measure(policy: Policy, options: Options, steps: int, trained_s: float) -> Point:

@@ -53,7 +53,15 @@ def learning_png(
         kept_label: str | None = f"{name}, kept"
         present_label: str | None = f"{name}, at that time"
         for curve in curves.get(name, ()):
-            _draw(above, below, curve.kept, colour=colour, label=kept_label, style="-", marker="o")
+            _draw(
+                above,
+                below,
+                curve.best_so_far,
+                colour=colour,
+                label=kept_label,
+                style="-",
+                marker="o",
+            )
             _draw(
                 above,
                 below,

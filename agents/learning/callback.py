@@ -33,8 +33,8 @@ class TrainingCallback(BaseCallback):
         begin_anew: Restarts missions and random numbers.
 
     Attributes:
-        best: The best policy on the missions of the curve since training began, the latest of
-            equals.
+        best_policy: The best policy on the missions of the curve since training began, the latest
+            of equals.
     """
 
     def __init__(
@@ -46,14 +46,14 @@ class TrainingCallback(BaseCallback):
         every: int,
         measure: Callable[[int, float], Point],
         layers: Callable[[], list[Layer]],
-        best: Best | None,
+        best_policy: Best | None,
         begin_anew: Callable[[], None],
     ) -> None:
         super().__init__()
         self._every = every
         self._measure = measure
         self._layers = layers
-        self.best = best
+        self.best_policy = best_policy
         self.home_rate = self.score = float("nan")
         self._folder = folder
         self._steps = steps
@@ -92,7 +92,7 @@ class TrainingCallback(BaseCallback):
         self.model.policy.learn_actions(self.num_timesteps >= VALUE_FIRST * rollout)
         # The last update is done: nothing of it would be lost.
         if self.num_timesteps > self._start_step and self.num_timesteps in self._checkpoints:
-            save_checkpoint(self.model, self.best, self._folder)  # type: ignore[arg-type]
+            save_checkpoint(self.model, self.best_policy, self._folder)  # type: ignore[arg-type]
             self._begin_anew()
 
     def add_to_curve(self) -> None:
@@ -103,8 +103,8 @@ class TrainingCallback(BaseCallback):
         self._trained_s += now_s - self._resumed_s
         point = self._measure(self.num_timesteps, self._trained_s)
         self._curve.append(point)
-        if point.steps and (self.best is None or point.score >= self.best.score):
-            self.best = Best(
+        if point.steps and (self.best_policy is None or point.score >= self.best_policy.score):
+            self.best_policy = Best(
                 point.steps,
                 point.score,
                 [(weight.copy(), bias.copy()) for weight, bias in self._layers()],

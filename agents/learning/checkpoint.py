@@ -42,19 +42,19 @@ class Best:
     layers: list[Layer]
 
 
-def save_checkpoint(model: PPO, best: Best | None, folder: Path) -> None:
+def save_checkpoint(model: PPO, best_policy: Best | None, folder: Path) -> None:
     """Write everything that is needed to continue a run.
 
     Raises:
         OSError: The folder cannot be written to; older checkpoints remain.
     """
     tensors = {f"policy.{name}": value for name, value in model.policy.state_dict().items()}
-    for index, layer in enumerate(best.layers if best else ()):
+    for index, layer in enumerate(best_policy.layers if best_policy else ()):
         for name, value in zip(("weight", "bias"), layer, strict=True):
             tensors[f"best.{index}.{name}"] = torch.from_numpy(value)
     for index, state in model.policy.optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{name}": value for name, value in state.items()}
-    best_point = best and {"steps": best.steps, "score": best.score}
+    best_point = best_policy and {"steps": best_policy.steps, "score": best_policy.score}
     header = {"schema": SCHEMA, "steps": model.num_timesteps, "best": best_point}
     content = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
     write_checkpoint(folder, save(content, {_HEADER: json.dumps(header)}))
@@ -99,7 +99,7 @@ def _restore(model: PPO, path: Path, most_steps: int) -> Best | None:
     )
     weights = _part(tensors, "policy")
     _expect_like(weights, model.policy.state_dict())
-    best = _best(header["best"], _part(tensors, "best"), model, steps)
+    best_policy = _best(header["best"], _part(tensors, "best"), model, steps)
     averages = _averages(_part(tensors, "optimizer"), model)
     model.policy.load_state_dict(weights)
     model.policy.optimizer.load_state_dict(
@@ -107,7 +107,7 @@ def _restore(model: PPO, path: Path, most_steps: int) -> Best | None:
     )
     model.num_timesteps = steps
     model._n_updates = steps // (model.n_steps * model.n_envs) * model.n_epochs
-    return best
+    return best_policy
 
 
 def _expect(holds: bool, what: str) -> None:
@@ -115,11 +115,11 @@ def _expect(holds: bool, what: str) -> None:
         raise ValueError(what)
 
 
-def _expect_like(given: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]) -> None:
+def _expect_like(tensors: Mapping[str, torch.Tensor], expected: Mapping[str, torch.Tensor]) -> None:
     """Refuse tensors with other names, shapes or types, or with values that are not finite."""
-    _expect(given.keys() == wanted.keys(), "names")
-    for name, tensor in given.items():
-        _expect(tensor.shape == wanted[name].shape and tensor.dtype == wanted[name].dtype, name)
+    _expect(tensors.keys() == expected.keys(), "names")
+    for name, tensor in tensors.items():
+        _expect(tensor.shape == expected[name].shape and tensor.dtype == expected[name].dtype, name)
         _expect(bool((tensor.abs() <= thresholds.LARGEST_WEIGHT).all()), name)  # which nan is not
 
 

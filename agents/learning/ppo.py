@@ -97,19 +97,19 @@ def train(
     with one_thread():
         model = make_model(options, settings, seed)
         model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
-        best = restore_checkpoint(model, folder, total) if restore else None
+        best_policy = restore_checkpoint(model, folder, total) if restore else None
         known = known_of(options)
         versions = {"homeward": homeward.__version__, "python": platform.python_version()}
         versions |= {
             name: version(name) for name in ("numpy", "numba", "torch", "stable-baselines3")
         }
 
-        def write(into: Path, layers: Sequence[Layer], after: int) -> None:
+        def write(into: Path, layers: Sequence[Layer], after_steps: int) -> None:
             description = {
                 **details,
                 **ON_THE_GO,
                 "steps": total,
-                "after_steps": after,
+                "after_steps": after_steps,
                 "versions": versions,
             }
             features = names_of(bool(options.docks))
@@ -142,7 +142,7 @@ def train(
             every=math.ceil(total / curve),
             measure=measured,
             layers=lambda: layers_of(model),
-            best=best,
+            best_policy=best_policy,
             begin_anew=begin_anew,
         )
         if wandb is not None:
@@ -150,7 +150,7 @@ def train(
         try:
             model.learn(total - model.num_timesteps, callback, reset_num_timesteps=False)
             callback.add_to_curve()
-            save_checkpoint(model, callback.best, folder)  # for more steps later
+            save_checkpoint(model, callback.best_policy, folder)  # for more steps later
         except ValueError as error:
             if all(parameter.isfinite().all() for parameter in model.policy.parameters()):
                 raise
@@ -161,9 +161,9 @@ def train(
         finally:
             callback.close()
             model.logger.close()
-    assert callback.best is not None  # the curve has a point at the end
+    assert callback.best_policy is not None  # the curve has a point at the end
     write(folder / LAST, layers_of(model), total)
-    write(folder, callback.best.layers, callback.best.steps)
+    write(folder, callback.best_policy.layers, callback.best_policy.steps)
     return Trained(total, callback.home_rate, callback.score)
 
 

@@ -117,9 +117,9 @@ class PPOSettings:
     @property
     def by_start(self) -> dict[str, float]:
         """Settings whose defaults depend on the start, as given or by default."""
-        given = {name: getattr(self, name) for name in _BY_START[self.start]}
+        settings = {name: getattr(self, name) for name in _BY_START[self.start]}
         return _BY_START[self.start] | {
-            name: value for name, value in given.items() if value is not None
+            name: value for name, value in settings.items() if value is not None
         }
 
     def too_few(self, steps: int) -> str | None:

@@ -57,7 +57,7 @@ class AdaptiveDmaxRule(BelievingRule):
         home = feature(observations, "home_cost")
         onwards = self.cost_of_going_on(observations)
         return Outlook(
-            left=feature(observations, "metered"),
+            energy_left=feature(observations, "metered"),
             home=ratios[:, 0] * home,
             onwards=ratios[:, 0] * onwards,
             deviation=np.sqrt(spread + thresholds.UNSEEN_HOME**2) * (home + onwards),

@@ -60,7 +60,7 @@ class BeliefDmaxRule(BelievingRule):
         then = self.belief.margin(onwards, 0.0).total
         full_j = s["usable_j"] / self.belief.estimator.mean()[:, PER_CAPACITY]
         return Outlook(
-            left=now["left_j"] / full_j,
+            energy_left=now["left_j"] / full_j,
             home=now["cost_j"] / full_j,
             onwards=(then["cost_j"] - now["cost_j"]) / full_j,
             deviation=then["margin_sd_j"] / full_j,

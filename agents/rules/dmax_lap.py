@@ -58,7 +58,7 @@ class LapRule(BelievingRule):
         variance = np.maximum(squares - count * lap * lap, 0.0) / np.maximum(count - 1.0, 1.0)
         deviation = np.where(count > 1.0, np.sqrt(variance), thresholds.UNSEEN_LAP * lap)
         return Outlook(
-            left=energy - self.kept_on_average(observations),
+            energy_left=energy - self.kept_on_average(observations),
             home=np.where(self._away, self._back, 0.0) - (self._arrival - uncharged),
             onwards=lap - self._stop_share,
             deviation=np.hypot(deviation, self._gauge_error * (1.0 - energy + lap)),

@@ -24,13 +24,13 @@ class Outlook(NamedTuple):
     shape (n,).
 
     Attributes:
-        left: Mean of the energy left.
+        energy_left: Mean of the energy left.
         home: Mean of the energy of the way home.
         onwards: Mean of the energy of going on to the next chance to turn, and back.
-        deviation: Standard deviation of the margin, left - home - onwards.
+        deviation: Standard deviation of the margin, energy_left - home - onwards.
     """
 
-    left: NDArray[np.float64]
+    energy_left: NDArray[np.float64]
     home: NDArray[np.float64]
     onwards: NDArray[np.float64]
     deviation: NDArray[np.float64]
@@ -236,7 +236,12 @@ class BelievingRule(TurnBackRule):
 
     def margin_above_reserve_by(self, outlook: Outlook) -> NDArray[np.float64]:
         """The same, from an outlook."""
-        return outlook.left - outlook.home - outlook.onwards - self.deviations * outlook.deviation
+        return (
+            outlook.energy_left
+            - outlook.home
+            - outlook.onwards
+            - self.deviations * outlook.deviation
+        )
 
     def energies(self, observations: Observations) -> Energies:
         """Energies of the last decision, see `TurnBackRule.energies`."""

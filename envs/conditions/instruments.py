@@ -92,12 +92,12 @@ class Instruments:
 
 def _checked_gauges(names: Any) -> tuple[str, ...]:
     """Names of gauges, in the order of their table."""
-    known = (
+    are_names = (
         isinstance(names, list | tuple)
         and bool(names)
         and all(isinstance(name, str) for name in names)
     )
-    if not known or not set(names) <= set(GAUGES):
+    if not are_names or not set(names) <= set(GAUGES):
         raise InstrumentError(
             f"gauges = {names!r} is not allowed; give a list of {', '.join(GAUGES)}"
         )
@@ -130,7 +130,7 @@ INSTRUMENTS["any_gauge"] = dataclasses.replace(INSTRUMENTS["gauge"], gauges=tupl
 """Instruments by name. The last are those of `gauge`, with any of the gauges that robots have."""
 
 
-def load_instruments(given: str | Path | Instruments) -> Instruments:
+def load_instruments(instruments: str | Path | Instruments) -> Instruments:
     """Instruments by name, or from a TOML file with their sizes; `Instruments` are returned as they
     are.
 
@@ -140,24 +140,24 @@ def load_instruments(given: str | Path | Instruments) -> Instruments:
     >>> load_instruments("meter").soc_step
     0.001
     """
-    if isinstance(given, Instruments):
-        return given
-    if isinstance(given, str) and given in INSTRUMENTS:
-        return INSTRUMENTS[given]
-    if not isinstance(given, str | Path) or Path(given).suffix != ".toml":
-        shown = str(given) if isinstance(given, Path) else given
+    if isinstance(instruments, Instruments):
+        return instruments
+    if isinstance(instruments, str) and instruments in INSTRUMENTS:
+        return INSTRUMENTS[instruments]
+    if not isinstance(instruments, str | Path) or Path(instruments).suffix != ".toml":
+        shown = str(instruments) if isinstance(instruments, Path) else instruments
         raise InstrumentError(
             f"instruments = {shown!r}; choose {', '.join(INSTRUMENTS)} or name a TOML file"
         )
-    path = Path(given)
+    path = Path(instruments)
     try:
         sizes = read_toml(path)
     except (OSError, ValueError) as error:  # not TOML, not UTF-8, or a name that no file can have
         raise InstrumentError(f"{path}: {error}") from None
-    known = [field.name for field in dataclasses.fields(Instruments)]
+    allowed = [field.name for field in dataclasses.fields(Instruments)]
     for name in sizes:
-        if name not in known:
-            raise InstrumentError(f"{path}: unknown size {name!r}; allowed: {', '.join(known)}")
+        if name not in allowed:
+            raise InstrumentError(f"{path}: unknown size {name!r}; allowed: {', '.join(allowed)}")
     try:
         return Instruments(**sizes)
     except InstrumentError as error:

@@ -169,22 +169,22 @@ class Advice:
         return values
 
     def __str__(self) -> str:
-        left = _with_interval(self.energy_left_j)
+        energy_left = _with_interval(self.energy_left_j)
         consumption = _with_interval(self.energy_home_j)
         way = quantities.distance(self.way_home_m)
         if self.home == HOME:
             where = "home"
-            there = "home"
+            destination = "home"
         else:
             where = f"to {self.home}"
-            there = "there"
+            destination = "there"
         if self.turn_now:
             turn = "turn now"
         else:
             turn = f"turn within {quantities.distance(self.turn_in_m)}, {quantities.duration(self.turn_in_s)}"
         text = (
-            f"{left} left; the way {where}, {way}, consumes {consumption}; "
-            f"probability of getting {there} {self.chance_home:.2%}; {turn}"
+            f"{energy_left} left; the way {where}, {way}, consumes {consumption}; "
+            f"probability of getting {destination} {self.chance_home:.2%}; {turn}"
         )
         for option in self.others:
             text += f"; {option.name}: {quantities.distance(option.way_m)}, {option.chance:.2%}"

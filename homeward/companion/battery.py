@@ -300,10 +300,10 @@ class BatteryBelief:
         # A capacity that is low for its age is so by the cold or the rate.
         low = np.clip(self._capacity / newest, *derating)
         high = np.clip(self._capacity / oldest, *derating)
-        left = 0.5 * (low + high)
-        # Two uniform distributions: between what is left and 1, and of what is left.
-        sd = np.hypot(1.0 - left, 0.5 * (high - low)) / math.sqrt(12.0)
-        return 0.5 * (1.0 + left), sd
+        mean_derating = 0.5 * (low + high)
+        # Two uniform distributions: between the mean derating and 1, and of the derating.
+        sd = np.hypot(1.0 - mean_derating, 0.5 * (high - low)) / math.sqrt(12.0)
+        return 0.5 * (1.0 + mean_derating), sd
 
     @property
     def _curve_variance(self) -> float:

@@ -292,7 +292,7 @@ class Companion:
             CompanionError: A value is not a number, home was not set, or the position cannot be
                 determined.
         """
-        given = {
+        values = {
             "speed_mps": speed_mps,
             "power_w": power_w,
             "voltage_v": voltage_v,
@@ -305,7 +305,7 @@ class Companion:
             "temperature_c": temperature_c,
             "interest": interest,
         }
-        reading = self._readings.take(time_s, given)
+        reading = self._readings.take(time_s, values)
         if power_w is None and None not in (voltage_v, current_a):
             self._estimator.see_terminals()
         if reading is not None:
@@ -602,10 +602,10 @@ class Companion:
         for name, dock in self._docks.items():
             ways[name] = self._way_to_dock(dock)
         outcomes = {name: estimator.leaves(way) for name, way in ways.items()}
-        advised, *others = best_first(outcomes)
+        advised, *alternatives = best_first(outcomes)
         home = ways[advised]
         now = outcomes[advised]
-        self._check_rise(now.left.mean)
+        self._check_rise(now.energy_left.mean)
         self._check_drawn()
         self._check_cutoff()
 
@@ -647,7 +647,7 @@ class Companion:
         return Advice(
             time_s=self._readings.clock_s,
             way_home_m=home.way_m,
-            energy_left_j=now.left,
+            energy_left_j=now.energy_left,
             energy_home_j=now.cost,
             margin_j=now.margin,
             chance_home=now.chance_home,
@@ -663,7 +663,7 @@ class Companion:
             warnings=(*self._readings.warnings(), *self._off_route(), *self._must_stay()),
             action=action,
             home=advised,
-            others=tuple(outcomes[name].option(name, ways[name].way_m) for name in others),
+            others=tuple(outcomes[name].option(name, ways[name].way_m) for name in alternatives),
         )
 
     def _check_rise(self, left_j: float) -> None:
@@ -777,7 +777,7 @@ class Companion:
             raise CompanionError(
                 "the state is of another robot file, version or route, or of other arguments"
             )
-        before = self.state()
+        state_before = self.state()
         other_way_before = self._other_way
         try:
             check_form(state["companion"], self._form)
@@ -785,7 +785,7 @@ class Companion:
             self._rehearse()
             self._put(state, other_way)
         except DAMAGE as error:
-            self._put(before, other_way_before)
+            self._put(state_before, other_way_before)
             reason = " ".join(str(error).split())
             raise CompanionError(f"the state cannot be used: {reason}") from None
 
@@ -809,14 +809,14 @@ class Companion:
         """
         cruise_mps = self.vehicle.cruise_mps
         power_w = self.vehicle.full_j * cruise_mps / self._range_m
-        here: Position = self._way.position_m
+        position: Position = self._way.position_m
         if self._way.home is not None:
-            here = (self._way.position_m, 0.0)
+            position = (self._way.position_m, 0.0)
         moving: dict[str, Any] = {
             "speed_mps": cruise_mps,
             "power_w": power_w,
             "heading_rad": 0.0,
-            "position": here,
+            "position": position,
         }
         standing: dict[str, Any] = {"speed_mps": 0.0, "power_w": self.vehicle.idle_w}
         rehearsed: list[tuple[float, dict[str, Any]]] = [(0.0, {}), (0.0, moving)]

@@ -216,8 +216,8 @@ class GaugeTrust:
     def _total_variance(self, drawn: Floats, variance: Floats) -> Floats:
         """Variance of a reading that follows, by battery."""
         of_offset, of_both, of_gain = self._covariance
-        own = of_offset - 2.0 * drawn * of_both + drawn * drawn * of_gain
-        return np.asarray(own + self._noise_variance + variance)
+        gauge_variance = of_offset - 2.0 * drawn * of_both + drawn * drawn * of_gain
+        return np.asarray(gauge_variance + self._noise_variance + variance)
 
     def _follow(self, reading: float, drawn: Floats, variance: Floats) -> Floats:
         """Likelihood of a reading that follows, by battery; the errors of the gauge are updated."""

@@ -64,14 +64,14 @@ class Outcome(NamedTuple):
     """What a plan leaves, J as metered.
 
     Attributes:
-        left: Energy left in the battery, until it is empty or cut off.
+        energy_left: Energy left in the battery, until it is empty or cut off.
         cost: Energy of the plan.
         margin: The former less the latter.
         low_j: Margin at the accepted risk.
         chance_home: Probability of a margin above zero.
     """
 
-    left: UncertainValue
+    energy_left: UncertainValue
     cost: UncertainValue
     margin: UncertainValue
     low_j: float
@@ -112,7 +112,7 @@ class HomeEstimator:
 
     Args:
         robot: The robot of the file.
-        known: Its prior.
+        knowledge: Its prior.
         places: Number of places that are kept.
         place_m: Length of a place, m.
         cruise_mps: Speed of the robot's own model, and on the way home until the robot has driven,
@@ -145,7 +145,7 @@ class HomeEstimator:
     def __init__(
         self,
         robot: Robot,
-        known: PriorKnowledge,
+        knowledge: PriorKnowledge,
         *,
         places: int,
         place_m: float,
@@ -164,17 +164,19 @@ class HomeEstimator:
         self._places = places
         self._keeps_cruise = keeps_cruise
         self._forecast_mps = forecast_mps or (0.0, 0.0)
-        self.known = known
+        self.known = knowledge
         self.at_terminals = False
         self.vehicle = vehicle_of(robot, place_m, cruise_mps)
         self._record = plain(robot.record())
         self._temperature_c = math.nan
-        self._estimator = Estimator(self.vehicle, known.prior, places, 1)
+        self._estimator = Estimator(self.vehicle, knowledge.prior, places, 1)
         self._cells = cells_of(robot)
         self._rate_per_h = (
             3600.0 * self._modelled_w(robot, self.vehicle.cruise_mps) / self.vehicle.full_j
         )
-        self.battery = BatteryBelief(self._cells, known.prior, known.capacity_is_fitted, cutoff_v)
+        self.battery = BatteryBelief(
+            self._cells, knowledge.prior, knowledge.capacity_is_fitted, cutoff_v
+        )
         self.begin()
         self._compile()
 
@@ -283,7 +285,7 @@ class HomeEstimator:
 
     def _compile(self) -> None:
         """Run every kernel once, without a lasting effect."""
-        before = self._estimator.state.copy()
+        state_before = self._estimator.state.copy()
         reading = np.zeros(1, READING_DTYPE)
         reading["time_s"] = 1.0
         reading["position_m"] = self.vehicle.place_m
@@ -291,7 +293,7 @@ class HomeEstimator:
         self._estimator.update(reading, _ONE)
         self._estimator.relocate(0.5 * self.vehicle.place_m)
         self.leaves(self.way_home(1.0, 0.0))
-        self._estimator.state[:] = before
+        self._estimator.state[:] = state_before
 
     @property
     def places(self) -> NDArray[np.void]:
@@ -323,7 +325,7 @@ class HomeEstimator:
     @property
     def left_j(self) -> float:
         """Mean energy left in the battery, J as metered."""
-        return self._over(NO_WAYS, 0.0).left.mean
+        return self._over(NO_WAYS, 0.0).energy_left.mean
 
     @property
     def driving_w(self) -> float:
@@ -466,7 +468,7 @@ class HomeEstimator:
     def with_open(self, window: Window, position_m: float) -> Iterator[None]:
         """Temporarily include a window that is not over yet, also one without length, of the first
         reading."""
-        before = self._estimator.state.copy()
+        state_before = self._estimator.state.copy()
         try:
             if window.time_s > 0.0:
                 self._update(window, position_m)
@@ -474,7 +476,7 @@ class HomeEstimator:
                 self._estimator.relocate(position_m)
             yield
         finally:
-            self._estimator.state[:] = before
+            self._estimator.state[:] = state_before
 
     def add_window(self, window: Window, position_m: float) -> None:
         """Process a finished window, and note its ground and pace.
@@ -630,7 +632,7 @@ class HomeEstimator:
         total = margin.total[0]
         beyond_j = full_j * (battery.total - 1.0)
         total_sd_j = full_j * battery.total_sd
-        left = UncertainValue(
+        energy_left = UncertainValue(
             mean=float(total["left_j"]) + beyond_j,
             sd=math.hypot(float(total["left_sd_j"]), total_sd_j),
         )
@@ -642,7 +644,7 @@ class HomeEstimator:
         totals_j = self._totals_j
         chance_stranded = float(chance_below(mixture, totals_j, battery.weights, 0.0, 0.0))
         return Outcome(
-            left=left.within(0.0, full_j),
+            energy_left=energy_left.within(0.0, full_j),
             cost=self._cost(total).within(0.0, math.inf),
             margin=after_plan,
             low_j=self._low_j(mixture, totals_j),

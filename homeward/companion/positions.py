@@ -80,7 +80,7 @@ class PositionFilter:
             reckons: Whether dead reckoning covers the time since the last one; if not, the position
                 is taken as it is.
         """
-        before = self.place
+        place_before = self.place
         shared = 0.0
         if not reckons or not np.isfinite(self._last).all():
             self.place = position.copy()
@@ -93,7 +93,7 @@ class PositionFilter:
         self._reckoned = np.zeros(_AXES)
         self._drift = 0.0
         self._knows = True
-        return Correction(self.place - before, shared)
+        return Correction(self.place - place_before, shared)
 
     def _learn(self, difference: Pair) -> None:
         """Learn from the change of the positions less that of dead reckoning."""

@@ -136,19 +136,19 @@ class Readings:
             return 0.0
         return self._last_s
 
-    def take(self, time_s: float, given: dict[str, Any]) -> Reading | None:
+    def take(self, time_s: float, values: dict[str, Any]) -> Reading | None:
         """Check the readings of a moment; None if nothing is new.
 
         Args:
             time_s: Time, s.
-            given: Values by name, None where an instrument was not read.
+            values: Values by name, None where an instrument was not read.
 
         Raises:
             CompanionError: A value is not a number, or neither position nor speed was read in the
                 first minute.
         """
-        position = checked_position("position", given["position"])
-        read = {name: _number(name, value) for name, value in given.items() if name != "position"}
+        position = checked_position("position", values["position"])
+        read = {name: _number(name, value) for name, value in values.items() if name != "position"}
         number_s = _number("time_s", time_s)
         if self._charges and math.isfinite(number_s):
             self._end_charge(number_s)
@@ -344,9 +344,9 @@ class Readings:
         )
         return math.nan
 
-    def _leave_out(self, what: str, more: str = "") -> None:
+    def _leave_out(self, what: str, detail: str = "") -> None:
         self.counts[what] = self.counts.get(what, 0) + 1
-        self.say(f"{what} left out: {self.counts[what]}{more}", what)
+        self.say(f"{what} left out: {self.counts[what]}{detail}", what)
 
     def _place_now(self, position: Position | None, driven_m: float) -> Position | None:
         """The position, None if there is none or the robot cannot have come there."""
@@ -430,12 +430,12 @@ def as_float(value: Any) -> float:
         return math.inf
 
 
-def _apart_m(position: Position, other: Position) -> float:
+def _apart_m(position: Position, other_position: Position) -> float:
     """Distance of two positions of one kind, m."""
-    if isinstance(position, tuple) and isinstance(other, tuple):
-        return math.dist(position, other)
-    assert isinstance(position, float) and isinstance(other, float)
-    return abs(position - other)
+    if isinstance(position, tuple) and isinstance(other_position, tuple):
+        return math.dist(position, other_position)
+    assert isinstance(position, float) and isinstance(other_position, float)
+    return abs(position - other_position)
 
 
 def _said(position: Position) -> str:

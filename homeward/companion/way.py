@@ -181,7 +181,7 @@ class Way:
                 self._shares[0] = 0.0
             self._positions.see(read, reckons=False)
             return np.zeros(2)
-        before = self._xy
+        xy_before = self._xy
         heading = reading.heading_rad
         # After a charge nobody has reckoned the way: the position is taken as it is, and nothing
         # was driven.
@@ -201,7 +201,7 @@ class Way:
             as_before_m = math.copysign(min(abs(speed) * reading.dt_s, self._most_m), speed)
             self._positions.reckon(_moved(as_before_m, heading), 1.0)
         self._correct_trail(self._positions.see(read, reckons or guessed))
-        return self._xy - before
+        return self._xy - xy_before
 
     def _correct_trail(self, correction: Correction) -> None:
         """Move the trail by what a position told of the error that it shares with the place."""
@@ -375,10 +375,10 @@ class Way:
         corners = self._corners + origin
         corners_m = np.arange(len(corners)) * self._place_m
         if self._count and from_m is None:
-            here = self._xy
+            xy_here = self._xy
         else:  # in metres along the route
-            here = np.array([np.interp(here_m, corners_m, axis) for axis in corners.T])
-        points = np.concatenate((corners, here[None]))
+            xy_here = np.array([np.interp(here_m, corners_m, axis) for axis in corners.T])
+        points = np.concatenate((corners, xy_here[None]))
         at_m = np.append(corners_m, here_m)
         leg_m = np.hypot(*(points - np.array(place)).T)
         shortest = int(np.argmin(np.abs(here_m - at_m) + thresholds.DETOUR * leg_m))

@@ -22,21 +22,25 @@ _HOME = {
 
 
 def rests_on(
-    has: Mapping[str, bool], known: PriorKnowledge, home: str, battery: tuple[str, ...], pace: str
+    has: Mapping[str, bool],
+    knowledge: PriorKnowledge,
+    home: str,
+    battery: tuple[str, ...],
+    pace: str,
 ) -> tuple[str, ...]:
     """Sentences, the most important first.
 
     Args:
         has: Which readings there have been: power, soc, grade, heading, position.
-        known: The prior.
+        knowledge: The prior.
         home: `trail`, `route`, `loop`, `moved`, `other way` or `dock`.
         battery: What is assumed of it.
         pace: What is assumed of the speed on the way home.
     """
-    energy, way, *more = _said(
-        tuple(sorted(name for name, there in has.items() if there)), known.words, home, battery
-    )
-    return energy, way, pace, *more  # the pace changes as the robot drives, so it is not kept
+    read = tuple(sorted(name for name, was_read in has.items() if was_read))
+    energy, way, *assumptions = _said(read, knowledge.words, home, battery)
+    # The pace changes as the robot drives, so it is not kept.
+    return energy, way, pace, *assumptions
 
 
 @cache

@@ -117,7 +117,7 @@ class WayEnergy(NamedTuple):
     """Energy since the last reading by a hypothesis, as shares of the file's usable energy."""
 
     driving: float
-    other: float  # of everything but driving
+    not_driving: float  # of everything but driving
     residual_variance: float  # of driving, beyond that of the states
     rolls: float  # rolling by the file
     rolled_kept: float  # share of the ground's rolling between home and here that remains
@@ -247,17 +247,17 @@ def _note_ground(vehicle: Any, robot: Any, reading: Any, places: Any) -> None:
     homewards = reading.position_m < robot.position_m
     if homewards or not np.isfinite(reading.sine + reading.east + reading.north):
         return
-    before = place_of(vehicle, robot.position_m, places)
-    now = place_of(vehicle, reading.position_m, places)
-    first_new = before + 1
-    if places[before].readings == 0.0:
-        first_new = before
-    for k in range(first_new, now + 1):
+    place_before = place_of(vehicle, robot.position_m, places)
+    place_now = place_of(vehicle, reading.position_m, places)
+    first_new = place_before + 1
+    if places[place_before].readings == 0.0:
+        first_new = place_before
+    for k in range(first_new, place_now + 1):
         places[k].readings = 0.0
         places[k].sine = reading.sine
         places[k].east = reading.east
         places[k].north = reading.north
-    place = places[now]
+    place = places[place_now]
     place.readings += 1.0
     place.sine += (reading.sine - place.sine) / place.readings
     place.east = reading.east
@@ -339,7 +339,7 @@ def _update_hypothesis(
         tilt_climb = climbing(vehicle, 1.0) * way_m / vehicle.full_j
     jacobian[TILT] = climb_weight * tilt_climb
     driving += jacobian[TILT] * mean[TILT]
-    energy = driving + way.other
+    energy = driving + way.not_driving
 
     jacobian[OFFSET] = dt_s  # the reading includes the offset, the energy does not
     variance = _write_cross_covariance(covariance, jacobian, cross_covariance)
@@ -581,14 +581,14 @@ def _predict_gusts(prior: Any, dt_s: float, hypothesis: Any) -> None:
     """Predict the gusts: Ornstein-Uhlenbeck processes that forget with `gust_s`."""
     mean = hypothesis.mean
     covariance = hypothesis.covariance
-    kept = np.exp(-dt_s / hypothesis.gust_s)
+    gust_kept = np.exp(-dt_s / hypothesis.gust_s)
     variance = gust_variance(prior, mean, covariance)
     for gust in (GUST_EAST, GUST_NORTH):
-        mean[gust] *= kept
+        mean[gust] *= gust_kept
         for a in range(STATES):
-            covariance[gust, a] *= kept
-            covariance[a, gust] *= kept
-        covariance[gust, gust] += variance * (1.0 - kept * kept)
+            covariance[gust, a] *= gust_kept
+            covariance[a, gust] *= gust_kept
+        covariance[gust, gust] += variance * (1.0 - gust_kept * gust_kept)
 
 
 @called
@@ -673,13 +673,13 @@ def _predict_way(
         reached_m = max(border_m, reached_m)
         k = min(k + 1, len(places) - 1)
 
-    other = (vehicle.idle_w * dt_s + reading.other_j) / vehicle.full_j
+    not_driving = (vehicle.idle_w * dt_s + reading.other_j) / vehicle.full_j
     if np.isfinite(reading.modelled_j):
-        other = reading.modelled_j / vehicle.full_j - modelled
-    jacobian[GAIN] += other
+        not_driving = reading.modelled_j / vehicle.full_j - modelled
+    jacobian[GAIN] += not_driving
     return WayEnergy(
         driving=driving,
-        other=mean[GAIN] * other,
+        not_driving=mean[GAIN] * not_driving,
         residual_variance=residual_variance,
         rolls=rolls,
         rolled_kept=max(1.0 - rolled_left, 0.0),

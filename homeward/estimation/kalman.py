@@ -50,15 +50,15 @@ def add_energy_to_used(covariance: Any, cross_covariance: Any, jacobian: Any) ->
 
 
 @inline
-def propagate(covariance: Any, state: int, kept: float, source: int, factor: float) -> None:
-    """Covariance after a state becomes `kept` times itself plus `factor` times the state
+def propagate(covariance: Any, state: int, kept_share: float, source: int, factor: float) -> None:
+    """Covariance after a state becomes `kept_share` times itself plus `factor` times the state
     `source`."""
-    own_term = kept * kept * covariance[state, state]
-    mixed_term = 2.0 * kept * factor * covariance[state, source]
+    own_term = kept_share * kept_share * covariance[state, state]
+    mixed_term = 2.0 * kept_share * factor * covariance[state, source]
     source_term = factor * factor * covariance[source, source]
     variance = own_term + mixed_term + source_term
     for a in range(STATES):
-        covariance[state, a] = kept * covariance[state, a] + factor * covariance[source, a]
+        covariance[state, a] = kept_share * covariance[state, a] + factor * covariance[source, a]
         covariance[a, state] = covariance[state, a]
     covariance[state, state] = variance
 
@@ -179,15 +179,15 @@ def kalman_update(
     """
     change_variance = change_sd * change_sd
     energy_jump = ground_jump[USED]
-    same_variance = max(variance, _LEAST_VARIANCE)
-    changed_variance = same_variance + change_variance * energy_jump * energy_jump
+    unchanged_variance = max(variance, _LEAST_VARIANCE)
+    changed_variance = unchanged_variance + change_variance * energy_jump * energy_jump
     square = innovation * innovation
 
     # Probability density of the reading by each hypothesis, times its prior probability.
-    same = (
+    unchanged = (
         (1.0 - change_probability)
-        * np.exp(-0.5 * square / same_variance)
-        / np.sqrt(2.0 * np.pi * same_variance)
+        * np.exp(-0.5 * square / unchanged_variance)
+        / np.sqrt(2.0 * np.pi * unchanged_variance)
     )
     changed = (
         change_probability
@@ -197,39 +197,41 @@ def kalman_update(
     # An outlier is anywhere between nothing and the reading or what was predicted, whichever is
     # larger.
     outlier = thresholds.OUTLIER / max(abs(reading), abs(reading - innovation), _LEAST_ENERGY)
-    total = same + changed + outlier
-    same /= total
+    total = unchanged + changed + outlier
+    unchanged /= total
     changed /= total
     outlier /= total
 
-    same_weight = same * (square - same_variance)
+    unchanged_weight = unchanged * (square - unchanged_variance)
     changed_weight = changed * (square - changed_variance)
     mean_change_variance = change_variance * (changed + change_probability * outlier)
     load = 0.0
     if abs(innovation) <= most_load:
         load = outlier
     for a in range(STATES):
-        same_gain_a = cross_covariance[a] / same_variance
+        unchanged_gain_a = cross_covariance[a] / unchanged_variance
         changed_gain_a = (
             cross_covariance[a] + change_variance * energy_jump * ground_jump[a]
         ) / changed_variance
         load_gain_a = 1.0 if a == USED else 0.0
-        gain_a = same * same_gain_a + changed * changed_gain_a + load * load_gain_a
+        gain_a = unchanged * unchanged_gain_a + changed * changed_gain_a + load * load_gain_a
         for b in range(a + 1):
-            same_gain_b = cross_covariance[b] / same_variance
+            unchanged_gain_b = cross_covariance[b] / unchanged_variance
             changed_gain_b = (
                 cross_covariance[b] + change_variance * energy_jump * ground_jump[b]
             ) / changed_variance
             load_gain_b = 1.0 if b == USED else 0.0
-            gain_b = same * same_gain_b + changed * changed_gain_b + load * load_gain_b
+            gain_b = unchanged * unchanged_gain_b + changed * changed_gain_b + load * load_gain_b
             covariance[a, b] += (
                 mean_change_variance * ground_jump[a] * ground_jump[b]
-                + same_weight * same_gain_a * same_gain_b
+                + unchanged_weight * unchanged_gain_a * unchanged_gain_b
                 + changed_weight * changed_gain_a * changed_gain_b
                 - square * gain_a * gain_b
             )
             covariance[a, b] += load * square * load_gain_a * load_gain_b
             covariance[b, a] = covariance[a, b]
         mean[a] += gain_a * innovation
-    normalised_square = same * square / same_variance + changed * square / changed_variance
+    normalised_square = (
+        unchanged * square / unchanged_variance + changed * square / changed_variance
+    )
     return float(np.log(total)), normalised_square

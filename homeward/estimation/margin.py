@@ -243,7 +243,7 @@ def _add_hypothesis(
     per_capacity = mean[PER_CAPACITY]
     capacity = 1.0 / per_capacity
     start = robot.soc_start
-    left = (
+    energy_left = (
         start * capacity * (1.0 + covariance[PER_CAPACITY, PER_CAPACITY] * capacity * capacity)
         - mean[USED]
     )
@@ -260,12 +260,12 @@ def _add_hypothesis(
     jacobian[USED] += 1.0
     jacobian[PER_CAPACITY] += left_by_per_capacity
     margin_variance = cost.variance + _quadratic(covariance, jacobian)
-    _add_moments(moments[_MARGIN], weight, left - cost.energy, margin_variance)
+    _add_moments(moments[_MARGIN], weight, energy_left - cost.energy, margin_variance)
     third_cumulant = _third_cumulant(
         covariance, jacobian, hessian, wind_covariance, cost.gust_share, cost.gust_variance_to_come
     )
     part[_WEIGHT] = weight
-    part[_MEAN] = left - cost.energy
+    part[_MEAN] = energy_left - cost.energy
     part[_SD] = np.sqrt(margin_variance)
     # A tail lighter than a normal distribution's is not used.
     part[_SKEWNESS] = -max(third_cumulant, 0.0) / max(margin_variance, _LEAST_VARIANCE) ** 1.5
@@ -273,7 +273,7 @@ def _add_hypothesis(
     jacobian[:] = 0.0
     jacobian[USED] = 1.0
     jacobian[PER_CAPACITY] = left_by_per_capacity
-    _add_moments(moments[_LEFT], weight, left, _quadratic(covariance, jacobian))
+    _add_moments(moments[_LEFT], weight, energy_left, _quadratic(covariance, jacobian))
 
 
 @inline
@@ -412,12 +412,12 @@ def _quantile(mixture: Any, risk: float, normal_quantile: float) -> float:
 
 @called
 def _sum_below(
-    mixture: Any, totals: Any, weights: Any, value: float, least: float, enough: float
+    mixture: Any, totals: Any, weights: Any, value: float, negligible: float, enough: float
 ) -> float:
     """Probability of `chance_below`, summed until it is above `enough`."""
     below = 0.0
     for k in range(len(mixture)):
-        if mixture[k, _WEIGHT] > least:
+        if mixture[k, _WEIGHT] > negligible:
             for m in range(len(totals)):
                 deviations = (value - mixture[k, _MEAN] - totals[m]) / max(mixture[k, _SD], _TINY)
                 standardised = _standardised(deviations, mixture[k, _SKEWNESS])
@@ -428,7 +428,7 @@ def _sum_below(
 
 
 @compiled
-def chance_below(mixture: Any, totals: Any, weights: Any, value: float, least: float) -> float:
+def chance_below(mixture: Any, totals: Any, weights: Any, value: float, negligible: float) -> float:
     """Probability that the sum of two independent numbers is below a value.
 
     Args:
@@ -437,9 +437,9 @@ def chance_below(mixture: Any, totals: Any, weights: Any, value: float, least: f
         totals: Values of the second, shape (m,).
         weights: Their probabilities, shape (m,).
         value: The value.
-        least: Weight up to which a part of the first is left out.
+        negligible: Weight up to which a part of the first is left out.
     """
-    return float(_sum_below(mixture, totals, weights, value, least, np.inf))
+    return float(_sum_below(mixture, totals, weights, value, negligible, np.inf))
 
 
 @compiled

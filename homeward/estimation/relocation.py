@@ -82,11 +82,11 @@ def _lengthen(
 def _note_ground_as_here(vehicle: Any, robot: Any, places: Any, position_m: float) -> None:
     """Store slope and direction of the place here for those up to another position."""
     place_here = place_of(vehicle, robot.position_m, places)
-    here = places[place_here]
+    ground_here = places[place_here]
     for k in range(place_here + 1, place_of(vehicle, position_m, places) + 1):
         place = places[k]
-        place.sine = here.sine
-        place.sine_driven = here.sine_driven
-        place.east = here.east
-        place.north = here.north
+        place.sine = ground_here.sine
+        place.sine_driven = ground_here.sine_driven
+        place.east = ground_here.east
+        place.north = ground_here.north
         place.readings = 1.0

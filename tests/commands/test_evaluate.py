@@ -396,7 +396,10 @@ def test_a_label_names_an_agent_and_the_curve_ends_at_its_level(
     (curve,) = drawn.pop("mine")
     assert drawn == {}
     means = {label: runs[0].episodes.score.mean() for label, runs in result.runs.items()}
-    assert (curve.kept[0].score, curve.kept[-1].score) == (means["its start"], means["mine"])
+    assert (curve.best_so_far[0].score, curve.best_so_far[-1].score) == (
+        means["its start"],
+        means["mine"],
+    )
     assert [point.steps for point in curve.present] == [point.steps for point in points]
     for folder in (run_folder / "curve").iterdir():
         (folder / DESCRIPTION).unlink()

@@ -95,7 +95,7 @@ def test_the_best_is_the_latest_of_the_highest_since_training_began(
     tmp_path: Path, scores: list[float], best: int
 ) -> None:
     training = Training(tmp_path, 3, score=lambda steps: scores[steps // ROLLOUT])
-    kept = training.callback.best
+    kept = training.callback.best_policy
     assert kept is not None and (kept.steps, kept.score) == (best * ROLLOUT, scores[best])
 
 
@@ -105,15 +105,15 @@ def test_the_best_policy_is_kept_as_it_was(tmp_path: Path) -> None:
     earlier = Training(
         tmp_path / "earlier", updates, score=lambda steps: float(steps == (updates - 1) * ROLLOUT)
     )
-    assert last.callback.best is not None and earlier.callback.best is not None
+    assert last.callback.best_policy is not None and earlier.callback.best_policy is not None
     for (weight, _), (present, _) in zip(
-        last.callback.best.layers, layers_of(last.model), strict=True
+        last.callback.best_policy.layers, layers_of(last.model), strict=True
     ):
         np.testing.assert_array_equal(weight, present)
     assert any(
         (weight != present).any()
         for (weight, _), (present, _) in zip(
-            earlier.callback.best.layers, layers_of(earlier.model), strict=True
+            earlier.callback.best_policy.layers, layers_of(earlier.model), strict=True
         )
     )
 
@@ -123,7 +123,7 @@ def test_the_best_of_a_continued_run_is_beaten_by_no_lower_score(tmp_path: Path)
     for score, kept in ((1.9, True), (2.0, False)):
         always = functools.partial(lambda value, steps: value, score)
         training = Training(tmp_path / str(score), 2, best=before, score=always)
-        assert (training.callback.best is before) == kept
+        assert (training.callback.best_policy is before) == kept
 
 
 def test_a_continued_run_goes_on_with_its_curve_up_to_its_checkpoint(tmp_path: Path) -> None:

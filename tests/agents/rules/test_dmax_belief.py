@@ -57,7 +57,7 @@ def test_at_home_nothing_is_needed_but_to_go_on() -> None:
     outlook, _ = out(BeliefDmaxRule(known, NO_SENSING, 1.0), options, 0)
     s = known.shared[0]
     outward_m = float(s["decision_s"] * s["cruise_mps"])
-    assert outlook.left[0] == pytest.approx(1.0, abs=1e-6)
+    assert outlook.energy_left[0] == pytest.approx(1.0, abs=1e-6)
     assert outlook.home[0] == pytest.approx(0.0, abs=1e-9)
     assert outlook.onwards[0] == pytest.approx(
         2.0 * outward_m * share_per_m(known, float(s["cruise_mps"])), rel=1e-3
@@ -70,7 +70,7 @@ def test_the_way_home_is_equation_8s() -> None:
     outlook, records = out(BeliefDmaxRule(known, NO_SENSING, 1.0), options, 12)
     m, cruise_mps = records[0], float(known.shared["cruise_mps"][0])
     assert m["position_m"] > 300.0
-    assert outlook.left[0] == pytest.approx(m["energy_j"] / m["capacity_j"], abs=1e-3)
+    assert outlook.energy_left[0] == pytest.approx(m["energy_j"] / m["capacity_j"], abs=1e-3)
     assert outlook.home[0] == pytest.approx(
         m["position_m"] * share_per_m(known, cruise_mps), rel=2e-3
     )
@@ -125,7 +125,7 @@ def test_it_turns_where_energy_is_down_to_the_way_home_and_the_reserve() -> None
     outlook, _ = out(rule, options, 12)
     needed = outlook.home + outlook.onwards + 2.0 * outlook.deviation
     np.testing.assert_allclose(
-        rule.margin_above_reserve_by(outlook), outlook.left - needed, atol=1e-15
+        rule.margin_above_reserve_by(outlook), outlook.energy_left - needed, atol=1e-15
     )
 
 

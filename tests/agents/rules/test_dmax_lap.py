@@ -63,7 +63,7 @@ def test_before_any_lap_it_is_predicted_by_equation_7(rule: LapRule) -> None:
     outlook = rule.look(observed(), np.ones(1, np.bool_))
     assert outlook.onwards[0] == pytest.approx(predicted - stop_share(rule))
     assert outlook.deviation[0] == pytest.approx(UNSEEN * predicted)
-    assert (outlook.left[0], outlook.home[0]) == (1.0, 0.0)
+    assert (outlook.energy_left[0], outlook.home[0]) == (1.0, 0.0)
 
 
 def test_the_first_lap_serves_until_there_is_another(rule: LapRule) -> None:
