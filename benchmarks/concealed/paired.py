@@ -201,6 +201,11 @@ class Count:
     is_asked: Callable[[Outcome], bool] = lambda outcome: True
 
 
+def _without_ageing(outcome: Outcome) -> bool:
+    """Whether no worn battery is hidden, of which a part of a charge tells little."""
+    return "ageing" not in outcome.hidden
+
+
 def _by_first_name(outcome: Outcome) -> bool:
     return bool(outcome.classes) and outcome.classes[0][0] == outcome.hidden[0]
 
@@ -237,11 +242,12 @@ def _errors_pct(outcome: Outcome) -> Mapping[str, float]:
 
 COUNTS = (
     Count("singles", "found first", found_first),
-    Count("singles", "found first, but ageing", found_first, lambda case: case.hidden != ["ageing"]),
+    Count("singles", "found first, but ageing", found_first, _without_ageing),
     Count("singles", "the first name", _by_first_name),
     Count("singles", "visible, and the verdict names no missing physics", is_mismatch_missed, all_visible),
     Count("singles", "corrected.toml worse than the given file", _file_is_worse),
     Count("pairs", "both found, each in some class", _both_in_class),
+    Count("pairs", "both found, but ageing", _both_in_class, _without_ageing),
     Count("pairs", "both by name", _both_by_name),
     Count("pairs", "one of them in the first class", _first_is_one_of_them),
     Count("pairs", "corrected.toml worse than the given file", _file_is_worse),
