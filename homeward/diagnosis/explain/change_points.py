@@ -65,6 +65,12 @@ class Schedule:
         return replace(self, level=_counted_from(reference, self.level))
 
 
+def clearly_apart(schedule: Schedule | None) -> bool:
+    """Whether the levels are separate: those of a schedule that fits autocorrelated noise are
+    not."""
+    return schedule is not None and schedule.apart > thresholds.FAR_APART
+
+
 def profiles(runs: Runs) -> list[Array]:
     """Hat functions along the way from base, coarse to fine, shape (windows, hats) each: a basis of
     smooth profiles."""

@@ -272,7 +272,10 @@ def _changing(
             continue
         typical = typical and not hypothesis.seldom
         rhythm, spread = hypothesis.rhythm(schedule, runs)
-        hidden = thresholds.COST_OF_A_CHANGE * schedule.changes
+        cost_of_a_change = (
+            1 if change_points.clearly_apart(schedule) else thresholds.COST_OF_A_CHANGE
+        )
+        hidden = cost_of_a_change * schedule.changes
         if not typical:
             # of two effects with the same schedule, the one that it is typical of has the lower BIC
             hidden += 1

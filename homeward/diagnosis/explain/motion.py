@@ -66,10 +66,11 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> 
     is needed.
 
     Motion that causes a load does so in every run: where there are enough runs, whole ones are held
-    out. Its history also tells the time since the start of a run, and the place by its slopes. Motion
-    is the cause if it explains more than that clock and half as much as the schedule, unless it
-    leaves twice as much unexplained. In fewer runs, stretches are held out, cut from each `block`,
-    of shape (windows,), and motion must explain nearly as much.
+    out. Its history also tells the time since the start of a run. Motion is the cause if it explains
+    half as much as the schedule of what this clock leaves; also, if it explains more than the clock
+    and half as much as the schedule, unless it leaves twice as much unexplained. In fewer runs,
+    stretches are held out, cut from each `block`, of shape (windows,), and motion must explain
+    nearly as much.
     """
     fold, held_out_by = cut_folds(runs, block)
     by_motion = motion_gain(fit, runs, fold, rng)
@@ -79,9 +80,10 @@ def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> 
     by_clock = max(_gain(fit, runs, fold, error_by_clock), 0.0)
     if by_motion <= by_clock:
         return 0.0
+    of_what_clock_leaves = (by_motion - by_clock) / (1.0 - by_clock)
     half_unexplained = 1.0 - thresholds.HALF * (1.0 - by_motion)
     twice_explained = by_motion / thresholds.HALF
-    return min(half_unexplained, twice_explained)
+    return max(of_what_clock_leaves / thresholds.HALF, min(half_unexplained, twice_explained))
 
 
 def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:

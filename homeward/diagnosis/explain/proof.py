@@ -23,13 +23,13 @@ from itertools import pairwise
 import numpy as np
 
 from homeward.diagnosis import thresholds
-from homeward.diagnosis.explain.change_points import Schedule
+from homeward.diagnosis.explain.change_points import Schedule, clearly_apart
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.fit.bounded import bounded
 from homeward.diagnosis.fit.fitted import Fitted
 from homeward.diagnosis.fit.folds import FOLDS, cut_blocks, cut_stretches, per_block
 from homeward.diagnosis.fit.replay import Runs
-from homeward.logs.autocorrelation import independent_windows, innovations
+from homeward.logs.autocorrelation import independent_windows, innovations, noise_of
 from homeward.logs.channels import Array, Index, Mask
 
 DRAWS = 1999
@@ -41,6 +41,7 @@ _MORE = 4  # times as many searches where p is close to the limit; chosen
 _CLOSE = 10.0  # within this factor of the limit; chosen
 # placebos with as high a score that end a search; chosen: p is then 0.02 or more, above the limit
 _AS_GOOD = 3
+_AROUND_A_STEP = (1, 2, 4)  # windows: as far as a change is refined (change_points)
 # log of the ratio of held-out errors above which windows are counted; chosen: 0.5 %
 _WORTH_A_LOOK = 0.005
 
@@ -260,8 +261,15 @@ class Bench:
         hypotheses.
 
         The residual of a wrong model has the autocorrelation of what it lacks, and counts for less.
+        But steps that are clearly above the residual are identified by the windows around them, so
+        that only short lags count.
         """
-        return independent_windows(self._residual(indices), self.runs.run)
+        residual = self._residual(indices)
+        schedules = [self.candidates[index].schedule for index in indices]
+        if schedules and all(clearly_apart(schedule) for schedule in schedules):
+            correlation_windows = noise_of(residual, self.runs.run, _AROUND_A_STEP).correlation
+            return max(len(residual) / correlation_windows, 2.0)
+        return independent_windows(residual, self.runs.run)
 
     def _residual(self, indices: tuple[int, ...]) -> Array:
         """Residual of these hypotheses, shape (windows,)."""

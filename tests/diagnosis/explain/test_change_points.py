@@ -13,6 +13,7 @@ from homeward.diagnosis.explain.change_points import (
     Schedule,
     _groups,
     _refined,
+    clearly_apart,
     may_change,
     search,
 )
@@ -53,6 +54,7 @@ def test_a_change_amid_windows_that_tell_nothing_is_taken_to_be_in_their_middle(
 def test_what_begins_once_was_not_there_before() -> None:
     usual_later = Schedule("time", np.repeat([1, 0, 2], [3, 9, 4]), 3, 2, 5.0, (0.1,))
     assert usual_later.from_the_first().level.tolist() == [0] * 3 + [1] * 9 + [2] * 4
+    assert clearly_apart(usual_later) and not clearly_apart(None)
 
 
 def runs_of(*lengths: int, temperature_c: Any = None) -> Any:
