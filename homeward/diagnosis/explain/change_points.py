@@ -24,7 +24,9 @@ from homeward.diagnosis.read.signals import WINDOW_S
 from homeward.logs.channels import Array, Index, Mask
 
 Axis = Literal["time", "place"]
-Changes = Literal["standing", "moving", "between runs", "once", "repeatedly", "in the cold"]
+Changes = Literal[
+    "standing", "moving", "between runs", "once", "repeatedly", "in the cold", "in the heat"
+]
 
 # windows: as far as a change is refined, and the largest error of its moment
 _AROUND = 2 * thresholds.SHORTEST_LEVEL
@@ -87,8 +89,11 @@ def profiles(runs: Runs) -> list[Array]:
 
 def may_change(how: Changes, schedule: Schedule, runs: Runs) -> bool:
     """Whether a schedule changes in the way that is typical for an effect."""
+    is_on = schedule.level > 0
     if how == "in the cold":
-        return may_change("repeatedly", schedule, runs) or _is_colder(schedule.level > 0, runs)
+        return may_change("repeatedly", schedule, runs) or _is_warmer(~is_on, runs)
+    if how == "in the heat":
+        return may_change("repeatedly", schedule, runs) or _is_warmer(is_on, runs)
     changes = _changes_within_runs(schedule, runs)
     if how == "between runs":
         return most_in_a_run(schedule, runs) == 0
@@ -128,15 +133,15 @@ def _is_at_a_stop(change: int, stops: Mask, runs: Runs) -> bool:
     return bool(stops[near & (runs.run == runs.run[change])].any())
 
 
-def _is_colder(on: Mask, runs: Runs) -> bool:
-    """Whether the air is colder in windows where a load is on, shape (windows,), than in most
-    others."""
+def _is_warmer(here: Mask, runs: Runs) -> bool:
+    """Whether the air is warmer in some windows, shape (windows,), than in most others."""
     temperature_c = runs.context["temperature_c"]
-    # The Mann-Whitney statistic counts the pairs of which the window without the load is warmer.
-    pairs_colder = mannwhitneyu(temperature_c[~on], temperature_c[on], nan_policy="omit").statistic
-    return bool(
-        pairs_colder >= thresholds.NEARLY_ALL * np.count_nonzero(on) * np.count_nonzero(~on)
-    )
+    # The Mann-Whitney statistic counts the pairs of which the window here is the warmer one.
+    pairs_warmer = mannwhitneyu(
+        temperature_c[here], temperature_c[~here], nan_policy="omit"
+    ).statistic
+    all_pairs = np.count_nonzero(here) * np.count_nonzero(~here)
+    return bool(pairs_warmer >= thresholds.NEARLY_ALL * all_pairs)
 
 
 def place_of(runs: Runs) -> Array | None:

@@ -45,7 +45,7 @@ CHECKS: Mapping[str, str] = {
 
 _ALWAYS_GIVEN = ("time_s", "power_w", "distance_m")
 _PIECES = 4  # of a rising function; chosen: three bends
-_SWITCHED = ("repeatedly", "in the cold")
+_SWITCHED = ("repeatedly", "in the cold", "in the heat")
 _SUDDEN = ("standing", "once", *_SWITCHED)
 # ways to change that are only typical; the others define an effect
 _PREFERENCES = ("standing", "moving")

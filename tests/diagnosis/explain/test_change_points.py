@@ -108,13 +108,14 @@ def test_a_few_windows_less_of_a_load_that_is_rarely_on_are_another_schedule() -
     assert any(np.array_equal(one.level > 0, on) for one in found)
 
 
-@pytest.mark.parametrize(("warms_up", "expected"), [(1.0, True), (-1.0, False)])
-def test_a_thermostat_may_switch_a_few_times_if_the_air_is_then_colder(
-    warms_up: float, expected: bool
+@pytest.mark.parametrize("warms_up", [1.0, -1.0])
+def test_a_thermostat_may_switch_a_few_times_if_the_air_is_then_colder_or_hotter(
+    warms_up: float,
 ) -> None:
     runs = runs_of(200, 200, temperature_c=np.linspace(-5.0, 5.0, 400) * warms_up)
     level = np.zeros(400, np.intp)
     level[:60] = level[90:120] = 1
     schedule = Schedule("time", level, 2, 4, 9.0, (0.1,))
     assert not may_change("repeatedly", schedule, runs)
-    assert may_change("in the cold", schedule, runs) == expected
+    assert may_change("in the cold", schedule, runs) == (warms_up > 0.0)
+    assert may_change("in the heat", schedule, runs) == (warms_up < 0.0)

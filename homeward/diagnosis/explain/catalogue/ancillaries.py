@@ -28,11 +28,26 @@ _OFF_ABOVE_C = 15.0
 def _while_cold(hypothesis: Hypothesis, setting: Setting) -> Array | None:
     """Full power while cold enough for a thermostat, with the mean of a proportional heater."""
     temperature_c = setting.runs.context.get("temperature_c")
-    if temperature_c is None or not (temperature_c < _OFF_ABOVE_C).any():
+    if temperature_c is None:
         return None
-    is_cold = temperature_c < _OFF_ABOVE_C
-    mean_below_c = float(np.mean(_OFF_ABOVE_C - temperature_c[is_cold]))
-    return np.asarray(is_cold * mean_below_c)
+    return _full_power(_OFF_ABOVE_C - temperature_c)
+
+
+def _while_hot(hypothesis: Hypothesis, setting: Setting) -> Array | None:
+    """Full power while hot enough for a thermostat, with the mean of a proportional cooler."""
+    temperature_c = setting.runs.context.get("temperature_c")
+    if temperature_c is None:
+        return None
+    return _full_power(temperature_c - _ON_ABOVE_C.default)
+
+
+def _full_power(beyond_k: Array) -> Array | None:
+    """The mean of positive temperature differences where they are positive, else 0, shape
+    (windows,); None where they never are."""
+    is_beyond = beyond_k > 0.0
+    if not is_beyond.any():
+        return None
+    return np.asarray(is_beyond * float(np.mean(beyond_k[is_beyond])))
 
 
 def _at_any_rate(setting: Setting) -> Iterator[Numbers]:
@@ -114,11 +129,14 @@ HYPOTHESES = (
         load=_while_cold,
         searched=(_ON_BELOW_C,),
     ),
-    # Proportional to the heat above a set point, or any rising function of it.
+    # Proportional to the heat above a set point, any rising function of it, or switched by a
+    # thermostat while it is hot.
     Hypothesis(
         cooler.EFFECT,
         shapes=temperatures(_ON_ABOVE_C),
         rises_with="temperature_c",
+        changes="in the heat",
+        load=_while_hot,
         searched=(_ON_ABOVE_C,),
     ),
     Hypothesis(
