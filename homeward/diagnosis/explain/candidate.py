@@ -15,7 +15,7 @@ from numpy.random import Generator
 
 from homeward.diagnosis.explain.hypothesis import Term
 from homeward.diagnosis.explain.joint_fit import Corrected
-from homeward.diagnosis.explain.motion import largest_by_motion
+from homeward.diagnosis.explain.motion import ByMotion, largest_by_motion
 from homeward.diagnosis.explain.proof import Bench
 from homeward.diagnosis.fit.folds import FOLDS
 from homeward.diagnosis.fit.held_out import Gain, gain, held_out
@@ -56,8 +56,8 @@ class EffectSet:
         return self.runs.squared_error(self.predicted)
 
     @cached_property
-    def by_motion(self) -> float:
-        """Share of what the set leaves that the motion of the robot explains."""
+    def by_motion(self) -> ByMotion:
+        """Share of what the set leaves that the motion of the robot accounts for."""
         return largest_by_motion(self.model, self.runs, self.block, self.rng)
 
 

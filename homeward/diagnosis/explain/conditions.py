@@ -132,9 +132,12 @@ def _times_instruments(candidate: Candidate) -> float:
 
 
 def _beyond_motion(candidate: Candidate) -> float | None:
-    if candidate.term.axis == "steady" or not candidate.without.terms:
+    axis = candidate.term.axis
+    if axis == "steady" or not candidate.without.terms:
         return None
-    return candidate.gain.share - candidate.without.by_motion
+    by_motion = candidate.without.by_motion
+    counted = by_motion.by_place if axis == "place" else by_motion.in_time
+    return candidate.gain.share - counted
 
 
 CONDITIONS: tuple[Condition[Candidate], ...] = (

@@ -9,6 +9,7 @@ the trees explain clearly more than they do.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
@@ -61,29 +62,39 @@ def _gain(fit: Fitted, runs: Runs, fold: Index, remaining_error: float) -> float
     return 1.0 - remaining_error / max(_held_out_error(fit, runs, fold), 1e-300)
 
 
-def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> float:
-    """Held-out gain of a schedule up to which motion accounts for it, so that no unrecorded cause
-    is needed.
+@dataclass(frozen=True)
+class ByMotion:
+    """Held-out gain of an effect up to which motion accounts for it, so that no unrecorded cause is
+    needed."""
+
+    in_time: float  # of an effect that changes in time
+    by_place: float  # of one that changes with place
+
+
+def largest_by_motion(fit: Fitted, runs: Runs, block: Index, rng: Generator) -> ByMotion:
+    """How much of what a fit leaves counts as caused by motion.
 
     Motion that causes a load does so in every run: where there are enough runs, whole ones are held
-    out. Its history also tells the time since the start of a run. Motion is the cause if it explains
-    half as much as the schedule of what this clock leaves; also, if it explains more than the clock
-    and half as much as the schedule, unless it leaves twice as much unexplained. In fewer runs,
-    stretches are held out, cut from each `block`, of shape (windows,), and motion must explain
-    nearly as much.
+    out. Its history also tells the time since the start of a run. Motion is the cause of what
+    changes in time if it explains half as much of what this clock leaves; also, if it explains more
+    than the clock and half as much as the effect, unless it leaves twice as much unexplained. In
+    fewer runs, stretches are held out, cut from each `block`, of shape (windows,), and motion must
+    explain nearly as much. So it must beside what changes with place, which slopes and bends tell.
     """
     fold, held_out_by = cut_folds(runs, block)
     by_motion = motion_gain(fit, runs, fold, rng)
+    nearly_as_much = by_motion / thresholds.NEARLY_ALL
     if held_out_by == "block":
-        return by_motion / thresholds.NEARLY_ALL
+        return ByMotion(in_time=nearly_as_much, by_place=nearly_as_much)
     error_by_clock = _error_of_trees(fit, runs, fold, rng, channels=(), features=[runs.elapsed_s])
     by_clock = max(_gain(fit, runs, fold, error_by_clock), 0.0)
     if by_motion <= by_clock:
-        return 0.0
+        return ByMotion(in_time=0.0, by_place=nearly_as_much)
     of_what_clock_leaves = (by_motion - by_clock) / (1.0 - by_clock)
     half_unexplained = 1.0 - thresholds.HALF * (1.0 - by_motion)
     twice_explained = by_motion / thresholds.HALF
-    return max(of_what_clock_leaves / thresholds.HALF, min(half_unexplained, twice_explained))
+    in_time = max(of_what_clock_leaves / thresholds.HALF, min(half_unexplained, twice_explained))
+    return ByMotion(in_time=in_time, by_place=nearly_as_much)
 
 
 def place_gain(fit: Fitted, runs: Runs, rng: Generator) -> float:

@@ -152,9 +152,10 @@ class Together:
     @cached_property
     def schedules_by_motion(self) -> float:
         """The same by motion: up to it no unrecorded cause is needed."""
-        return largest_by_motion(
+        by_motion = largest_by_motion(
             self._beside_channels, self.runs, self.residual.block, self.residual.rng
         )
+        return by_motion.in_time
 
     @cached_property
     def schedules_by_place(self) -> float:

@@ -128,8 +128,7 @@ HYPOTHESES = (
         otherwise="when speeding up",
         check="let the robot coast to a stop on level ground and log its speed",
     ),
-    # Of the bearings, or of ground that changes on the way.
-    Hypothesis(viscous.EFFECT, changes="moving", by_place=True, check=CHECKS["drive"]),
+    Hypothesis(viscous.EFFECT, check=CHECKS["drive"]),
     Hypothesis(
         wind.EFFECT,
         steady=_from_one_direction,
