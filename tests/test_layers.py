@@ -259,6 +259,21 @@ def test_only_tests_of_the_benchmarks_import_them() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+def test_the_fixed_way_is_simulated_without_what_is_tested() -> None:
+    """Only its command and its score know the diagnosis."""
+    folder = "benchmarks/concealed/fixed_way"
+    package = folder.replace("/", ".")
+    simulation = [file for file in python_files(folder) if file.stem not in ("__main__", "score")]
+    assert len(simulation) > 5
+    wrong = [
+        f"{file.relative_to(ROOT)} imports {name}"
+        for file in simulation
+        for name in sorted(all_imports(file))
+        if within(name, {"homeward", "benchmarks"}) and not within(name, {package})
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
 def test_no_module_of_the_package_loads_pyplot() -> None:
     wrong = [
         f"{file.relative_to(ROOT)} imports {name} when it is loaded"
