@@ -7,8 +7,16 @@ import pytest
 from rich.console import Console
 
 import benchmarks.concealed.fixed_way.__main__ as command
-from benchmarks.concealed.fixed_way.__main__ import Answer, Args, answer_table, hidden_text, main
+from benchmarks.concealed.fixed_way.__main__ import (
+    Answer,
+    Args,
+    answer_table,
+    hidden_text,
+    main,
+    run_case,
+)
 from benchmarks.concealed.fixed_way.cases import CASES
+from benchmarks.concealed.fixed_way.score import is_right, wrong_names
 from benchmarks.concealed.scoring.outcome import Outcome
 
 
@@ -61,3 +69,11 @@ def test_what_is_hidden_is_said_with_its_share() -> None:
     chatter = {"drive_share": 0.08, "all": 0.08}
     assert hidden_text(CASES["05"], chatter) == "not in the catalogue: 8 %"
     assert hidden_text(CASES["14"], {"all": 0.0}) == "nothing"
+
+
+def test_ground_beside_a_payload_is_found_and_no_radio(tmp_path: Path) -> None:
+    """Slopes tell the place, so motion explains most of what the rougher half of the way
+    consumes."""
+    answered = run_case("01", tmp_path)
+    assert is_right(answered.case, answered.outcome)
+    assert wrong_names(answered.case, answered.outcome) == 0
