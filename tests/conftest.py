@@ -1,5 +1,6 @@
 """Settings that all tests share."""
 
+import importlib
 import importlib.util
 import os
 import sys
@@ -13,6 +14,11 @@ from hypothesis import settings
 from homeward.agents.evaluation import learning_curve as curve
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # draws without a display
+
+# PyTorch loads it with the first optimizer. After the checks of stable-baselines3 (test_scalar.py)
+# that ended the process by a segmentation fault (triton 3.7.1), before them it does not.
+if importlib.util.find_spec("triton") is not None:
+    importlib.import_module("triton")
 
 # The first call of a kernel compiles it, which no deadline should count; fixed examples keep two
 # runs alike.
