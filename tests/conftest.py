@@ -15,8 +15,8 @@ from homeward.agents.evaluation import learning_curve as curve
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # draws without a display
 
-# PyTorch loads it with the first optimizer. After the checks of stable-baselines3 (test_scalar.py)
-# that ended the process by a segmentation fault (triton 3.7.1), before them it does not.
+# PyTorch's build for GPUs loads triton with the first optimizer. After a window of pygame that ends
+# the process by a segmentation fault (triton 3.7.1, pygame-ce 2.5.8), before it does not.
 if importlib.util.find_spec("triton") is not None:
     importlib.import_module("triton")
 
