@@ -61,7 +61,8 @@ from homeward.physics.range import why_no_mission
 
 WINDOWS = 200.0
 """Number of updates of the estimator while the battery lasts at cruise, as of decisions in the
-environments (`homeward.envs.options`)."""
+environments (`homeward.envs.options`). About as long last the errors of the gauge, of the voltage and
+of what the model omits, so that shorter windows are no independent evidence of them."""
 _LONGEST_PLACES = 160.0
 _PLACES = 128
 """Places per d_max, and how many are kept: the way home of a robot that can come home is shorter
@@ -95,7 +96,8 @@ class Companion:
             What cold and rate take is allowed for beside it.
         cruise_mps: Speed on the way home; by default that at which its ground was driven on the way
             out, and until then the speed with the longest range.
-        window_s: Time over which readings are averaged.
+        window_s: Time over which power and motion are averaged. Voltage and gauge are averaged over a
+            200th of the time that the battery lasts, or `window_s` if that is longer.
         place_m: Length over which the ground is taken as uniform.
         reaction_s: Time from the advice to turn until the robot has turned; by default a window.
         arrived_m: Length of the way home below which the robot is at home: `turn_now` ends when it
@@ -122,8 +124,8 @@ class Companion:
     """
 
     SAVED: ClassVar = (
-        "_readings", "_way", "_window", "_estimator", "_other_way_m", "_turned", "_has_left", "_charged", "_mismatched",
-        "_since_stop", "_may_be_swapped", "_lowest_j", "_used_j", "_stands", "_has", "_action",
+        "_readings", "_way", "_window", "_evidence", "_estimator", "_other_way_m", "_turned", "_has_left", "_charged",
+        "_mismatched", "_since_stop", "_may_be_swapped", "_lowest_j", "_used_j", "_stands", "_has", "_action",
     )  # fmt: skip
     MAY_BE: ClassVar = {"_other_way_m": (0.0,), "_action": ((0.0, 0.0, "go"),)}
 
@@ -187,8 +189,9 @@ class Companion:
         keeps_cruise = cruise_mps is not None
         if cruise_mps is None:
             cruise_mps = float(optimal_speed(self.robot))
+        self._evidence_s = range_m / cruise_mps / WINDOWS
         if window_s is None:
-            window_s = range_m / cruise_mps / WINDOWS
+            window_s = self._evidence_s
         if reaction_s is None:
             reaction_s = window_s
         self._window_s = window_s
@@ -216,6 +219,7 @@ class Companion:
             place_m=place_m,
             cruise_mps=cruise_mps,
             keeps_cruise=keeps_cruise,
+            more_omitted=max(self._evidence_s / window_s, 1.0) ** 0.5,
             risk=risk,
             route=route,
             forecast_mps=forecast_mps,
@@ -240,6 +244,7 @@ class Companion:
         self._way = Way(home, route, max(place_m / _CRUMBS, 1.0), self._limits.way_m)
         self._readings = Readings(self._limits, self._way.is_possible, self._way.noise_m)
         self._window = Window()
+        self._evidence = Window()
         self._other_way: RouteLike | None = None
         self._other_way_m: float | None = None
         self._set_out()
@@ -323,15 +328,18 @@ class Companion:
         self._note(reading, step)
         self._ask_policy(reading, step)
         modelled_w, drive_w, steady_w = self._estimator.model(reading, step)
-        self._window.add(reading, step, modelled_w, drive_w, steady_w)
+        for window in (self._window, self._evidence):
+            window.add(reading, step, modelled_w, drive_w, steady_w)
         # The first voltage under load says at once whether the battery holds it.
         is_first = (
             self._estimator.windows == 0
             and self._window.time_s > 0.0
             and math.isfinite(reading.voltage_v)
         )
-        if is_first or self._window.time_s >= self._window_s * (1.0 - 1e-6):
+        if is_first:
             self._flush()
+        elif self._window.time_s >= self._window_s * (1.0 - 1e-6):
+            self._flush(self._evidence_s * (1.0 - 1e-6))
 
     def _ask_policy(self, reading: Reading, step: Step) -> None:
         if self._policy is None:
@@ -470,13 +478,18 @@ class Companion:
         """Parameters of the robot's own model in the form that the estimator takes."""
         return self._estimator.vehicle
 
-    def _flush(self) -> None:
-        """Pass the readings so far to the estimator."""
-        if self._window.time_s > 0.0:
-            self._estimator.add_window(self._window, self._way.position_m)
-            self._check_charge(self._window)
-            self._check_speed(self._window)
-            self._window = Window()
+    def _flush(self, least_evidence_s: float = 0.0) -> None:
+        """Pass the readings so far to the estimator; those of voltage and gauge if they are of more
+        than a time."""
+        if self._window.time_s == 0.0:
+            return
+        self._estimator.add_window(self._window, self._way.position_m)
+        self._window = Window()
+        if self._evidence.time_s >= least_evidence_s:
+            self._estimator.see_battery(self._evidence)
+            self._check_charge(self._evidence)
+            self._check_speed(self._evidence)
+            self._evidence = Window()
 
     def _check_charge(self, window: Window) -> None:
         """Say which reading is not believed. A lower one after a stop is accepted, as of another
@@ -821,7 +834,7 @@ class Companion:
         standing: dict[str, Any] = {"speed_mps": 0.0, "power_w": self.vehicle.idle_w}
         rehearsed: list[tuple[float, dict[str, Any]]] = [(0.0, {}), (0.0, moving)]
         for readings in (moving, moving, standing, moving):
-            rehearsed.append((0.5 * self._window_s, readings))
+            rehearsed.append((0.5 * max(self._window_s, self._evidence_s), readings))
         with np.errstate(divide="raise", over="raise", invalid="raise"):
             for step_s, readings in rehearsed:
                 try:

@@ -118,6 +118,9 @@ class HomeEstimator:
         cruise_mps: Speed of the robot's own model, and on the way home until the robot has driven,
             m/s.
         keeps_cruise: Whether it is the speed on the way home in any case.
+        more_omitted: By how much more the model omits of a window, a share, if the file does not state
+            what is unexplained: the generic share is of a window of usual length, and shorter ones
+            average less.
         risk: Accepted probability of not getting home.
         route: The route, if there is one.
         forecast_mps: Forecast of the wind: components towards where it comes from, east and north,
@@ -151,6 +154,7 @@ class HomeEstimator:
         place_m: float,
         cruise_mps: float,
         keeps_cruise: bool,
+        more_omitted: float,
         risk: float,
         route: RouteLike | None,
         forecast_mps: tuple[float, float] | None,
@@ -163,6 +167,7 @@ class HomeEstimator:
         self._student_quantile = deviations(risk)
         self._places = places
         self._keeps_cruise = keeps_cruise
+        self._more_omitted = more_omitted
         self._forecast_mps = forecast_mps or (0.0, 0.0)
         self.known = knowledge
         self.at_terminals = False
@@ -487,20 +492,6 @@ class HomeEstimator:
         """
         self._see_power(window.power_w)
         self._update(window, position_m)
-        estimate = self._estimator.estimate()
-        voltage_v, current_a = window.electric
-        used_variance = float(estimate.covariance[0, USED, USED])
-        self.battery.see(
-            Witnesses(
-                used=float(estimate.mean[0, USED]),
-                used_sd=math.sqrt(max(used_variance, 0.0)),
-                voltage_v=voltage_v,
-                current_a=current_a,
-                peak_a=window.peak_a,
-                gauge=window.soc,
-                time_s=window.time_s,
-            )
-        )
         self.windows += 1
         window_mps = window.way_m / window.time_s
         window_w = (window.other_j - window.extra_j) / window.time_s
@@ -515,6 +506,24 @@ class HomeEstimator:
             weight = share if self._extra[place] else 1.0
             self._extra[place] += (extra_j_per_m - self._extra[place]) * weight
             self._note_pace(window, place, share)
+
+    def see_battery(self, window: Window) -> None:
+        """Weigh the possible batteries by voltage and gauge of a window, up to the end of the last
+        one that was processed."""
+        estimate = self._estimator.estimate()
+        voltage_v, current_a = window.electric
+        used_variance = float(estimate.covariance[0, USED, USED])
+        self.battery.see(
+            Witnesses(
+                used=float(estimate.mean[0, USED]),
+                used_sd=math.sqrt(max(used_variance, 0.0)),
+                voltage_v=voltage_v,
+                current_a=current_a,
+                peak_a=window.peak_a,
+                gauge=window.soc,
+                time_s=window.time_s,
+            )
+        )
 
     def _note_pace(self, window: Window, place: int, share: float) -> None:
         """Note how fast a place was driven, of which a window covers a share, and so how fast it is
@@ -574,6 +583,8 @@ class HomeEstimator:
             changes["slope_noise"] = thresholds.NO_SLOPE_SD
         if math.isnan(window.sine) or self._route is not None:
             changes["slope_offset"] = 0.0  # a route's slopes are known, whatever the sensor reads
+        if self.known.uncertainty is None:
+            changes["model_error"] = self._more_omitted * prior.model_error
         changes["power_noise"] = math.hypot(
             prior.power_noise * window.of_the_mean, window.power_noise
         )
