@@ -30,47 +30,49 @@ class CellFacts(NamedTuple):
         curve_sd: Standard deviation of the open-circuit voltage of one cell about the curve,
             relative; without a curve, about the mean of all chemistries.
         cold_per_k: Share of the capacity that is lost per kelvin below 25 C.
-        peukert: Exponent of Peukert's law.
         label_h: Hours in which the charge on the label is drawn.
+        peukert: Exponent of Peukert's law, for what a rate takes beyond what the voltage under load
+            leaves in the cells below the cut-off.
         cutoff: Usual cut-off under load, relative; NaN: the voltage of the empty cell.
         cutoff_sd: Standard deviation of that.
     """
 
     curve_sd: float
     cold_per_k: tuple[float, float]
-    peukert: tuple[float, float]
     label_h: tuple[float, float]
+    peukert: tuple[float, float] = (1.0, 1.0)
     cutoff: float = math.nan
     cutoff_sd: float = 0.0
 
 
 _LITHIUM_COLD = (0.002, 0.007)
-_LITHIUM_PEUKERT = (1.0, 1.05)
 _LITHIUM_LABEL_H = (1.0, 5.0)
 """Lithium-ion cells lose 15 to 30 % at -20 C (biolng.com.pl; with less at 0 C: Waag, Kaebitz &
-Sauer, Applied Energy 102, 2013). Victron's battery monitors take an exponent of 1.05 for them. Data
-sheets draw the label in 1 to 5 h."""
+Sauer, Applied Energy 102, 2013). Data sheets draw the label in 1 to 5 h. At a rate they give less
+because the voltage under load reaches the cut-off earlier (Galushkin et al., J. Electrochem. Soc.
+167, 120516, 2020), which whoever reads them counts; an exponent of Peukert's law, such as the 1.05 of
+battery monitors, would count it twice."""
 
 FACTS = {
     # Spread of the cells behind each curve (homeward.physics.battery) in mid-charge: 15 to 45, 11
     # to 28, 8 to 16 with a hysteresis of 15, and 5 to 12 mV of 2 V.
-    "nmc": CellFacts(0.030 / 3.75, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
-    "lipo": CellFacts(0.020 / 3.84, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
-    "lfp": CellFacts(0.020 / 3.29, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
+    "nmc": CellFacts(0.030 / 3.75, _LITHIUM_COLD, _LITHIUM_LABEL_H),
+    "lipo": CellFacts(0.020 / 3.84, _LITHIUM_COLD, _LITHIUM_LABEL_H),
+    "lfp": CellFacts(0.020 / 3.29, _LITHIUM_COLD, _LITHIUM_LABEL_H),
     # 0.6 % at a 10 or 20 h rate and 1 % at a 1 or 3 h rate (velapower.com), 0.64 % for more than an
     # hour (Discover Energy). Exponents 1.05 to 1.15 of AGM and 1.1 to 1.25 of gel
     # (bdbatteries.com). Labels of sealed ones are of 20 h, those of traction batteries of 5 h. The
     # usual end is 1.75 V of 2.05. Its rest voltage takes hours, so that the spread counts three
     # times. Chosen.
     "lead_acid": CellFacts(
-        0.030 / 2.05, (0.006, 0.010), (1.05, 1.25), (5.0, 20.0), cutoff=1.75 / 2.054
+        0.030 / 2.05, (0.006, 0.010), (5.0, 20.0), peukert=(1.05, 1.25), cutoff=1.75 / 2.054
     ),
-    OWN_CURVE: CellFacts(0.005, _LITHIUM_COLD, _LITHIUM_PEUKERT, _LITHIUM_LABEL_H),
+    OWN_CURVE: CellFacts(0.005, _LITHIUM_COLD, _LITHIUM_LABEL_H),
     # The curves of homeward.physics.battery, over the voltages on their labels, are within 1 % of
     # their mean in mid-charge and within 5 % at the ends: 3 % (root of the mean square). Usual
     # cut-offs are 3.0 of 3.6 V (nmc), 3.3 of 3.7 V (lipo), 2.8 of 3.2 V (lfp), 1.75 of 2 V (lead)
     # and 1.0 of 1.2 V (nickel).
-    FLAT: CellFacts(0.03, (0.0, 0.010), (1.0, 1.0), (1.0, 5.0), cutoff=0.86, cutoff_sd=0.025),
+    FLAT: CellFacts(0.03, (0.0, 0.010), (1.0, 5.0), cutoff=0.86, cutoff_sd=0.025),
 }
 """A curve that a user measured is within half a per cent: a meter's error. A flat battery may be of
 any chemistry."""

@@ -34,6 +34,14 @@ def test_at_a_rate_they_give_what_peukert_says() -> None:
     assert LEAD.derating(WARM_C, 1.0) == pytest.approx((20.0**-0.25, 5.0**-0.05))
 
 
+@pytest.mark.parametrize(("chemistry", "cells"), [("nmc", 7), ("lipo", 7), ("lfp", 8)])
+def test_what_a_rate_takes_from_lithium_cells_is_counted_once(chemistry: str, cells: int) -> None:
+    """By the voltage under load, which reaches the cut-off earlier, and by no law beside it."""
+    lithium = cells_of(dataclasses.replace(FLAT, chemistry=chemistry, cells_in_series=cells))
+    assert lithium.derating(WARM_C, 3.0) == (1.0, 1.0)
+    assert lithium.beyond_label_per_h(3.0) > 0.0
+
+
 def test_a_cut_off_is_the_one_known_or_the_usual_one() -> None:
     assert LEAD.cutoff(21.0) == pytest.approx((21.0 / LEAD.curve.mean_v, 0.0))
     assert LEAD.cutoff(None)[0] == pytest.approx(1.75 / 2.05, rel=0.01)
