@@ -262,7 +262,8 @@ def _gather(
     if model is None:
         estimated = _known(free_fit, plain, runs, block)
     else:
-        profile = profiled(holding(fitted, runs, model.groups.held), model, runs, block)
+        material = holding(fitted, runs, model.groups.held)
+        profile = profiled(material, model, runs, block, beyond_recorded=True)
         model = profile.spanning
         estimated = profile.spanned(_known(free_fit, model, runs, block), runs, block)
         with_limits = limited(model, estimated, fitted.parameters, runs, block)

@@ -30,6 +30,7 @@ from homeward.physics import Robot, d_max
 from homeward.physics.effects import Parameter
 
 _VALUES_TRIED = 9  # of a number over its range; chosen: steps of an eighth
+_BEYOND_K = (0.1, 0.3, 1.0, 3.0, 10.0)  # beyond the temperatures recorded; chosen: threefold each
 # of the likelihood-ratio statistic
 _LEAST_SIGNIFICANT = float(chi2.ppf(1.0 - thresholds.SIGNIFICANT, 1))
 # of the second logarithm in a combination
@@ -383,16 +384,27 @@ def _is_within(ci95: tuple[float, float] | None, value: float | None) -> bool:
     return ci95 is None or (value is not None and ci95[0] <= value <= ci95[1])
 
 
-def profiled(fit: Refit, model: Corrected, runs: Runs, block: Index) -> Open:
-    """Profile likelihood of the parameters of a model's effects; `fit` holds the groups that the
-    model holds."""
+def profiled(
+    fit: Refit, model: Corrected, runs: Runs, block: Index, beyond_recorded: bool = False
+) -> Open:
+    """Profile likelihood of the parameters of a model's effects.
+
+    Args:
+        fit: The refit, which holds the groups that the model holds.
+        model: The model.
+        runs: The runs.
+        block: Windows of one block, (windows,), are dependent.
+        beyond_recorded: Whether set points shortly beyond the recorded temperatures are tried, too.
+            What is always at work there consumes the same with another set point and other power at
+            rest. Names do not depend on it, so that it is asked once, when they are found.
+    """
 
     def squared_error(of_model: Corrected) -> float:
         return runs.squared_error(of_model.predicted)
 
     terms = model.model.terms
     models = [model]
-    for varied_terms in _varied_terms(fit, terms, runs):
+    for varied_terms in _varied_terms(fit, terms, runs, beyond_recorded):
         models.append(fit_model(fit, varied_terms, runs, block))
     likeliest = min(models, key=squared_error)
     # a fit that starts there may improve further: the hypotheses search again
@@ -443,13 +455,27 @@ def varied_parameters(term: Term, runs: Runs) -> tuple[Parameter, ...]:
     )
 
 
-def _varied_terms(fit: Refit, terms: Sequence[Term], runs: Runs) -> Iterator[list[Term]]:
+def _tried(term: Term, parameter: Parameter, runs: Runs, beyond_recorded: bool) -> list[float]:
+    """Values of a parameter that are tried."""
+    values = np.linspace(parameter.low, parameter.high, _VALUES_TRIED).tolist()
+    recorded_c = runs.context.get("temperature_c")
+    is_set_point = parameter in term.hypothesis.searched and parameter.unit == "C"
+    if beyond_recorded and is_set_point and recorded_c is not None:
+        beyond_k = np.array(_BEYOND_K)
+        values += (np.nanmin(recorded_c) - beyond_k).tolist()
+        values += (np.nanmax(recorded_c) + beyond_k).tolist()
+    return [value for value in values if parameter.low <= value <= parameter.high]
+
+
+def _varied_terms(
+    fit: Refit, terms: Sequence[Term], runs: Runs, beyond_recorded: bool
+) -> Iterator[list[Term]]:
     """The terms with another value of one of their parameters."""
     setting = Setting.of(fit, runs)
     for index, term in enumerate(terms):
         hypothesis = term.hypothesis
         for parameter in varied_parameters(term, runs):
-            for value in np.linspace(parameter.low, parameter.high, _VALUES_TRIED).tolist():
+            for value in _tried(term, parameter, runs, beyond_recorded):
                 shape = {**term.shape, parameter.name: value}
                 columns = setting.response(hypothesis, TINY * hypothesis.entry.switch.high, shape)[
                     :, None

@@ -111,6 +111,29 @@ def test_of_a_battery_that_was_always_cold_no_parameter_is_known_without_it(
     assert any(one.of == ("C_rr m / Gamma", "cold_battery per_k") for one in diagnosis.products)
 
 
+@pytest.mark.parametrize(
+    ("effect", "numbers"),
+    [
+        ("heater", {"w_per_k": 20.0, "on_below_c": 6.0}),
+        ("cooler", {"w_per_k": 20.0, "on_above_c": -16.0}),
+    ],
+)
+def test_of_what_is_always_on_neither_set_point_nor_idle_power_is_known(
+    short_drive: Drive, husky: Robot, effect: str, numbers: dict[str, float]
+) -> None:
+    """A set point a kelvin further and another idle power are the same load: only their sum is
+    known."""
+    true = dataclasses.replace(husky, effects={effect: numbers})
+    diagnosis = diagnose(on_level_ground(short_drive(husky), true, cold=True), husky)
+    (missing,) = diagnosis.missing_physics
+    assert missing.effect == effect
+    for name, value in numbers.items():
+        low, high = ends(missing.parameters[name])
+        assert low <= value <= high, name
+    assert "P_anc, idle part" not in {parameter.group for parameter in diagnosis.parameters}
+    assert ("P_anc, idle part", effect) in {product.of for product in diagnosis.products}
+
+
 def test_the_range_is_that_of_the_recorded_trips(
     scrubbing: Analysis, short_drive: Drive, husky: Robot
 ) -> None:
