@@ -46,14 +46,6 @@ class Results:
         assert found is not None, (heading, row, column)
         return float(found[0])
 
-    def in_ten(self, heading: str, *rows: str) -> str:
-        """How many of ten, in a word, of what the cells `4 of 5` of some rows count."""
-        found = [one for one in self.rows(heading) if set(rows) & set(one.values())]
-        assert len(found) == len(rows)
-        counts = [re.fullmatch(r"(\d+) of (\d+)", cell) for one in found for cell in one.values()]
-        some, of = (sum(int(count[i]) for count in counts if count) for i in (1, 2))
-        return f"{WORDS[round(10 * some / of)]} of ten"
-
 
 def train_and_simulate(results: Results) -> str:
     """Of the policies that a training keeps."""
@@ -116,12 +108,14 @@ def watch_a_robot(results: Results) -> str:
 
 
 def when_not_to_use(results: Results) -> str:
-    single = results.in_ten("Concealed cases", "one effect, found first")
-    both = results.in_ten("Concealed cases", "two effects, both by name")
-    wrong = [
-        results.number("Concealed cases", "a wrong name", f"after, {seed}") for seed in (431, 432)
-    ]
-    not_in_catalogue = f"{WORDS[round(sum(wrong) / len(wrong) / 10.0)]} of ten"
+    def in_ten(row: str) -> str:
+        """How many of ten, in a word, as the mean of the seeds at which nobody has looked."""
+        counts = [results.number("Concealed cases", row, f"now, {seed}") for seed in (434, 435)]
+        return f"{WORDS[round(sum(counts) / len(counts) / 10.0)]} of ten"
+
+    single = in_ten("found first")
+    both = in_ten("both by name")
+    not_in_catalogue = in_ten("a wrong name")
     return (
         f"names one missing effect in {single} [concealed cases](docs/concealed.md), and two at once in {both}. "
         f"A cause that its catalogue lacks gets a wrong name in {not_in_catalogue}"
