@@ -479,13 +479,12 @@ class Companion:
         return self._estimator.vehicle
 
     def _flush(self, least_evidence_s: float = 0.0) -> None:
-        """Pass the readings so far to the estimator; those of voltage and gauge if they are of more
-        than a time."""
-        if self._window.time_s == 0.0:
-            return
-        self._estimator.add_window(self._window, self._way.position_m)
-        self._window = Window()
-        if self._evidence.time_s >= least_evidence_s:
+        """Pass the readings so far to the estimator; those of voltage and gauge if they are of as long
+        a time as given."""
+        if self._window.time_s > 0.0:
+            self._estimator.add_window(self._window, self._way.position_m)
+            self._window = Window()
+        if self._evidence.time_s > 0.0 and self._evidence.time_s >= least_evidence_s:
             self._estimator.see_battery(self._evidence)
             self._check_charge(self._evidence)
             self._check_speed(self._evidence)

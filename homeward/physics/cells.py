@@ -50,8 +50,8 @@ _LITHIUM_LABEL_H = (1.0, 5.0)
 """Lithium-ion cells lose 15 to 30 % at -20 C (biolng.com.pl; with less at 0 C: Waag, Kaebitz &
 Sauer, Applied Energy 102, 2013). Data sheets draw the label in 1 to 5 h. At a rate they give less
 because the voltage under load reaches the cut-off earlier (Galushkin et al., J. Electrochem. Soc.
-167, 120516, 2020), which whoever reads them counts; an exponent of Peukert's law, such as the 1.05 of
-battery monitors, would count it twice."""
+167, 120516, 2020). The companion counts that; an exponent of Peukert's law, such as the 1.05 of
+Victron's battery monitors, would count it twice."""
 
 FACTS = {
     # Spread of the cells behind each curve (homeward.physics.battery) in mid-charge: 15 to 45, 11
@@ -67,7 +67,8 @@ FACTS = {
     "lead_acid": CellFacts(
         0.030 / 2.05, (0.006, 0.010), (5.0, 20.0), peukert=(1.05, 1.25), cutoff=1.75 / 2.054
     ),
-    OWN_CURVE: CellFacts(0.005, _LITHIUM_COLD, _LITHIUM_LABEL_H),
+    # Of a chemistry that nobody told, so that a rate may take more than by the voltage. Chosen.
+    OWN_CURVE: CellFacts(0.005, _LITHIUM_COLD, _LITHIUM_LABEL_H, peukert=(1.0, 1.05)),
     # The curves of homeward.physics.battery, over the voltages on their labels, are within 1 % of
     # their mean in mid-charge and within 5 % at the ends: 3 % (root of the mean square). Usual
     # cut-offs are 3.0 of 3.6 V (nmc), 3.3 of 3.7 V (lipo), 2.8 of 3.2 V (lfp), 1.75 of 2 V (lead)

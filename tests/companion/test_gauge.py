@@ -157,6 +157,16 @@ def test_shorter_windows_are_no_more_evidence() -> None:
     assert short.energy_home_j.sd == pytest.approx(usual.energy_home_j.sd, rel=0.15)
 
 
+def test_what_was_read_of_a_battery_is_not_taken_for_one_that_replaces_it() -> None:
+    """Also where a window has just ended, and the longer one of voltage and gauge has not."""
+    companion = Companion(HUSKY, home=(0.0, 0.0), window_s=2.0)
+    robot = Driven()
+    robot.drive(companion, 0.0, 65.0, soc=0.3)
+    companion.swap_battery()
+    robot.drive(companion, 0.0, 60.0, soc=None)
+    assert not companion._estimator.gauge.has_begun
+
+
 def test_a_battery_that_is_believed_anew_recovers_nothing() -> None:
     """Where another meter begins, the capacity that was learned is dropped, and so the energy left
     rises."""
