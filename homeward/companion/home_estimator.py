@@ -583,6 +583,7 @@ class HomeEstimator:
             changes["slope_noise"] = thresholds.NO_SLOPE_SD
         if math.isnan(window.sine) or self._route is not None:
             changes["slope_offset"] = 0.0  # a route's slopes are known, whatever the sensor reads
+        # A file that states what is unexplained states it of a way of any length.
         if self.known.uncertainty is None:
             changes["model_error"] = self._more_omitted * prior.model_error
         changes["power_noise"] = math.hypot(
